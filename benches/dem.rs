@@ -120,6 +120,7 @@ fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
     let mut dem = Dem::new(law, settings, walls)?;
     dem.bond_existing_contacts(&mut particles, &alone())?;
     // Something to carry, so that the bed is not quite still.
+    particles.allocate_fluid_loads();
     for k in 0..particles.owned() {
         particles.fluid[k].force = Vector2::new(2e-7, 0.0);
     }

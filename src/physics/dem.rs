@@ -19,6 +19,7 @@
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
+//! | `buckets` | counting sort by threads |
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
@@ -31,6 +32,7 @@
 //! | `state` | contacts as named columns |
 
 mod blocks;
+mod buckets;
 mod census;
 mod columns;
 pub mod contact;

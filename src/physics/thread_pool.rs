@@ -10,6 +10,7 @@
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
+use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, TryLockError};
@@ -249,6 +250,57 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     });
 }
 
+/// Room for new items of a list: the part of one piece of the work.
+pub struct Room<'a, T> {
+    slice: &'a mut [MaybeUninit<T>],
+    count: usize,
+}
+
+impl<T> Room<'_, T> {
+    /// Adds an item.
+    ///
+    /// # Panics
+    /// Where there is no more room.
+    #[inline]
+    pub fn push(&mut self, item: T) {
+        self.slice[self.count].write(item);
+        self.count += 1;
+    }
+}
+
+/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most `bound(p + 1) - bound(p)` items.
+pub fn extend<T: Copy + Send>(
+    list: &mut Vec<T>,
+    pieces: usize,
+    bound: impl Fn(usize) -> usize,
+    work: impl Fn(usize, &mut Room<'_, T>) + Sync,
+) {
+    list.reserve_exact(bound(pieces));
+    let mut counts = [0; MOST];
+    let spare = list.spare_capacity_mut();
+    let shared = (
+        cut(spare, pieces, &bound),
+        evenly(&mut counts[..pieces], pieces),
+    );
+    each_of(pieces, shared, |piece, (slice, count)| {
+        let mut room = Room { slice, count: 0 };
+        work(piece, &mut room);
+        count[0] = room.count;
+    });
+    // Closes the gaps behind pieces that gave less.
+    let mut end = 0;
+    for (piece, &count) in counts[..pieces].iter().enumerate() {
+        let from = bound(piece);
+        if from != end {
+            spare.copy_within(from..from + count, end);
+        }
+        end += count;
+    }
+    let length = list.len() + end;
+    // SAFETY: each piece has written as many items as it counted, and they follow each other now.
+    unsafe { list.set_len(length) };
+}
+
 impl Pool {
     fn new() -> Self {
         Self {
@@ -439,6 +491,38 @@ mod tests {
                 done.sort_unstable();
                 assert!(done.into_iter().eq(0..count));
             }
+        });
+    }
+
+    #[test]
+    fn a_list_gets_what_all_pieces_give() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+        pool.unwrap().install(|| {
+            let bounds = [0, 5, 5, 12, 14];
+            let mut list = vec![7];
+            extend(
+                &mut list,
+                4,
+                |p| bounds[p],
+                |piece, room| {
+                    // Of its room a piece takes what it needs.
+                    for n in bounds[piece]..bounds[piece + 1] {
+                        if n % 3 > 0 {
+                            room.push(n);
+                        }
+                    }
+                },
+            );
+            assert_eq!(list, [7, 1, 2, 4, 5, 7, 8, 10, 11, 13]);
+            let beyond = || {
+                extend(
+                    &mut Vec::new(),
+                    1,
+                    |p| p,
+                    |_, room| (0..2).for_each(|n| room.push(n)),
+                )
+            };
+            assert!(catch_unwind(beyond).is_err());
         });
     }
 

@@ -38,7 +38,7 @@ use super::integrate::{self, Fastest, Kick};
 use super::message::{Reader, Writer};
 use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
-use super::particles::{Body, Load, Motion, Particles};
+use super::particles::{Body, Load, Motion, Particles, View};
 use super::region::Region;
 use super::space::{Components, Space};
 use super::surface::{Nearest, Surface};

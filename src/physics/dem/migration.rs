@@ -8,38 +8,79 @@
 use super::columns::Crosses;
 use super::escape::Escape;
 use super::message::{Reader, Writer};
-use super::particles::Particles;
+use super::particles::{Motion, Particles, place};
 use super::region::{Region, plane_of, wraps};
 use super::space::{Components, Space};
 use crate::error::Error;
+use crate::thread_pool;
 use decomposition::Domain;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Moves the shift of every owned grain into the box and checks that none is lost.
 pub(super) fn wrap<S: Space>(
     particles: &mut Particles<S>,
     region: &Region<S>,
 ) -> Result<(), Error> {
-    for k in 0..particles.owned() {
-        for axis in 0..S::DIMENSION {
-            let at = particles.location(k).get(axis);
-            let (lower, length) = (region.lower.get(axis), region.length(axis));
-            if !at.is_finite() || (at - lower).abs() > 1e6 * length {
-                return Err(lost(particles, k, "is lost"));
-            }
-            if region.periodic[axis] {
-                let raw = particles.motion[k].position.get(axis);
-                particles.shift[k][axis] = wraps(raw, lower, length);
-            } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
-                let escape = Escape {
-                    grain: particles.body[k].id,
-                    axis,
-                    upper: at > lower,
-                };
-                return Err(named(particles, k, &escape.to_string()));
+    let owned = particles.owned();
+    let lengths = particles.lengths;
+    let (motion, shifts) = (&particles.motion[..owned], &mut particles.shift[..owned]);
+    let astray = AtomicBool::new(false);
+    thread_pool::each_item(shifts, PER_THREAD, |k, shift| {
+        match shift_of::<S>(&motion[k], *shift, &lengths, region) {
+            Ok(into) => *shift = into,
+            Err(_) => astray.store(true, Ordering::Relaxed),
+        }
+    });
+    if astray.into_inner() {
+        for k in 0..owned {
+            let found = shift_of::<S>(&particles.motion[k], particles.shift[k], &lengths, region);
+            match found {
+                Ok(_) => {}
+                Err(Astray::Lost) => return Err(lost(particles, k, "is lost")),
+                Err(Astray::Out { axis, upper }) => {
+                    let grain = particles.body[k].id;
+                    let escape = Escape { grain, axis, upper };
+                    return Err(named(particles, k, &escape.to_string()));
+                }
             }
         }
     }
     Ok(())
+}
+
+/// Grains from which a thread pays.
+const PER_THREAD: usize = 1000;
+
+/// Where a grain should not be.
+enum Astray {
+    /// Very far away, or nowhere.
+    Lost,
+    /// Beyond the box by more than its length.
+    Out { axis: usize, upper: bool },
+}
+
+/// The shift that brings a grain into the box.
+fn shift_of<S: Space>(
+    motion: &Motion<S>,
+    mut shift: [i32; 3],
+    lengths: &[f64; 3],
+    region: &Region<S>,
+) -> Result<[i32; 3], Astray> {
+    let place = place(motion, shift, lengths);
+    for axis in 0..S::DIMENSION {
+        let at = place.get(axis);
+        let (lower, length) = (region.lower.get(axis), region.length(axis));
+        if !at.is_finite() || (at - lower).abs() > 1e6 * length {
+            return Err(Astray::Lost);
+        }
+        if region.periodic[axis] {
+            shift[axis] = wraps(motion.position.get(axis), lower, length);
+        } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
+            let upper = at > lower;
+            return Err(Astray::Out { axis, upper });
+        }
+    }
+    Ok(shift)
 }
 
 /// The error that names a grain.

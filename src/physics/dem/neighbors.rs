@@ -11,9 +11,12 @@
 //! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed in this
 //! order, the forces on a grain are added in the order of the other grain's id.
 
-use super::particles::Particles;
+use super::buckets::{Buckets, Items};
+use super::particles::{Particles, View};
 use super::space::{Components, Space};
 use crate::number::real;
+use crate::thread_pool;
+use std::ops::Range;
 
 /// The grids of a search. A step needs none of it: who makes lists drops it when they are made, and the memory of a
 /// grain stays low.
@@ -30,7 +33,8 @@ pub struct Search {
     /// The large, and the cell of each in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
-    found: Vec<[u32; 2]>,
+    /// What each thread found.
+    found: Vec<Vec<[u32; 2]>>,
 }
 
 /// The pairs that a search found, in the order that the module defines.
@@ -38,9 +42,8 @@ pub struct Search {
 pub(super) struct Candidates {
     /// Entries by rising (id, shift).
     order: Vec<u32>,
-    /// The second ends of the n-th entry in `order` are `second[start[n]..start[n + 1]]`, as places in `order`.
-    start: Vec<u32>,
-    second: Vec<u32>,
+    /// The second ends of the n-th entry in `order`, as places in `order`.
+    seconds: Buckets,
 }
 
 #[derive(Debug, Default)]
@@ -70,10 +73,55 @@ struct Overlaps {
     low: [f64; 3],
     inverse: f64,
     counts: [usize; 3],
-    start: Vec<u32>,
-    entries: Vec<u32>,
-    /// Cells of each body, from and to; those of the large are not used.
-    spans: Vec<[[u32; 2]; 3]>,
+    cells: Buckets,
+    /// Cells of each body, from and to; of the large none.
+    spans: Vec<Span>,
+}
+
+/// The cells of a body along each axis, from and to.
+type Span = [[u32; 2]; 3];
+
+/// No cell.
+const NOWHERE: Span = [[1, 0]; 3];
+
+/// Bodies from which a thread pays.
+const PER_THREAD: usize = 1000;
+
+/// Threads for so many bodies.
+pub(super) fn threads_for(bodies: usize) -> usize {
+    thread_pool::threads().min(bodies / PER_THREAD).max(1)
+}
+
+/// The bodies in the cells of a grid.
+struct InCells<'a> {
+    spans: &'a [Span],
+    counts: [usize; 3],
+}
+
+impl Items for InCells<'_> {
+    #[inline]
+    fn each(&self, cells: &Range<usize>, mut put: impl FnMut(usize, u32)) {
+        let [along, across, _] = self.counts;
+        // Threads have whole rows.
+        let rows = cells.start / along..cells.end / along;
+        let row = |y: u32, z: u32| z as usize * across + y as usize;
+        for (k, span) in (0..).zip(self.spans) {
+            let [_, [y, last_y], [z, last_z]] = *span;
+            if row(y, z) >= rows.end || row(last_y, last_z) < rows.start {
+                continue;
+            }
+            for z in z..=last_z {
+                for y in y..=last_y {
+                    let row = row(y, z);
+                    if rows.contains(&row) {
+                        for x in span[0][0]..=span[0][1] {
+                            put(row * along + x as usize, k);
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl Overlaps {
@@ -98,7 +146,12 @@ impl Overlaps {
     }
 
     /// Makes the grid of the members that `is_small` names; boxes reach half a gap beyond surfaces.
-    fn fill<S: Space>(&mut self, points: &[[f64; 4]], is_small: impl Fn(usize) -> bool, gap: f64) {
+    fn fill<S: Space>(
+        &mut self,
+        points: &[[f64; 4]],
+        is_small: impl Fn(usize) -> bool + Sync,
+        gap: f64,
+    ) {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let (mut members, mut cubes) = (0_usize, 0.0);
         for (_, at) in points.iter().enumerate().filter(|(k, _)| is_small(*k)) {
@@ -110,8 +163,7 @@ impl Overlaps {
                 high[axis] = high[axis].max(at[axis]);
             }
         }
-        self.start.clear();
-        self.entries.clear();
+        self.cells.clear();
         self.counts = [0; 3];
         if members == 0 {
             return;
@@ -130,71 +182,67 @@ impl Overlaps {
         }
         self.low = low;
         self.inverse = 1.0 / width;
-        let total = self.counts.iter().product::<usize>();
-        self.start.resize(total + 1, 0);
-        let mut start = std::mem::take(&mut self.start);
-        self.spans.clear();
-        self.spans.reserve_exact(points.len());
-        for (k, at) in points.iter().enumerate() {
-            let mut span = [[0; 2]; 3];
+        let mut spans = std::mem::take(&mut self.spans);
+        spans.clear();
+        spans.reserve_exact(points.len());
+        spans.resize(points.len(), NOWHERE);
+        let threads = threads_for(points.len());
+        thread_pool::each_item(&mut spans, PER_THREAD, |k, span| {
             if is_small(k) {
+                *span = [[0; 2]; 3];
+                let at = &points[k];
                 let r = at[3] + 0.5 * gap;
                 for (axis, ends) in span.iter_mut().enumerate().take(S::DIMENSION) {
                     *ends = [self.cell(at[axis] - r, axis), self.cell(at[axis] + r, axis)];
                 }
-                self.each_cell(&span, |cell, _| start[cell + 1] += 1);
             }
-            self.spans.push(span);
-        }
-        for cell in 1..=total {
-            start[cell] += start[cell - 1];
-        }
-        let mut entries = std::mem::take(&mut self.entries);
-        entries.resize(start[total] as usize, 0);
-        for (k, span) in self.spans.iter().enumerate().filter(|(k, _)| is_small(*k)) {
-            self.each_cell(span, |cell, _| {
-                // `start` runs ahead while filling and is set back below.
-                entries[start[cell] as usize] = super::ghosts::index(k);
-                start[cell] += 1;
-            });
-        }
-        for cell in (1..=total).rev() {
-            start[cell] = start[cell - 1];
-        }
-        start[0] = 0;
-        (self.start, self.entries) = (start, entries);
+        });
+        let [along, across, deep] = self.counts;
+        let rows = across * deep;
+        let items = InCells {
+            spans: &spans,
+            counts: self.counts,
+        };
+        let bound = |t: usize| rows * t / threads * along;
+        self.cells.fill(rows * along, threads, bound, &items);
+        self.spans = spans;
     }
 
-    fn members(&self, cell: usize) -> &[u32] {
-        &self.entries[self.start[cell] as usize..self.start[cell + 1] as usize]
+    /// The row of cells where the share of a thread begins.
+    fn row_of(&self, thread: usize, threads: usize) -> usize {
+        let [along, across, deep] = self.counts;
+        let bound = self.cells.bound(thread, threads).div_ceil(along.max(1));
+        bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two whose boxes overlap, once, and some others.
+    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some rows.
     #[inline]
-    fn pairs(&self, mut visit: impl FnMut(usize, usize)) {
-        if self.entries.is_empty() {
-            return;
-        }
-        let all = self.counts.map(|n| [0, super::ghosts::index(n - 1)]);
-        self.each_cell(&all, |cell, here| {
-            let members = self.members(cell);
-            for (i, &a) in members.iter().enumerate() {
-                let first = &self.spans[a as usize];
-                for &b in &members[i + 1..] {
-                    let second = &self.spans[b as usize];
-                    let shared: [u32; 3] =
-                        std::array::from_fn(|axis| first[axis][0].max(second[axis][0]));
-                    if shared == here {
-                        visit(a as usize, b as usize);
+    fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
+        let [along, across, _] = self.counts;
+        for row in rows {
+            let at = |n: usize| super::ghosts::index(n);
+            let (y, z) = (at(row % across), at(row / across));
+            for x in 0..along {
+                let members = self.cells.of(row * along + x);
+                let here = [at(x), y, z];
+                for (i, &a) in members.iter().enumerate() {
+                    let first = &self.spans[a as usize];
+                    for &b in &members[i + 1..] {
+                        let second = &self.spans[b as usize];
+                        let shared: [u32; 3] =
+                            std::array::from_fn(|axis| first[axis][0].max(second[axis][0]));
+                        if shared == here {
+                            visit(a as usize, b as usize);
+                        }
                     }
                 }
             }
-        });
+        }
     }
 
     /// Calls `visit` with every member whose box overlaps the one between two corners, once, and with some others.
     fn near<S: Space>(&self, low: &S::Vector, high: &S::Vector, mut visit: impl FnMut(usize)) {
-        if self.entries.is_empty() {
+        if self.cells.len() == 0 {
             return;
         }
         let mut span = [[0; 2]; 3];
@@ -205,7 +253,7 @@ impl Overlaps {
             ];
         }
         self.each_cell(&span, |cell, here| {
-            for &k in self.members(cell) {
+            for &k in self.cells.of(cell) {
                 let other = &self.spans[k as usize];
                 if (0..3).all(|axis| span[axis][0].max(other[axis][0]) == here[axis]) {
                     visit(k as usize);
@@ -227,7 +275,7 @@ impl Search {
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
-        self.found.len()
+        self.found.iter().map(Vec::len).sum()
     }
 
     /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box between two
@@ -371,30 +419,50 @@ impl Search {
     }
 
     fn find<S: Space>(&mut self, particles: &Particles<S>, gap: f64) {
-        let owned = particles.owned();
-        self.found.clear();
-        // As many as in a bed of discs, so that a small scene seldom needs more room.
-        self.found.reserve(4 * particles.len());
+        let particles = particles.view();
+        let (owned, count) = (particles.owned, particles.body.len());
+        let threads = threads_for(count);
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
+        found.resize_with(threads, Vec::new);
         let moves = |k: usize| particles.mobility[k].free > 0.0;
-        let found = &mut self.found;
-        let points = &self.points;
-        self.grid.pairs(|k, m| {
-            let (one, other) = (&points[k], &points[m]);
-            let mut squared = 0.0;
-            for axis in 0..S::DIMENSION {
-                let d = other[axis] - one[axis];
-                squared += d * d;
-            }
-            let reach = one[3] + other[3] + gap;
-            let counts = (k < owned || m < owned) && (moves(k) || moves(m));
-            if squared <= reach * reach && counts {
-                found.push([super::ghosts::index(k), super::ghosts::index(m)]);
+        let (grid, points) = (&self.grid, &self.points);
+        thread_pool::each_item(&mut found, 1, |t, found| {
+            // As many as in a bed of discs, so that a small scene seldom needs more room.
+            found.reserve(4 * count / threads);
+            let rows = grid.row_of(t, threads)..grid.row_of(t + 1, threads);
+            grid.pairs(rows, |k, m| {
+                let (one, other) = (&points[k], &points[m]);
+                let mut squared = 0.0;
+                for axis in 0..S::DIMENSION {
+                    let d = other[axis] - one[axis];
+                    squared += d * d;
+                }
+                let reach = one[3] + other[3] + gap;
+                let counts = (k < owned || m < owned) && (moves(k) || moves(m));
+                if squared <= reach * reach && counts {
+                    found.push([super::ghosts::index(k), super::ghosts::index(m)]);
+                }
+            });
+            if self.small > 0 {
+                let bound = |t: usize| count * t / threads;
+                self.find_large(&particles, gap, bound(t)..bound(t + 1), found);
             }
         });
-        if self.small == 0 {
-            return;
-        }
-        for k in 0..particles.len() {
+        self.found = found;
+    }
+
+    /// The pairs of some entries with the large.
+    fn find_large<S: Space>(
+        &self,
+        particles: &View<'_, S>,
+        gap: f64,
+        entries: Range<usize>,
+        found: &mut Vec<[u32; 2]>,
+    ) {
+        let owned = particles.owned;
+        let moves = |k: usize| particles.mobility[k].free > 0.0;
+        for k in entries {
             let level = usize::from(self.class_of[k]);
             let at = particles.location(k);
             let radius = particles.body[k].radius;
@@ -416,8 +484,7 @@ impl Search {
                     }
                     let reach = radius + point[3] + gap;
                     if squared <= reach * reach && (moves(k) || moves(m)) {
-                        self.found
-                            .push([super::ghosts::index(k), super::ghosts::index(m)]);
+                        found.push([super::ghosts::index(k), super::ghosts::index(m)]);
                     }
                 });
             }
@@ -425,57 +492,62 @@ impl Search {
     }
 }
 
+/// Pairs by their first ends.
+struct ByFirst<'a>(&'a [Vec<[u32; 2]>]);
+
+impl Items for ByFirst<'_> {
+    #[inline]
+    fn each(&self, firsts: &Range<usize>, mut put: impl FnMut(usize, u32)) {
+        for &[first, second] in self.0.iter().flatten() {
+            if firsts.contains(&(first as usize)) {
+                put(first as usize, second);
+            }
+        }
+    }
+}
+
 impl Candidates {
-    fn in_order<S: Space>(mut found: Vec<[u32; 2]>, particles: &Particles<S>) -> Self {
+    fn in_order<S: Space>(mut found: Vec<Vec<[u32; 2]>>, particles: &Particles<S>) -> Self {
         let count = super::ghosts::index(particles.len());
+        let threads = threads_for(particles.len());
         let mut order: Vec<u32> = (0..count).collect();
-        order.sort_unstable_by_key(|&k| {
-            (particles.body[k as usize].id, particles.shift[k as usize])
-        });
+        // The own come by rising id, and images follow as their grains do: a stable sort finds these runs.
+        order.sort_by_key(|&k| (particles.body[k as usize].id, particles.shift[k as usize]));
         let mut place = vec![0; particles.len()];
         for (at, &k) in (0..count).zip(&order) {
             place[k as usize] = at;
         }
-        let mut start = vec![0; particles.len() + 1];
-        for pair in &mut found {
-            let [a, b] = pair.map(|k| place[k as usize]);
-            *pair = [a.min(b), a.max(b)];
-            start[pair[0] as usize + 1] += 1;
-        }
-        for p in 0..particles.len() {
-            start[p + 1] += start[p];
-        }
-        let mut second = vec![0; found.len()];
-        for pair in &found {
-            // `start` runs ahead while filling and is set back below.
-            let slot: &mut u32 = &mut start[pair[0] as usize];
-            second[*slot as usize] = pair[1];
-            *slot += 1;
-        }
-        for p in (1..=particles.len()).rev() {
-            start[p] = start[p - 1];
-        }
-        start[0] = 0;
-        for p in 0..particles.len() {
-            second[start[p] as usize..start[p + 1] as usize].sort_unstable();
-        }
-        Self {
-            order,
-            start,
-            second,
-        }
+        thread_pool::each_item(&mut found, 1, |_, found| {
+            for pair in found {
+                let [a, b] = pair.map(|k| place[k as usize]);
+                *pair = [a.min(b), a.max(b)];
+            }
+        });
+        drop(place);
+        let mut seconds = Buckets::default();
+        let entries = particles.len();
+        let bound = |t: usize| entries * t / threads;
+        seconds.fill(entries, threads, bound, &ByFirst(&found));
+        drop(found);
+        seconds.sort_each(threads);
+        Self { order, seconds }
     }
 
-    /// How many pairs there are.
-    pub(super) fn count(&self) -> usize {
-        self.second.len()
+    /// Pairs before the share of a thread.
+    pub(super) fn before(&self, thread: usize, threads: usize) -> usize {
+        self.seconds.before(self.seconds.bound(thread, threads))
     }
 
-    /// Calls `visit(first, second)` for every pair.
-    pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
-        for (p, window) in self.start.windows(2).enumerate() {
-            for &second in &self.second[window[0] as usize..window[1] as usize] {
-                visit(self.order[p] as usize, self.order[second as usize] as usize);
+    /// Calls `visit(first, second)` for every pair of the share of a thread: all pairs of some first ends.
+    #[inline]
+    pub(super) fn each(&self, thread: usize, threads: usize, mut visit: impl FnMut(usize, usize)) {
+        let bound = |thread: usize| self.seconds.bound(thread, threads);
+        for place in bound(thread)..bound(thread + 1) {
+            for &second in self.seconds.of(place) {
+                visit(
+                    self.order[place] as usize,
+                    self.order[second as usize] as usize,
+                );
             }
         }
     }
@@ -576,8 +648,10 @@ mod tests {
     fn check<S: Space>(particles: &Particles<S>, gap: f64) {
         let mut found = Vec::new();
         let pairs = Search::default().look(particles, gap);
-        pairs.each(|a, b| found.push((a, b)));
-        assert_eq!(pairs.count(), found.len());
+        for thread in 0..3 {
+            pairs.each(thread, 3, |a, b| found.push((a, b)));
+            assert_eq!(pairs.before(thread + 1, 3), found.len());
+        }
         let ids: Vec<_> = found
             .iter()
             .map(|&(a, b)| (particles.body[a].id, particles.body[b].id))
@@ -609,6 +683,46 @@ mod tests {
                 &scatter::<Volume>(if ratio > 50.0 { 700 } else { 300 }, ratio, seed),
                 0.02,
             );
+        }
+    }
+
+    /// The same pairs in the same order by one thread and by three.
+    #[test]
+    fn threads_find_the_same() {
+        fn pairs<S: Space>(
+            make: impl Fn() -> Particles<S> + Sync,
+            threads: usize,
+        ) -> Vec<(usize, usize)> {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let particles = &make();
+                assert_eq!(threads_for(particles.len()), threads);
+                let candidates = Search::default().look(particles, 0.01);
+                let mut found = Vec::new();
+                for thread in 0..2 {
+                    candidates.each(thread, 2, |a, b| found.push((a, b)));
+                }
+                found
+            })
+        }
+        for (ratio, giants) in [(1.0, 0), (30.0, 0), (1.5, 2)] {
+            fn with<S: Space>(ratio: f64, giants: u64) -> Particles<S> {
+                let mut all = scatter::<S>(3500, ratio, 11);
+                for giant in 0..giants {
+                    let mut motion = Motion::<S>::default();
+                    motion.position.set(0, 0.3 + 0.9 * giant as f64);
+                    all.insert(Body::uniform::<S>(200_000 + giant, 0.45, 1.0, 0), motion);
+                }
+                all
+            }
+            let flat = || with::<Plane>(ratio, giants);
+            let deep = || with::<Volume>(ratio, giants);
+            for (one, three) in [
+                (pairs(flat, 1), pairs(flat, 3)),
+                (pairs(deep, 1), pairs(deep, 3)),
+            ] {
+                assert!(one == three && one.len() > 1000, "{ratio} {}", one.len());
+            }
         }
     }
 

@@ -337,6 +337,7 @@ impl<S: Space> Particles<S> {
         View {
             owned: self.owned,
             body: &self.body,
+            mobility: &self.mobility,
             motion: &self.motion,
             shift: &self.shift,
             lengths: self.lengths,
@@ -494,6 +495,8 @@ pub struct View<'a, S: Space> {
     pub body: &'a [Body],
     /// Where each entry is and how it moves.
     pub motion: &'a [Motion<S>],
+    /// How forces move each entry.
+    pub(super) mobility: &'a [Mobility],
     /// Which image each entry stands for.
     pub shift: &'a [[i32; 3]],
     /// Length of the box along periodic axes, else 0 \[m\].
@@ -513,7 +516,11 @@ impl<S: Space> View<'_, S> {
 }
 
 #[inline]
-fn place<S: Space>(motion: &Motion<S>, shift: [i32; 3], lengths: &[f64; 3]) -> S::Vector {
+pub(super) fn place<S: Space>(
+    motion: &Motion<S>,
+    shift: [i32; 3],
+    lengths: &[f64; 3],
+) -> S::Vector {
     let mut at = motion.position;
     for axis in 0..S::DIMENSION {
         // A sum with a product that is exactly 0 where the axis is not periodic.

@@ -4,6 +4,8 @@
 //! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
 
 use super::*;
+use crate::dem::neighbors::threads_for;
+use std::ops::Range;
 
 /// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
 pub(in crate::dem) type WallKey = (u64, u32, u32);
@@ -16,22 +18,64 @@ pub(in crate::dem) struct Key {
     pub(in crate::dem) shift: [i32; 3],
 }
 
+/// Finds histories of pairs that come by rising id of their first ends.
+#[derive(Debug, Default)]
+pub(super) struct Cursor {
+    /// The histories of the last first end, and its id.
+    own: Range<usize>,
+    first: Option<u64>,
+}
+
+impl Cursor {
+    /// The history of a pair among those of rising key, if it has one.
+    #[inline]
+    pub(super) fn find<H: Copy>(&mut self, histories: &[(Key, H)], key: &Key) -> Option<H> {
+        if self.first != Some(key.first) {
+            let start = if self.first.is_some_and(|first| first < key.first) {
+                let rest = &histories[self.own.end..];
+                self.own.end + rest.iter().take_while(|(k, _)| k.first < key.first).count()
+            } else {
+                histories.partition_point(|(k, _)| k.first < key.first)
+            };
+            let own = &histories[start..];
+            self.own = start..start + own.iter().take_while(|(k, _)| k.first == key.first).count();
+            self.first = Some(key.first);
+        }
+        let own = &histories[self.own.clone()];
+        let at = own.binary_search_by_key(key, |(key, _)| *key).ok()?;
+        Some(own[at].1)
+    }
+}
+
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Moves the histories of all contacts out of the lists, by rising key, each once.
     pub(super) fn remember(&mut self) {
-        let with_history =
-            |pair: &&Pair<L::Scale, L::History>| pair.history != L::History::default();
-        self.histories
-            .reserve_exact(self.pairs.iter().filter(with_history).count());
-        for pair in &self.pairs {
-            if pair.history != L::History::default() {
-                let key = key(
-                    self.names[pair.first as usize],
-                    self.names[pair.second as usize],
-                );
-                self.histories.push((key, pair.history));
-            }
+        let fresh = L::History::default();
+        let (pairs, names) = (&self.pairs, &self.names);
+        let threads = threads_for(pairs.len());
+        let bound = |thread: usize| pairs.len() * thread / threads;
+        let mut before = [0; thread_pool::MOST + 1];
+        thread_pool::each_item(&mut before[1..=threads], 1, |thread, count| {
+            let own = pairs[bound(thread)..bound(thread + 1)].iter();
+            *count = own.filter(|pair| pair.history != fresh).count();
+        });
+        for thread in 1..=threads {
+            before[thread] += before[thread - 1];
         }
+        let histories = &mut self.histories;
+        thread_pool::extend(
+            histories,
+            threads,
+            |thread| before[thread],
+            |thread, room| {
+                for pair in &pairs[bound(thread)..bound(thread + 1)] {
+                    if pair.history != fresh {
+                        let (first, second) = pair.ends();
+                        room.push((key(names[first], names[second]), pair.history));
+                    }
+                }
+            },
+        );
         for pair in &self.wall_pairs {
             if pair.history != L::History::default() {
                 let id = self.names[pair.grain as usize].0;
@@ -57,7 +101,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 
     pub(super) fn put_histories_in_order(&mut self) {
-        self.histories.sort_unstable_by_key(|(key, _)| *key);
+        if self.histories.is_sorted_by_key(|(key, _)| key.first) {
+            // Out of the lists: only those of images are out of order.
+            let of_one = |a: &(Key, _), b: &(Key, _)| a.0.first == b.0.first;
+            for own in self.histories.chunk_by_mut(of_one) {
+                own.sort_unstable_by_key(|(key, _)| *key);
+            }
+        } else {
+            self.histories.sort_unstable_by_key(|(key, _)| *key);
+        }
         self.histories.dedup_by_key(|(key, _)| *key);
         self.wall_histories.sort_unstable_by_key(|(key, _)| *key);
         self.wall_histories.dedup_by_key(|(key, _)| *key);

@@ -6,6 +6,8 @@
 //! the contacts.
 
 use super::*;
+use crate::dem::neighbors::threads_for;
+use histories::Cursor;
 
 /// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
@@ -53,89 +55,58 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 .map(|(body, shift)| (body.id, *shift)),
         );
         self.named_owned = particles.owned();
-        self.offsets.clear();
-        self.offset_shifts.clear();
-        self.offsets.push(S::Vector::default());
-        self.offset_shifts.push([0; 3]);
+        self.list_offsets(particles);
         // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
         // no more room than needed: it is most of the memory of a grain.
         let mut search = Search::default();
         let candidates = search.look(particles, gap);
         self.list_facets(particles, gap, &search);
         drop(search);
-        self.pairs.reserve_exact(candidates.count());
-        candidates.each(|i, j| {
-            let (a, b) = (&particles.body[i], &particles.body[j]);
-            let key = key(self.names[i], self.names[j]);
-            // The last ones are the likely ones.
-            let shift = if periodic { key.shift } else { [0; 3] };
-            let known = self.offset_shifts.iter().rposition(|known| *known == shift);
-            let place = known.unwrap_or_else(|| {
-                let mut offset = S::Vector::default();
-                for axis in 0..S::DIMENSION {
-                    offset.set(axis, f64::from(shift[axis]) * particles.lengths[axis]);
+        let mut pairs = std::mem::take(&mut self.pairs);
+        let threads = threads_for(particles.len());
+        let bound = |thread: usize| candidates.before(thread, threads);
+        let view = particles.view();
+        thread_pool::extend(&mut pairs, threads, bound, |thread, room| {
+            let mut cursor = Cursor::default();
+            candidates.each(thread, threads, |i, j| {
+                let (a, b) = (&view.body[i], &view.body[j]);
+                let key = key(self.names[i], self.names[j]);
+                let place = if periodic {
+                    self.place_of(key.shift)
+                } else {
+                    0
+                };
+                let offset = self.offsets[place];
+                let partners = PairProperties {
+                    materials: [a.material, b.material],
+                    diameter: a.radius + b.radius,
+                    mass: effective_mass(&view, i, j),
+                    rolling_radius: a.radius * b.radius / (a.radius + b.radius),
+                    rolling_inertia: rolling_inertia(&view, i, j),
+                };
+                let row = self.rows.place(a.material, b.material);
+                let reach = a.radius + b.radius;
+                let (between, squared) = separation(view.motion, (i, j), &offset, periodic);
+                if !L::near(&self.scratch, (i, j), &between, gap) {
+                    return;
                 }
-                self.offset_shifts.push(shift);
-                self.offsets.push(offset);
-                self.offsets.len() - 1
-            });
-            let offset = self.offsets[place];
-            let partners = PairProperties {
-                materials: [a.material, b.material],
-                diameter: a.radius + b.radius,
-                mass: effective_mass(particles, i, j),
-                rolling_radius: a.radius * b.radius / (a.radius + b.radius),
-                rolling_inertia: rolling_inertia(particles, i, j),
-            };
-            let row = self.rows.place(a.material, b.material);
-            let reach = a.radius + b.radius;
-            let (between, squared) = separation(&particles.motion, (i, j), &offset, periodic);
-            if !L::near(&self.scratch, (i, j), &between, gap) {
-                return;
-            }
-            let held = self
-                .histories
-                .binary_search_by_key(&key, |(key, _)| *key)
-                .map_or(L::History::default(), |at| self.histories[at].1);
-            let lives = squared < reach * reach || L::bonded(&held);
-            self.pairs.push(Pair {
-                first: ghosts::index(i),
-                second: ghosts::index(j),
-                reach,
-                radius: a.radius,
-                row,
-                offset: ghosts::index(place),
-                scale: L::scale(self.rows.at(row), &partners),
-                history: if lives { held } else { L::History::default() },
-            });
-        });
-        drop(candidates);
-        for k in (0..particles.owned()).filter(|&k| particles.mobility[k].free > 0.0) {
-            let (body, motion) = (&particles.body[k], &particles.motion[k]);
-            for (w, wall) in self.walls.iter().enumerate() {
-                if wall.open || wall.surface.is_some() {
-                    continue;
-                }
-                let distance = wall.distance(&motion.position);
-                if distance > body.radius + gap {
-                    continue;
-                }
-                let wall_index = ghosts::index(w);
-                let held = self
-                    .wall_histories
-                    .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
-                    .map_or(L::History::default(), |at| self.wall_histories[at].1);
-                let lives = distance < body.radius || L::bonded(&held);
-                let partners = at_wall(wall.material, body);
-                self.wall_pairs.push(WallPair {
-                    wall: wall_index,
-                    grain: ghosts::index(k),
-                    radius: body.radius,
-                    constants: self.at_wall(&partners),
+                let held = cursor.find(&self.histories, &key).unwrap_or_default();
+                let lives = squared < reach * reach || L::bonded(&held);
+                room.push(Pair {
+                    first: ghosts::index(i),
+                    second: ghosts::index(j),
+                    reach,
+                    radius: a.radius,
+                    row,
+                    offset: ghosts::index(place),
+                    scale: L::scale(self.rows.at(row), &partners),
                     history: if lives { held } else { L::History::default() },
                 });
-            }
-        }
+            });
+        });
+        self.pairs = pairs;
+        drop(candidates);
+        self.list_planes(particles, gap);
         self.histories = Vec::new();
         self.wall_histories.clear();
         self.path = 0.0;
@@ -143,6 +114,85 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
         L::share_out(self, particles);
         self.activate(particles);
+    }
+
+    /// Lists the pairs of own grains with planes that are at most `gap` \[m\] apart.
+    fn list_planes(&mut self, particles: &Particles<S>, gap: f64) {
+        let view = particles.view();
+        let threads = threads_for(view.owned);
+        let planes = || {
+            let walls = self.walls.iter().enumerate();
+            walls.filter(|(_, wall)| !wall.open && wall.surface.is_none())
+        };
+        let mut found = vec![Vec::new(); threads];
+        thread_pool::each_item(&mut found, 1, |thread, found| {
+            let bound = |thread: usize| view.owned * thread / threads;
+            let own = bound(thread)..bound(thread + 1);
+            for k in own.filter(|&k| view.mobility[k].free > 0.0) {
+                let (body, motion) = (&view.body[k], &view.motion[k]);
+                for (w, wall) in planes() {
+                    let distance = wall.distance(&motion.position);
+                    if distance > body.radius + gap {
+                        continue;
+                    }
+                    let wall_index = ghosts::index(w);
+                    let held = self
+                        .wall_histories
+                        .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
+                        .map_or(L::History::default(), |at| self.wall_histories[at].1);
+                    let lives = distance < body.radius || L::bonded(&held);
+                    let partners = at_wall(wall.material, body);
+                    found.push(WallPair {
+                        wall: wall_index,
+                        grain: ghosts::index(k),
+                        radius: body.radius,
+                        constants: self.at_wall(&partners),
+                        history: if lives { held } else { L::History::default() },
+                    });
+                }
+            }
+        });
+        for found in found {
+            self.wall_pairs.extend(found);
+        }
+    }
+
+    /// What periodic axes may add to separations: all differences of the images that there are.
+    fn list_offsets(&mut self, particles: &Particles<S>) {
+        let mut shifts = vec![[0; 3]];
+        for shift in &particles.shift {
+            // Most are no images, or of the same side as the one before.
+            if shifts.last() != Some(shift) && !shifts.contains(shift) {
+                shifts.push(*shift);
+            }
+        }
+        self.offset_shifts.clear();
+        self.offset_shifts.push([0; 3]);
+        for first in &shifts {
+            for second in &shifts {
+                let shift = std::array::from_fn(|axis| second[axis] - first[axis]);
+                if !self.offset_shifts.contains(&shift) {
+                    self.offset_shifts.push(shift);
+                }
+            }
+        }
+        let lengths = &particles.lengths;
+        self.offsets.clear();
+        self.offsets.extend(self.offset_shifts.iter().map(|shift| {
+            let mut offset = S::Vector::default();
+            for axis in 0..S::DIMENSION {
+                offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
+            }
+            offset
+        }));
+    }
+
+    /// Place of a shift among the offsets.
+    #[inline]
+    fn place_of(&self, shift: [i32; 3]) -> usize {
+        // Most pairs are no images.
+        let known = self.offset_shifts.iter().position(|known| *known == shift);
+        known.unwrap_or(0)
     }
 
     pub(super) fn at_wall(&self, partners: &PairProperties) -> L::Constants {
@@ -217,8 +267,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pair.held = (0, 0);
             }
         }
+        let pairs = &self.pairs;
         self.parts.note(&self.active, |k| {
-            let pair = &self.pairs[k as usize];
+            let pair = &pairs[k as usize];
             [pair.first, pair.second]
         });
     }

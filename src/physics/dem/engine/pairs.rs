@@ -10,7 +10,7 @@ pub(super) fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
     }
 }
 
-pub(super) fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+pub(super) fn effective_mass<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
     let masses = [particles.body[i].mass, particles.body[j].mass];
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
         [true, false] => masses[0],
@@ -20,7 +20,7 @@ pub(super) fn effective_mass<S: Space>(particles: &Particles<S>, i: usize, j: us
 }
 
 /// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
-pub(super) fn rolling_inertia<S: Space>(particles: &Particles<S>, i: usize, j: usize) -> f64 {
+pub(super) fn rolling_inertia<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
     let about = [i, j].map(|k| rolled(&particles.body[k]));
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
         [true, false] => about[0],

@@ -16,7 +16,6 @@ use super::*;
 struct Cut {
     grains: usize,
     pairs: usize,
-    active: usize,
     planes: usize,
 }
 
@@ -27,7 +26,7 @@ struct Crossings<S: Space> {
     begins: Vec<usize>,
     /// Places among the listed pairs.
     pairs: Vec<u32>,
-    /// Before which of [`Parts::within`] each comes.
+    /// Before which of [`Part::within`] each comes.
     before: Vec<u32>,
     firsts: Vec<u32>,
     seconds: Vec<u32>,
@@ -50,11 +49,16 @@ impl<S: Space> Default for Crossings<S> {
     }
 }
 
-/// Bonds of a part that failed, and its deepest contact.
+/// A part: its active pairs, and what a step makes of them.
 #[derive(Debug)]
-struct Failed<S: Space> {
+struct Part<S: Space> {
     /// Its place.
     part: usize,
+    /// Those that do not cross: places among the listed ones.
+    within: Vec<u32>,
+    /// Those that cross, with how many of the others come before, and both ends.
+    crossing: Vec<[u32; 4]>,
+    /// Bonds that failed, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
     at_walls: Vec<WallFailure<S>>,
     deepest: Record,
@@ -65,19 +69,16 @@ struct Failed<S: Space> {
 pub(super) struct Parts<S: Space> {
     /// One more than there are parts.
     cuts: Vec<Cut>,
-    /// The active pairs that do not cross: places among the listed ones.
-    within: Vec<u32>,
     crossings: Crossings<S>,
-    failed: Vec<Failed<S>>,
+    parts: Vec<Part<S>>,
 }
 
 impl<S: Space> Default for Parts<S> {
     fn default() -> Self {
         Self {
             cuts: Vec::new(),
-            within: Vec::new(),
             crossings: Crossings::default(),
-            failed: Vec::new(),
+            parts: Vec::new(),
         }
     }
 }
@@ -87,7 +88,7 @@ impl<S: Space> Parts<S> {
     pub(super) fn none(&mut self) {
         self.cuts.clear();
         self.crossings = Crossings::default();
-        self.failed.clear();
+        self.parts.clear();
     }
 
     /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains, how many
@@ -105,13 +106,14 @@ impl<S: Space> Parts<S> {
                 grains,
                 // Pairs of firsts beyond the own grains or before them belong to the outer parts.
                 pairs: if part == 0 { 0 } else { pairs_below(grains) },
-                active: 0,
                 planes: planes_below(grains),
             }
         }));
         self.crossings.deepest.resize_with(count, Record::default);
-        self.failed.extend((0..count).map(|part| Failed {
+        self.parts.extend((0..count).map(|part| Part {
             part,
+            within: Vec::new(),
+            crossing: Vec::new(),
             pairs: Vec::new(),
             at_walls: Vec::new(),
             deepest: Record::default(),
@@ -119,42 +121,47 @@ impl<S: Space> Parts<S> {
     }
 
     /// Takes note of the active pairs; `ends` gives the grains of a listed pair.
-    pub(super) fn note(&mut self, active: &[u32], ends: impl Fn(u32) -> [u32; 2]) {
+    pub(super) fn note(&mut self, active: &[u32], ends: impl Fn(u32) -> [u32; 2] + Sync) {
         let Some(owned) = self.cuts.last().map(|end| end.grains) else {
             return;
         };
         let Self {
             cuts,
-            within,
             crossings,
-            ..
+            parts,
         } = self;
-        within.clear();
+        thread_pool::each_item(parts, 1, |part, own| {
+            own.within.clear();
+            own.crossing.clear();
+            let below = |part: usize| {
+                let end = cuts[part].pairs;
+                active.partition_point(|&k| (k as usize) < end)
+            };
+            let later = cuts[part + 1].grains..owned;
+            for &k in &active[below(part)..below(part + 1)] {
+                let [first, second] = ends(k);
+                if later.contains(&(second as usize)) {
+                    let before = ghosts::index(own.within.len());
+                    own.crossing.push([k, before, first, second]);
+                } else {
+                    own.within.push(k);
+                }
+            }
+        });
         crossings.begins.clear();
         crossings.pairs.clear();
         crossings.before.clear();
         crossings.firsts.clear();
         crossings.seconds.clear();
-        let mut rest = active;
-        for part in 1..cuts.len() {
-            cuts[part - 1].active = within.len();
+        for part in &*parts {
             crossings.begins.push(crossings.pairs.len());
-            let (end, later) = (cuts[part].pairs, cuts[part].grains..owned);
-            let own = rest.partition_point(|&k| (k as usize) < end);
-            for &k in &rest[..own] {
-                let [first, second] = ends(k);
-                if later.contains(&(second as usize)) {
-                    crossings.pairs.push(k);
-                    crossings.before.push(ghosts::index(within.len()));
-                    crossings.firsts.push(first);
-                    crossings.seconds.push(second);
-                } else {
-                    within.push(k);
-                }
+            for &[k, before, first, second] in &part.crossing {
+                crossings.pairs.push(k);
+                crossings.before.push(before);
+                crossings.firsts.push(first);
+                crossings.seconds.push(second);
             }
-            rest = &rest[own..];
         }
-        cuts[self.failed.len()].active = within.len();
         let all = crossings.pairs.len();
         crossings.begins.push(all);
         crossings.actions.clear();
@@ -164,8 +171,6 @@ impl<S: Space> Parts<S> {
 
 /// What the pairs of a step read.
 struct World<'a, S: Space, L: ContactLaw<S>> {
-    /// Active pairs that do not cross.
-    within: &'a [u32],
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
     motion: &'a [Motion<S>],
@@ -214,9 +219,9 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
     /// The loads of the grains of a part.
     fn load<const PERIODIC: bool>(
         &self,
-        [from, to]: [&Cut; 2],
+        from: &Cut,
         crossings: &Crossings<S>,
-        failed: &mut Failed<S>,
+        part: &mut Part<S>,
         share: Share<'_, S, L>,
     ) {
         let Share {
@@ -225,10 +230,18 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             loads,
         } = share;
         loads.fill(Load::default());
-        failed.pairs.clear();
-        failed.at_walls.clear();
+        let Part {
+            part: place,
+            within,
+            pairs: failed,
+            at_walls,
+            deepest,
+            ..
+        } = part;
+        failed.clear();
+        at_walls.clear();
         let mut record = Record::beyond(self.deepest);
-        let own = crossings.begins[failed.part]..crossings.begins[failed.part + 1];
+        let own = crossings.begins[*place]..crossings.begins[*place + 1];
         let earlier = crossings.seconds[..own.start].iter();
         for (&second, action) in earlier.zip(&crossings.actions) {
             if let Some(load) = loads.get_mut((second as usize).wrapping_sub(from.grains)) {
@@ -261,12 +274,11 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             turn(cross)
         };
         let mut spans = Spans::default();
-        let blocks = self.within[from.active..to.active].chunks(BLOCK);
-        for (start, block) in (from.active..).step_by(BLOCK).zip(blocks) {
+        for (start, block) in (0..).step_by(BLOCK).zip(within.chunks(BLOCK)) {
             spans.measure::<L, PERIODIC>(block, pairs, from.pairs, self.motion, self.offsets);
             for (place, (&k, span)) in (start..).zip(block.iter().zip(spans.iter())) {
                 if next <= place {
-                    next = add_crossing(place, loads, &mut failed.pairs);
+                    next = add_crossing(place, loads, failed);
                 }
                 let pair = &mut pairs[k as usize - from.pairs];
                 let found = act::<S, L>(
@@ -289,19 +301,19 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                     load.torque += action.on_second;
                 }
                 if let Some(failure) = action.failure {
-                    failed.pairs.push((k, failure));
+                    failed.push((k, failure));
                 }
             }
         }
-        add_crossing(to.active, loads, &mut failed.pairs);
+        add_crossing(within.len(), loads, failed);
         for pair in planes {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut loads[pair.grain as usize - from.grains];
             let failure =
                 act_at_plane::<S, L>(pair, wall, self.motion, (load, &mut record), self.time_step);
-            failed.at_walls.extend(failure);
+            at_walls.extend(failure);
         }
-        failed.deepest = record;
+        *deepest = record;
     }
 }
 
@@ -335,12 +347,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) {
         let Parts {
             cuts,
-            within,
             crossings,
-            failed,
+            parts,
         } = &mut self.parts;
         let world = World::<S, L> {
-            within,
             rows: &self.rows,
             offsets: &self.offsets,
             motion: &particles.motion,
@@ -348,7 +358,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             time_step: dt,
             deepest: self.record.part(),
         };
-        let (cuts, count) = (&**cuts, failed.len());
+        let (cuts, count) = (&**cuts, parts.len());
         let Crossings {
             pairs: cross,
             actions,
@@ -382,24 +392,23 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
         }
         let shared = (
-            thread_pool::evenly(failed, count),
+            thread_pool::evenly(parts, count),
             thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs),
             thread_pool::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
             thread_pool::cut(&mut particles.contact, count, |part| cuts[part].grains),
         );
-        thread_pool::each_of(count, shared, |part, (failed, pairs, planes, loads)| {
+        thread_pool::each_of(count, shared, |n, (part, pairs, planes, loads)| {
             let share = Share::<S, L> {
                 pairs,
                 planes,
                 loads,
             };
-            let ends = [&cuts[part], &cuts[part + 1]];
-            world.load::<PERIODIC>(ends, crossings, &mut failed[0], share);
+            world.load::<PERIODIC>(&cuts[n], crossings, &mut part[0], share);
         });
-        for failed in failed {
-            self.record = self.record.or(failed.deepest);
-            self.failures.append(&mut failed.pairs);
-            self.wall_failures.append(&mut failed.at_walls);
+        for part in parts {
+            self.record = self.record.or(part.deepest);
+            self.failures.append(&mut part.pairs);
+            self.wall_failures.append(&mut part.at_walls);
         }
     }
 }
