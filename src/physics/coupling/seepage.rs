@@ -50,6 +50,7 @@
 //! ([`crate::darcy::drag::reaction`]) and explicit drag, and the mismatch between drag law and resistance otherwise.
 
 mod motion;
+mod parts;
 
 use super::Flow;
 use crate::darcy::drag::{Bed, Cell, Drag, Grain, Law};
@@ -60,11 +61,13 @@ use crate::darcy::zones::Conduct;
 use crate::darcy::{
     DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
 };
-use crate::dem::particles::{Kind, Load, Particles};
+use crate::dem::particles::{Kind, Load, Particles, View};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
+use crate::thread_pool;
 use decomposition::{Communicator, Domain, ExactSum};
 use motion::{Motion, Start, add, moving, start};
+use parts::Parts;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -157,17 +160,29 @@ pub struct Seepage<Sp: Space> {
     report: Report,
     balance: Balance,
     extremes: Option<Extremes>,
-    room: Room,
+    parts: Parts,
+    /// The water in each cell, where the cell is open.
+    cells: Vec<Option<Cell>>,
+    /// What each thread finds: kept so that a coupling allocates nothing.
+    found: Vec<Found>,
     space: PhantomData<Sp>,
 }
 
-/// Lists for one grain, kept so that a coupling allocates nothing.
+/// What a thread finds of its grains.
 #[derive(Default)]
-struct Room {
-    /// Cells that hold a part of the grain, with the part.
-    parts: Vec<(usize, f64)>,
-    /// The open ones among them.
+struct Found {
+    /// Open cells that hold a part of the present grain, each with the part.
     cells: Vec<(Cell, f64)>,
+    /// Force on each grain, and whether its drag is that at the end of the interval.
+    loads: Vec<([f64; 3], bool)>,
+}
+
+/// What the load of a grain depends on besides the grain.
+struct Water<'a> {
+    settings: &'a Settings,
+    cells: &'a [Option<Cell>],
+    /// How much of a change of velocity until the next coupling counts in each cell ([`Motion::part`]); none where the bed counts as at rest.
+    moves: Option<&'a [f64]>,
 }
 
 impl<Sp: Space> Seepage<Sp> {
@@ -202,7 +217,9 @@ impl<Sp: Space> Seepage<Sp> {
             report: Report::default(),
             balance: Balance::default(),
             extremes: None,
-            room: Room::default(),
+            parts: Parts::default(),
+            cells: Vec::new(),
+            found: Vec::new(),
             space: PhantomData,
         }
     }
@@ -386,7 +403,8 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Porosity, permeability and pressure for the grains where they are.
-    fn seep(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
+    fn seep(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
+        self.parts.find(&self.pores, particles);
         self.fill(particles)?;
         let permeability = self.settings.permeability;
         let porosity = self.pores.porosity();
@@ -414,13 +432,12 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Porosity, diameters and motion of the grains of each cell.
-    fn fill(&mut self, particles: &Particles<Sp>) -> Result<(), Error> {
+    fn fill(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
         self.pores.clear();
-        let grains = 0..particles.owned();
         let held = self.held(particles);
         if let Some(motion) = &mut self.motion {
             let mut largest = [0.0_f64; 2];
-            for k in grains.clone() {
+            for k in 0..particles.owned {
                 let mut moving = moving(&self.settings, particles, k);
                 add(&mut moving.gain, held.get(k));
                 let size = moving.size();
@@ -430,9 +447,10 @@ impl<Sp: Space> Seepage<Sp> {
             means.clear(largest, &self.communicator).map_err(failed)?;
         }
         let cell = self.openness.grid.volume();
-        for k in grains {
+        for (k, parts) in self.parts.each() {
             let radius = particles.body[k].radius;
-            let parts = self.pores.add(place::<Sp>(particles, k), radius);
+            let centre = components(&particles.location(k));
+            self.pores.add(centre, radius, parts);
             if let Some(motion) = &mut self.motion {
                 let volume = measure(Sp::DIMENSION, radius) / cell;
                 let mut moving = moving(&self.settings, particles, k);
@@ -517,60 +535,6 @@ impl<Sp: Space> Seepage<Sp> {
         Ok(iterations)
     }
 
-    /// Load of one grain, and whether its drag is that at the end of the interval.
-    fn load(
-        &self,
-        law: &dyn Law,
-        particles: &Particles<Sp>,
-        k: usize,
-        room: &mut Room,
-    ) -> ([f64; 3], bool) {
-        let body = &particles.body[k];
-        let grain = Grain::new(Sp::DIMENSION, body.radius);
-        let velocity: [f64; 3] = components(&particles.motion[k].velocity);
-        self.pores
-            .parts(place::<Sp>(particles, k), body.radius, &mut room.parts);
-        room.cells.clear();
-        let open = |&(cell, part): &(usize, f64)| Some((self.cell(cell)?, part));
-        room.cells.extend(room.parts.iter().filter_map(open));
-        let mut pressure = [0.0; 3];
-        for (here, part) in &room.cells {
-            for a in 0..3 {
-                pressure[a] -= part * grain.volume * here.gradient[a];
-            }
-        }
-        let Drag { pull, rate } = law.drag(&grain, velocity, &room.cells);
-        let share = self.settings.interval * rate / body.mass;
-        // Grains go with the bed: what counts of a change of velocity counts for both.
-        let bed = self.motion.as_ref().map_or(0.0, |motion| {
-            let parts = room.parts.iter();
-            parts.map(|&(cell, part)| part * motion.part[cell]).sum()
-        });
-        let theta = f64::max(bed, 1.0 - 1.0 / share);
-        let implicit = self.settings.semi_implicit && body.kind == Kind::Free && theta > 0.0;
-        let at_rest: [f64; 3] = std::array::from_fn(|a| pressure[a] + pull[a]);
-        if !implicit {
-            return (
-                std::array::from_fn(|a| at_rest[a] - rate * velocity[a]),
-                false,
-            );
-        }
-        let late = theta * share;
-        let (last, before) = match start(particles, k) {
-            Start::Held => (at_rest, velocity),
-            Start::Free => (self.settings.gravity.map(|g| -body.mass * g), velocity),
-            Start::Known => (
-                components(&particles.fluid[k].force),
-                components(&particles.last_velocity[k]),
-            ),
-        };
-        let force = std::array::from_fn(|a| {
-            let known = velocity[a] + theta * (velocity[a] - before[a]);
-            (at_rest[a] - rate * known + late * last[a]) / (1.0 + late)
-        });
-        (force, implicit)
-    }
-
     /// What a reader of the results should know of the couplings.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
@@ -651,8 +615,58 @@ impl<Sp: Space> Seepage<Sp> {
     }
 }
 
-fn place<Sp: Space>(particles: &Particles<Sp>, k: usize) -> [f64; 3] {
-    components(&particles.location(k))
+impl Water<'_> {
+    /// Load of one grain, and whether its drag is that at the end of the interval.
+    fn load<Sp: Space>(
+        &self,
+        law: &dyn Law,
+        particles: &View<'_, Sp>,
+        (k, parts): (usize, &[(usize, f64)]),
+        room: &mut Vec<(Cell, f64)>,
+    ) -> ([f64; 3], bool) {
+        let body = &particles.body[k];
+        let grain = Grain::new(Sp::DIMENSION, body.radius);
+        let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+        room.clear();
+        let open = |&(cell, part): &(usize, f64)| Some((self.cells[cell]?, part));
+        room.extend(parts.iter().filter_map(open));
+        let mut pressure = [0.0; 3];
+        for (here, part) in &*room {
+            for a in 0..3 {
+                pressure[a] -= part * grain.volume * here.gradient[a];
+            }
+        }
+        let Drag { pull, rate } = law.drag(&grain, velocity, room);
+        let share = self.settings.interval * rate / body.mass;
+        // Grains go with the bed: what counts of a change of velocity counts for both.
+        let bed = self.moves.map_or(0.0, |moves| {
+            let parts = parts.iter();
+            parts.map(|&(cell, part)| part * moves[cell]).sum()
+        });
+        let theta = f64::max(bed, 1.0 - 1.0 / share);
+        let implicit = self.settings.semi_implicit && body.kind == Kind::Free && theta > 0.0;
+        let at_rest: [f64; 3] = std::array::from_fn(|a| pressure[a] + pull[a]);
+        if !implicit {
+            return (
+                std::array::from_fn(|a| at_rest[a] - rate * velocity[a]),
+                false,
+            );
+        }
+        let late = theta * share;
+        let (last, before) = match start(particles, k) {
+            Start::Held => (at_rest, velocity),
+            Start::Free => (self.settings.gravity.map(|g| -body.mass * g), velocity),
+            Start::Known => (
+                components(&particles.fluid[k].force),
+                components(&particles.last_velocity[k]),
+            ),
+        };
+        let force = std::array::from_fn(|a| {
+            let known = velocity[a] + theta * (velocity[a] - before[a]);
+            (at_rest[a] - rate * known + late * last[a]) / (1.0 + late)
+        });
+        (force, implicit)
+    }
 }
 
 fn component<V: Components>(vector: &V, axis: usize) -> f64 {
@@ -680,20 +694,39 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         if self.motion.is_some() || self.settings.semi_implicit {
             particles.keep_last_velocity();
         }
-        self.seep(particles)?;
+        let grains = particles.view();
+        self.seep(&grains)?;
+        let mut cells = std::mem::take(&mut self.cells);
+        cells.clear();
+        cells.extend((0..self.grid().count()).map(|cell| self.cell(cell)));
+        let water = Water {
+            settings: &self.settings,
+            cells: &cells,
+            moves: self.motion.as_ref().map(|motion| &motion.part[..]),
+        };
+        let shares = &self.parts.shares;
+        self.found.resize_with(shares.len(), Found::default);
+        thread_pool::each_item(&mut self.found, 1, |thread, found| {
+            let (law, share) = (water.settings.drag.model(), &shares[thread]);
+            found.loads.clear();
+            for k in share.grains() {
+                let load = water.load(law, &grains, (k, share.of(k)), &mut found.cells);
+                found.loads.push(load);
+            }
+        });
+        self.cells = cells;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
         let (mut implicit, mut fastest) = (0, 0.0_f64);
-        let (law, mut room) = (self.settings.drag, std::mem::take(&mut self.room));
-        for k in 0..particles.owned() {
-            let (force, at_the_end) = self.load(law.model(), particles, k, &mut room);
-            let bodies = room.parts.iter().filter(|(cell, _)| self.is_body(*cell));
+        let loads = self.found.iter().flat_map(|found| &found.loads);
+        for ((k, parts), (force, at_the_end)) in self.parts.each().zip(loads) {
+            let bodies = parts.iter().filter(|(cell, _)| self.is_body(*cell));
             let counts = 1.0 - bodies.map(|(_, part)| part).sum::<f64>();
             let mut load = Load::<Sp>::default();
             for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
                 load.force.set(a, *force);
                 sums[a].add(counts * force);
             }
-            implicit += u64::from(at_the_end);
+            implicit += u64::from(*at_the_end);
             let velocity: [f64; 3] = components(&particles.motion[k].velocity);
             fastest = fastest.max(velocity.iter().map(|v| v * v).sum());
             particles.fluid[k] = load;
@@ -701,7 +734,6 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
                 particles.last_velocity[k] = particles.motion[k].velocity;
             }
         }
-        self.room = room;
         self.close(sums, implicit);
         self.keep_extremes(fastest.sqrt());
         if !self.balance.closure.is_finite() {

@@ -64,8 +64,6 @@ pub struct Pores {
     grid: Grid,
     method: PorosityMethod,
     mean: MeanDiameter,
-    /// Cells and parts of the grain that is added.
-    parts: Vec<(usize, f64)>,
     /// Diameters are summed in units of this \[m\].
     unit: f64,
     /// Per cell: solid volume over the cell's, sum w d^(k+1), sum w d^k, in steps of 2^-62.
@@ -89,7 +87,6 @@ impl Pores {
             grid,
             method,
             mean,
-            parts: Vec::new(),
             unit,
             sums: vec![[0; 3]; n],
             words: vec![0; 3 * n],
@@ -116,18 +113,22 @@ impl Pores {
     #[inline]
     pub fn parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         parts.clear();
+        self.append_parts(centre, radius, parts);
+    }
+
+    /// As [`Self::parts`], behind what is in the list.
+    #[inline]
+    pub fn append_parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
-    /// Adds a grain; every grain on one rank only. Gives the cells that hold a part of it, each with the part.
-    pub fn add(&mut self, centre: [f64; 3], radius: f64) -> &[(usize, f64)] {
-        let mut parts = std::mem::take(&mut self.parts);
-        self.parts(centre, radius, &mut parts);
+    /// Adds a grain with its [`Self::parts`]; every grain on one rank only.
+    pub fn add(&mut self, centre: [f64; 3], radius: f64, parts: &[(usize, f64)]) {
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
         let d = 2.0 * radius / self.unit;
         let weight = d.powi(self.mean.power());
         let mut finite = centre.iter().all(|x| x.is_finite());
-        for &(cell, part) in &parts {
+        for &(cell, part) in parts {
             let terms = [part * volume, part * weight * d, part * weight];
             for (sum, term) in self.sums[cell].iter_mut().zip(terms) {
                 finite &= term.abs() < 2.0;
@@ -135,8 +136,6 @@ impl Pores {
             }
         }
         self.finite &= finite;
-        self.parts = parts;
-        &self.parts
     }
 
     /// Sums over the ranks and derives porosity and diameters. Collective.
@@ -232,11 +231,17 @@ mod tests {
             .collect()
     }
 
+    fn add(pores: &mut Pores, centre: [f64; 3], radius: f64) {
+        let mut parts = Vec::new();
+        pores.parts(centre, radius, &mut parts);
+        pores.add(centre, radius, &parts);
+    }
+
     fn pores(grid: &Grid, method: PorosityMethod, grains: &[([f64; 3], f64)]) -> Pores {
         let open = Openness::measure(grid, &Enclosure::Everything);
         let mut pores = Pores::new(*grid, method, MeanDiameter::Sauter);
         for (at, r) in grains {
-            pores.add(*at, *r);
+            add(&mut pores, *at, *r);
         }
         pores.finish(&open, &Communicator::serial()).unwrap();
         pores
@@ -297,7 +302,7 @@ mod tests {
         ] {
             let mut pores = Pores::new(grid, PorosityMethod::Centroid, mean);
             for d in [a, a, b, a] {
-                pores.add(at, 0.5 * d);
+                add(&mut pores, at, 0.5 * d);
             }
             pores.finish(&open, &Communicator::serial()).unwrap();
             assert!((pores.diameter()[0] / exact - 1.0).abs() < 1e-14);
@@ -313,7 +318,7 @@ mod tests {
         let open = Openness::measure(&grid, &wall);
         let mut pores = Pores::new(grid, PorosityMethod::Centroid, MeanDiameter::Sauter);
         let r = 0.002;
-        pores.add([-0.0075, 0.006, 0.025], r);
+        add(&mut pores, [-0.0075, 0.006, 0.025], r);
         pores.finish(&open, &Communicator::serial()).unwrap();
         let exact = 1.0 - measure(3, r) / (0.5 * grid.volume());
         assert!((pores.porosity()[0] - exact).abs() < 1e-14);

@@ -49,7 +49,7 @@ use crate::thread_pool;
 pub(super) use any::{AnyEngine, MakeEngine};
 use bodies::Bodies;
 use decomposition::{Domain, exchange};
-use facets::{Facets, Held, SurfacePair, history_of};
+use facets::{AtFacets, Facets, Held, history_of};
 pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};
 use pairs::*;
@@ -107,7 +107,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     /// The active pairs that each thread found.
     chosen: Vec<Vec<u32>>,
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
-    facets: Facets<L::Constants, L::History>,
+    /// Of each part; one where there are no parts.
+    facets: Vec<Facets<L::Constants, L::History>>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
@@ -160,7 +161,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             active: Vec::new(),
             chosen: Vec::new(),
             wall_pairs: Vec::new(),
-            facets: Facets::default(),
+            facets: vec![Facets::default()],
             names: Vec::new(),
             named_owned: 0,
             histories: Vec::new(),
@@ -333,7 +334,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 particles.len() - particles.owned(),
                 self.pairs.len(),
                 self.wall_pairs.len(),
-                self.facets.pairs.len(),
+                self.facet_pairs(),
                 self.settings.skin
             );
         }
@@ -361,7 +362,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             (false, true) => self.grain_forces_by_threads::<false>(particles, dt),
             (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
         }
-        self.facet_forces(particles, dt);
+        if !self.parallel {
+            let Particles {
+                motion, contact, ..
+            } = particles;
+            let failures = &mut self.wall_failures;
+            let found = (failures, &mut self.record);
+            self.facets[0].act::<S, L>(&self.walls, motion, (contact, 0), found, dt);
+        }
         if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
             self.report_failures(particles);
         }

@@ -337,6 +337,9 @@ impl<S: Space> Particles<S> {
         View {
             owned: self.owned,
             body: &self.body,
+            contact: &self.contact,
+            fluid: &self.fluid,
+            last_velocity: &self.last_velocity,
             mobility: &self.mobility,
             motion: &self.motion,
             shift: &self.shift,
@@ -495,6 +498,12 @@ pub struct View<'a, S: Space> {
     pub body: &'a [Body],
     /// Where each entry is and how it moves.
     pub motion: &'a [Motion<S>],
+    /// Loads of the contacts.
+    pub contact: &'a [Load<S>],
+    /// Loads of the fluid; empty where there is none.
+    pub fluid: &'a [Load<S>],
+    /// See [`Particles::keep_last_velocity`]; empty where they are not kept.
+    pub last_velocity: &'a [S::Vector],
     /// How forces move each entry.
     pub(super) mobility: &'a [Mobility],
     /// Which image each entry stands for.

@@ -1,9 +1,9 @@
 //! The grains of each cell as a bed that moves with its water: see the module above for the equations.
 
-use super::{Seepage, Settings, components, place};
+use super::{Seepage, Settings, components};
 use crate::darcy::porosity::measure;
 use crate::darcy::{BedMotion, Moving};
-use crate::dem::particles::{Kind, Particles};
+use crate::dem::particles::{Kind, View};
 use crate::dem::space::Space;
 
 /// Porosity up to which the water goes with the grains of a cell, and from which it does not.
@@ -72,30 +72,25 @@ impl Motion {
 impl<Sp: Space> Seepage<Sp> {
     /// At the first coupling, what the gradient of a bed at rest will take from the velocity of each grain that contacts hold until the
     /// next one \[m/s\]; empty at all others.
-    pub(super) fn held(&mut self, particles: &Particles<Sp>) -> Vec<[f64; 3]> {
+    pub(super) fn held(&self, particles: &View<'_, Sp>) -> Vec<[f64; 3]> {
         if self.motion.is_none() || self.has_before {
             return Vec::new();
         }
         let interval = self.settings.interval;
-        let mut held = vec![[0.0; 3]; particles.owned()];
-        let mut parts = std::mem::take(&mut self.room.parts);
-        for (k, held) in held.iter_mut().enumerate() {
+        let mut held = vec![[0.0; 3]; particles.owned];
+        for (k, parts) in self.parts.each() {
             if !matches!(start(particles, k), Start::Held) {
                 continue;
             }
-            let radius = particles.body[k].radius;
             let lightness = moving(&self.settings, particles, k).lightness;
-            self.pores
-                .parts(place::<Sp>(particles, k), radius, &mut parts);
-            for &(cell, part) in &parts {
+            for &(cell, part) in parts {
                 let solid = (1.0 - self.pores.porosity()[cell]).max(f64::MIN_POSITIVE);
                 let kept = part * interval * lightness / solid;
-                for (held, g) in held.iter_mut().zip(self.gradient[cell]) {
+                for (held, g) in held[k].iter_mut().zip(self.gradient[cell]) {
                     *held += kept * g;
                 }
             }
         }
-        self.room.parts = parts;
         held
     }
 }
@@ -120,7 +115,7 @@ pub(super) enum Start {
     Known,
 }
 
-pub(super) fn start<Sp: Space>(particles: &Particles<Sp>, k: usize) -> Start {
+pub(super) fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
     if !is_zero(components(&particles.fluid[k].force)) {
         Start::Known
     } else if is_zero(components(&particles.contact[k].force)) {
@@ -131,11 +126,7 @@ pub(super) fn start<Sp: Space>(particles: &Particles<Sp>, k: usize) -> Start {
 }
 
 /// A grain as the motion of the bed counts it.
-pub(super) fn moving<Sp: Space>(
-    settings: &Settings,
-    particles: &Particles<Sp>,
-    k: usize,
-) -> Moving {
+pub(super) fn moving<Sp: Space>(settings: &Settings, particles: &View<'_, Sp>, k: usize) -> Moving {
     let body = &particles.body[k];
     let velocity = components(&particles.motion[k].velocity);
     if body.kind != Kind::Free {

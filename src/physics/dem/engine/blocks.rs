@@ -21,7 +21,6 @@ use act::World;
 use pose::{Pose, boxes_meet};
 
 type BlockPair = Pair<Scale, History>;
-type BlockAtFacets = SurfacePair<Constants>;
 type BlockAtPlane = WallPair<Constants, History>;
 
 /// Poses of all entries, and buffers of the narrow phase, one for each piece of work.
@@ -45,7 +44,7 @@ fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
 impl<S: Space> Engine<S, Blocks> {
     /// Adds the actions of facets: one contact with each face, with the history it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let mut facets = std::mem::take(&mut self.facets);
+        let mut facets = std::mem::take(&mut self.facets[0]);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         let mut order = std::mem::take(&mut self.scratch.order);
         let mut contact = std::mem::take(&mut particles.contact);
@@ -67,7 +66,7 @@ impl<S: Space> Engine<S, Blocks> {
                     at,
                     &self.walls,
                     motion,
-                    &mut contact,
+                    (&mut contact, 0),
                     (&mut failures, &mut record),
                     dt,
                 );
@@ -102,7 +101,7 @@ impl<S: Space> Engine<S, Blocks> {
         std::mem::swap(&mut facets.held, &mut facets.next);
         self.tested += calls;
         self.record = record;
-        self.facets = facets;
+        self.facets[0] = facets;
         self.scratch.narrows = narrows;
         self.scratch.order = order;
         self.wall_failures = failures;
@@ -201,6 +200,7 @@ impl<S: Space> Bodies<S> for Blocks {
     type Scratch = Scratch;
 
     const PER_THREAD: usize = 16;
+    const IN_PARTS: bool = false;
 
     fn engine(
         law: Self,
@@ -342,19 +342,19 @@ impl<S: Space> Bodies<S> for Blocks {
     fn facet_contacts(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &BlockAtFacets,
+        (facets, pair): AtFacets<'_, Constants, History>,
         narrow: &mut Narrow,
         visit: &mut impl FnMut(Contact<S>),
     ) {
         let world = engine.world(particles);
         let (k, wall) = (pair.grain as usize, &engine.walls[pair.wall as usize]);
         if world.shape(k).is_none() {
-            engine.sphere_facet_contacts(particles, pair, visit);
+            engine.sphere_facet_contacts(particles, (facets, pair), visit);
             return;
         }
         let [faces, _] = &engine.scratch.faces[pair.wall as usize];
         let mut order = Vec::new();
-        by_face(faces, engine.facets.near(pair), &mut order);
+        by_face(faces, facets.near(pair), &mut order);
         for face in order.chunk_by(|a, b| a[0] == b[0]) {
             if let Some(touch) = world.meet_face(k, wall, face, narrow) {
                 visit(Contact {

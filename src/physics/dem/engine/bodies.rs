@@ -14,6 +14,9 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Own bodies per thread from which threads pay.
     const PER_THREAD: usize = 300;
 
+    /// Whether forces are computed by parts ([`super::parts`]).
+    const IN_PARTS: bool = true;
+
     /// The engine of the law.
     ///
     /// # Errors
@@ -101,11 +104,11 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     fn facet_contacts(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        pair: &SurfacePair<Self::Constants>,
+        at: AtFacets<'_, Self::Constants, Self::History>,
         _: &mut Narrow,
         visit: &mut impl FnMut(Contact<S>),
     ) {
-        engine.sphere_facet_contacts(particles, pair, visit);
+        engine.sphere_facet_contacts(particles, at, visit);
     }
 
     /// Bonds every contact that exists now; how many this rank reports.

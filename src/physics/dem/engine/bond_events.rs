@@ -71,40 +71,41 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 bonds += 1;
             }
         }
-        let facets = &mut self.facets;
-        facets.next.clear();
-        for pair in &mut facets.pairs {
-            let wall = &self.walls[pair.wall as usize];
-            let Some(surface) = &wall.surface else {
-                continue;
-            };
-            let at = &particles.motion[pair.grain as usize].position;
-            let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
-            let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
-            let reach = pair.radius + L::bonding_gap(&pair.constants);
-            wall.touched(near, at, reach, &mut facets.found);
-            facets.taken.clear();
-            facets.taken.resize(held.len(), false);
-            let start = ghosts::index(facets.next.len());
-            for one in &facets.found {
-                let mut history =
-                    history_of(surface, held, &mut facets.taken, &facets.found, one.facet);
-                if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
-                    bonds += 1;
+        for facets in &mut self.facets {
+            facets.next.clear();
+            for pair in &mut facets.pairs {
+                let wall = &self.walls[pair.wall as usize];
+                let Some(surface) = &wall.surface else {
+                    continue;
+                };
+                let at = &particles.motion[pair.grain as usize].position;
+                let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+                let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+                let reach = pair.radius + L::bonding_gap(&pair.constants);
+                wall.touched(near, at, reach, &mut facets.found);
+                facets.taken.clear();
+                facets.taken.resize(held.len(), false);
+                let start = ghosts::index(facets.next.len());
+                for one in &facets.found {
+                    let mut history =
+                        history_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                    if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
+                        bonds += 1;
+                    }
+                    // A fresh history is none, whether lists were made meanwhile or not.
+                    if (one.distance < pair.radius || L::bonded(&history))
+                        && history != L::History::default()
+                    {
+                        facets.next.push(Held {
+                            facet: one.facet,
+                            history,
+                        });
+                    }
                 }
-                // A fresh history is none, whether lists were made meanwhile or not.
-                if (one.distance < pair.radius || L::bonded(&history))
-                    && history != L::History::default()
-                {
-                    facets.next.push(Held {
-                        facet: one.facet,
-                        history,
-                    });
-                }
+                pair.held = (start, ghosts::index(facets.next.len()));
             }
-            pair.held = (start, ghosts::index(facets.next.len()));
+            std::mem::swap(&mut facets.held, &mut facets.next);
         }
-        std::mem::swap(&mut facets.held, &mut facets.next);
         // Bonds across gaps act from now on.
         self.activate(particles);
         bonds
@@ -118,7 +119,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         for pair in &mut self.wall_pairs {
             L::unbond(&mut pair.history);
         }
-        for held in &mut self.facets.held {
+        for held in self.facets.iter_mut().flat_map(|part| &mut part.held) {
             L::unbond(&mut held.history);
         }
     }

@@ -21,9 +21,12 @@ pub(in crate::dem) struct SurfacePair<C> {
     pub(super) constants: C,
 }
 
+/// A grain at a wall of facets, with the list that its pair is in.
+pub(in crate::dem) type AtFacets<'a, C, M> = (&'a Facets<C, M>, &'a SurfacePair<C>);
+
 /// The history of a contact with a facet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held<M> {
+pub(in crate::dem) struct Held<M> {
     pub(super) facet: u32,
     pub(super) history: M,
 }
@@ -31,7 +34,7 @@ pub(super) struct Held<M> {
 /// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
 /// take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
 #[derive(Debug)]
-pub(super) struct Facets<C, M> {
+pub(in crate::dem) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
     pub(super) near: Vec<u32>,
     pub(super) held: Vec<Held<M>>,
@@ -59,14 +62,15 @@ impl<C, M> Default for Facets<C, M> {
 }
 
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
-    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step.
+    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The loads are those from grain
+    /// `first` on.
     #[inline(always)]
     pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         k: usize,
         walls: &[Wall<S>],
         motion: &[Motion<S>],
-        contact: &mut [Load<S>],
+        (contact, first): (&mut [Load<S>], usize),
         (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
         dt: f64,
     ) {
@@ -103,7 +107,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 (&pair.constants, &mut history),
                 (pair.radius, one.distance, &normal),
                 (grain, &wall.velocity),
-                &mut contact[pair.grain as usize],
+                &mut contact[pair.grain as usize - first],
                 dt,
             );
             if let Some(mode) = failure {
@@ -123,6 +127,64 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             }
         }
         pair.held = (start, ghosts::index(self.next.len()));
+    }
+
+    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from grain `first` on.
+    #[inline(always)]
+    pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        (contact, first): (&mut [Load<S>], usize),
+        (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
+        dt: f64,
+    ) {
+        if self.active.is_empty() && self.held.is_empty() {
+            return;
+        }
+        self.next.clear();
+        for n in 0..self.active.len() {
+            let found = (&mut *failures, &mut *record);
+            let k = self.active[n] as usize;
+            self.act_on_sphere::<S, L>(k, walls, motion, (&mut *contact, first), found, dt);
+        }
+        std::mem::swap(&mut self.held, &mut self.next);
+    }
+
+    /// Chooses the pairs that may touch until grains have moved by `look` \[m\] more.
+    pub(super) fn activate<S: Space>(
+        &mut self,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        look: f64,
+    ) {
+        self.active.clear();
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let wall = &walls[pair.wall as usize];
+            let at = wall.local(&motion[pair.grain as usize].position);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * look * (1.0 + 1e-9);
+            let closes = || {
+                wall.surface.as_ref().is_some_and(|surface| {
+                    let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+                    near.iter()
+                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
+                })
+            };
+            if pair.held.0 < pair.held.1 || closes() {
+                self.active.push(k);
+            } else {
+                // It is not looked at again before it is active, and others come and go meanwhile.
+                pair.held = (0, 0);
+            }
+        }
+    }
+
+    /// Forgets all pairs.
+    pub(super) fn clear(&mut self) {
+        self.pairs.clear();
+        self.near.clear();
+        self.held.clear();
+        self.active.clear();
     }
 
     /// Facets near a pair's grain.
@@ -187,8 +249,16 @@ fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Lists the facets that owned grains are close to, by grain, wall and facet.
     pub(super) fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
-        let facets = &mut self.facets;
-        facets.close.clear();
+        let count = if L::IN_PARTS && self.parallel {
+            thread_pool::threads()
+        } else {
+            1
+        };
+        self.facets.truncate(count);
+        self.facets.resize_with(count, Facets::default);
+        self.facets.iter_mut().for_each(Facets::clear);
+        let mut close = std::mem::take(&mut self.facets[0].close);
+        close.clear();
         for (w, wall) in (0..).zip(&self.walls) {
             let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
                 continue;
@@ -208,9 +278,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                             if surface.may_reach(facet, &at, reach)
                                 && surface.distance(facet, &at) <= reach
                             {
-                                facets.close.push([grain, w, number]);
+                                close.push([grain, w, number]);
                                 surface.images_beyond(number, &at, gap, |image| {
-                                    facets.close.push([grain, w, image]);
+                                    close.push([grain, w, image]);
                                 });
                             }
                         }
@@ -218,12 +288,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             }
         }
-        facets.close.sort_unstable();
-        facets.close.dedup();
-        facets.near.clear();
-        facets.active.clear();
-        for group in facets.close.chunk_by(|a, b| a[..2] == b[..2]) {
+        close.sort_unstable();
+        close.dedup();
+        let mut part = 0;
+        for group in close.chunk_by(|a, b| a[..2] == b[..2]) {
             let [grain, w, _] = group[0];
+            // The part of its grain ([`Parts::cut`]).
+            while grain as usize >= particles.owned() * (part + 1) / count {
+                part += 1;
+            }
+            let facets = &mut self.facets[part];
             let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
             let near = ghosts::index(facets.near.len());
             facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
@@ -254,21 +328,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 ),
             });
         }
+        self.facets[0].close = close;
     }
 
-    /// Contacts with facets: found anew, each with the history it had.
-    pub(super) fn facet_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles {
-            motion, contact, ..
-        } = particles;
-        let (facets, failures) = (&mut self.facets, &mut self.wall_failures);
-        let record = &mut self.record;
-        facets.next.clear();
-        for k in 0..facets.active.len() {
-            let k = facets.active[k] as usize;
-            let found = (&mut *failures, &mut *record);
-            facets.act_on_sphere::<S, L>(k, &self.walls, motion, contact, found, dt);
-        }
-        std::mem::swap(&mut facets.held, &mut facets.next);
+    /// How many pairs of a grain and a wall of facets are listed.
+    pub(super) fn facet_pairs(&self) -> usize {
+        self.facets.iter().map(|part| part.pairs.len()).sum()
     }
 }

@@ -82,20 +82,21 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 self.wall_histories.push(((id, pair.wall, 0), pair.history));
             }
         }
-        for pair in &self.facets.pairs {
-            let id = self.names[pair.grain as usize].0;
-            for held in self.facets.held(pair) {
-                if held.history != L::History::default() {
-                    self.wall_histories
-                        .push(((id, pair.wall, held.facet), held.history));
+        for facets in &mut self.facets {
+            for pair in &facets.pairs {
+                let id = self.names[pair.grain as usize].0;
+                for held in facets.held(pair) {
+                    if held.history != L::History::default() {
+                        self.wall_histories
+                            .push(((id, pair.wall, held.facet), held.history));
+                    }
                 }
             }
+            facets.clear();
         }
         // Their memory is given back: the search for new pairs needs as much.
         self.pairs = Vec::new();
         self.wall_pairs.clear();
-        self.facets.pairs.clear();
-        self.facets.held.clear();
         self.names.clear();
         self.put_histories_in_order();
     }
@@ -132,11 +133,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let id = self.names[pair.grain as usize].0;
             walls((id, pair.wall, 0), &pair.history);
         }
-        for pair in &self.facets.pairs {
-            let id = self.names[pair.grain as usize].0;
-            let held = self.facets.held(pair).iter();
-            for held in held.filter(|held| held.history != fresh) {
-                walls((id, pair.wall, held.facet), &held.history);
+        for facets in &self.facets {
+            for pair in &facets.pairs {
+                let id = self.names[pair.grain as usize].0;
+                let held = facets.held(pair).iter();
+                for held in held.filter(|held| held.history != fresh) {
+                    walls((id, pair.wall, held.facet), &held.history);
+                }
             }
         }
     }
@@ -163,8 +166,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) {
         self.pairs.clear();
         self.wall_pairs.clear();
-        self.facets.pairs.clear();
-        self.facets.held.clear();
+        self.facets.iter_mut().for_each(Facets::clear);
         self.histories = grains;
         self.wall_histories = walls;
         self.put_histories_in_order();

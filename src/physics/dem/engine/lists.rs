@@ -46,6 +46,8 @@ pub(in crate::dem) struct WallPair<C, M> {
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its history back.
     pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
+        let threads = thread_pool::threads();
+        self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
         let periodic = self.settings.region.any_periodic();
         self.names.extend(
             particles
@@ -110,8 +112,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.histories = Vec::new();
         self.wall_histories.clear();
         self.path = 0.0;
-        let threads = rayon::current_num_threads();
-        self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
         L::share_out(self, particles);
         self.activate(particles);
     }
@@ -247,26 +247,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         } else {
             choose(0, &mut self.pairs, &mut self.active);
         }
-        let facets = &mut self.facets;
-        facets.active.clear();
-        for (k, pair) in (0..).zip(&mut facets.pairs) {
-            let wall = &self.walls[pair.wall as usize];
-            let at = wall.local(&particles.motion[pair.grain as usize].position);
-            let far = pair.radius * (1.0 + 1e-12) + 2.0 * self.look * (1.0 + 1e-9);
-            let closes = || {
-                wall.surface.as_ref().is_some_and(|surface| {
-                    let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
-                    near.iter()
-                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
-                })
-            };
-            if pair.held.0 < pair.held.1 || closes() {
-                facets.active.push(k);
-            } else {
-                // It is not looked at again before it is active, and others come and go meanwhile.
-                pair.held = (0, 0);
-            }
-        }
+        let (walls, look) = (&self.walls, self.look);
+        let least = if self.parallel { 1 } else { usize::MAX };
+        thread_pool::each_item(&mut self.facets, least, |_, facets| {
+            facets.activate(walls, motion, look);
+        });
         let pairs = &self.pairs;
         self.parts.note(&self.active, |k| {
             let pair = &pairs[k as usize];

@@ -60,7 +60,8 @@ struct Part<S: Space> {
     crossing: Vec<[u32; 4]>,
     /// Bonds that failed, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
-    at_walls: Vec<WallFailure<S>>,
+    at_planes: Vec<WallFailure<S>>,
+    at_facets: Vec<WallFailure<S>>,
     deepest: Record,
 }
 
@@ -115,7 +116,8 @@ impl<S: Space> Parts<S> {
             within: Vec::new(),
             crossing: Vec::new(),
             pairs: Vec::new(),
-            at_walls: Vec::new(),
+            at_planes: Vec::new(),
+            at_facets: Vec::new(),
             deepest: Record::default(),
         }));
     }
@@ -180,10 +182,11 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
     deepest: f64,
 }
 
-/// What one part writes: its listed pairs, its pairs with planes, and the loads of its grains.
+/// What one part writes: its listed pairs, those with planes and with facets, and the loads of its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     planes: &'a mut [WallPair<L::Constants, L::History>],
+    facets: &'a mut Facets<L::Constants, L::History>,
     loads: &'a mut [Load<S>],
 }
 
@@ -227,6 +230,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         let Share {
             pairs,
             planes,
+            facets,
             loads,
         } = share;
         loads.fill(Load::default());
@@ -234,12 +238,14 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             part: place,
             within,
             pairs: failed,
-            at_walls,
+            at_planes,
+            at_facets,
             deepest,
             ..
         } = part;
         failed.clear();
-        at_walls.clear();
+        at_planes.clear();
+        at_facets.clear();
         let mut record = Record::beyond(self.deepest);
         let own = crossings.begins[*place]..crossings.begins[*place + 1];
         let earlier = crossings.seconds[..own.start].iter();
@@ -311,8 +317,11 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             let load = &mut loads[pair.grain as usize - from.grains];
             let failure =
                 act_at_plane::<S, L>(pair, wall, self.motion, (load, &mut record), self.time_step);
-            at_walls.extend(failure);
+            at_planes.extend(failure);
         }
+        let loads = (loads, from.grains);
+        let found = (at_facets, &mut record);
+        facets.act::<S, L>(self.walls, self.motion, loads, found, self.time_step);
         *deepest = record;
     }
 }
@@ -397,18 +406,28 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             thread_pool::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
             thread_pool::cut(&mut particles.contact, count, |part| cuts[part].grains),
         );
-        thread_pool::each_of(count, shared, |n, (part, pairs, planes, loads)| {
-            let share = Share::<S, L> {
-                pairs,
-                planes,
-                loads,
-            };
-            world.load::<PERIODIC>(&cuts[n], crossings, &mut part[0], share);
-        });
+        let shared = (shared, thread_pool::evenly(&mut self.facets, count));
+        thread_pool::each_of(
+            count,
+            shared,
+            |n, ((part, pairs, planes, loads), facets)| {
+                let share = Share::<S, L> {
+                    pairs,
+                    planes,
+                    facets: &mut facets[0],
+                    loads,
+                };
+                world.load::<PERIODIC>(&cuts[n], crossings, &mut part[0], share);
+            },
+        );
         for part in parts {
             self.record = self.record.or(part.deepest);
             self.failures.append(&mut part.pairs);
-            self.wall_failures.append(&mut part.at_walls);
+            self.wall_failures.append(&mut part.at_planes);
+        }
+        // As by one thread: all planes first.
+        for part in &mut self.parts.parts {
+            self.wall_failures.append(&mut part.at_facets);
         }
     }
 }

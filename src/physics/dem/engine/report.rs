@@ -89,8 +89,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 visit(contact);
             }
         }
-        for pair in &self.facets.pairs {
-            L::facet_contacts(self, particles, pair, &mut narrow, &mut visit);
+        for facets in &self.facets {
+            for pair in &facets.pairs {
+                L::facet_contacts(self, particles, (facets, pair), &mut narrow, &mut visit);
+            }
         }
     }
 
@@ -98,10 +100,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn sphere_facet_contacts(
         &self,
         particles: &Particles<S>,
-        pair: &SurfacePair<L::Constants>,
+        (facets, pair): AtFacets<'_, L::Constants, L::History>,
         visit: &mut impl FnMut(Contact<S>),
     ) {
-        let (held, near) = (self.facets.held(pair), self.facets.near(pair));
+        let (held, near) = (facets.held(pair), facets.near(pair));
         let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
         let Some(surface) = &wall.surface else {
             return;
@@ -136,7 +138,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let mut now = Statistics {
             owned: particles.owned() as u64,
             ghosts: (particles.len() - particles.owned()) as u64,
-            listed: (self.pairs.len() + self.wall_pairs.len() + self.facets.pairs.len()) as u64,
+            listed: (self.pairs.len() + self.wall_pairs.len() + self.facet_pairs()) as u64,
             active: self.active.len() as u64,
             rebuilds: self.rebuilds,
             tested: self.tested,

@@ -1,5 +1,7 @@
 use super::*;
-use crate::lbm::boundary::{Ramp, Rule, free_slip, outflow, pressure, velocity};
+use crate::lbm::boundary::{
+    Ramp, Rule, convective_outflow, free_slip, outflow, pressure, velocity,
+};
 use crate::lbm::collision::{bgk, cumulant, mrt, suga, trt};
 use crate::lbm::gpu::program::Program;
 use crate::lbm::links::Rigid;
@@ -360,6 +362,67 @@ fn walls_may_be_given_early_or_late() {
         for threads in 1..5 {
             assert!(run(threads) == late, "{set:?}, {threads} threads");
         }
+    }
+}
+
+/// Every kind of face with more links than one thread takes, and eddies.
+#[test]
+fn threads_do_not_show() {
+    const CELLS: [usize; 3] = [26, 40, 44];
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let patch = |axis, upper, rule| Patch {
+                name: format!("{axis} {upper}"),
+                axis,
+                upper,
+                range: EVERYWHERE,
+                rule,
+            };
+            let inlet = velocity::Links::new(
+                Box::new(|p| [0.02 + 0.0002 * p[1], 0.001, 0.0]),
+                Ramp {
+                    start: 0.5,
+                    end: 1.0,
+                    steps: 5.0,
+                },
+            );
+            let mut s = setup(
+                VelocitySet::D3Q27,
+                Operator::Bgk(bgk::Parameters {}),
+                0.6,
+                CELLS,
+            );
+            s.periodic = [false; 3];
+            s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+            s.patches = vec![
+                patch(0, false, Box::new(inlet)),
+                patch(
+                    0,
+                    true,
+                    Box::new(pressure::Links::new(0, Ramp::constant(0.001))),
+                ),
+                patch(1, false, Box::new(free_slip::Links::default())),
+                patch(1, true, Box::new(outflow::Links::default())),
+                patch(
+                    2,
+                    true,
+                    Box::new(convective_outflow::Links::new((2, true), None)),
+                ),
+            ];
+            let mut fluid = serial(0, s);
+            assert_eq!(fluid.threads, threads);
+            fluid.initialise(&swirl);
+            for _ in 0..8 {
+                fluid.advance();
+            }
+            bits(&fluid, CELLS)
+        })
+    };
+    let one = run(1);
+    assert!(one.iter().any(|&b| f64::from_bits(b).abs() > 1e-3));
+    for threads in [2, 3] {
+        assert!(run(threads) == one, "{threads} threads");
     }
 }
 

@@ -1,0 +1,65 @@
+//! The cells that hold parts of each own grain, found once for a coupling, by threads.
+
+use crate::darcy::Pores;
+use crate::dem::particles::View;
+use crate::dem::space::Space;
+use crate::thread_pool;
+use std::ops::Range;
+
+/// Grains from which a thread pays.
+const PER_THREAD: usize = 100;
+
+/// What one thread found.
+#[derive(Debug, Default)]
+pub(super) struct Share {
+    /// Its first grain.
+    first: usize,
+    /// Where the parts of each grain end.
+    ends: Vec<usize>,
+    parts: Vec<(usize, f64)>,
+}
+
+impl Share {
+    /// Its grains.
+    pub(super) fn grains(&self) -> Range<usize> {
+        self.first..self.first + self.ends.len()
+    }
+
+    /// The cells that hold parts of one of its grains, each with the part.
+    pub(super) fn of(&self, grain: usize) -> &[(usize, f64)] {
+        let n = grain - self.first;
+        let start = n.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.parts[start..self.ends[n]]
+    }
+}
+
+/// The parts of all own grains.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    pub(super) shares: Vec<Share>,
+}
+
+impl Parts {
+    /// Finds the parts of the grains where they are.
+    pub(super) fn find<Sp: Space>(&mut self, pores: &Pores, grains: &View<'_, Sp>) {
+        let owned = grains.owned;
+        let threads = thread_pool::threads().min(owned / PER_THREAD).max(1);
+        self.shares.resize_with(threads, Share::default);
+        thread_pool::each_item(&mut self.shares, 1, |t, share| {
+            share.first = owned * t / threads;
+            share.ends.clear();
+            share.parts.clear();
+            for k in share.first..owned * (t + 1) / threads {
+                let centre = super::components(&grains.location(k));
+                pores.append_parts(centre, grains.body[k].radius, &mut share.parts);
+                share.ends.push(share.parts.len());
+            }
+        });
+    }
+
+    /// Every own grain with its parts.
+    pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
+        let shares = self.shares.iter();
+        shares.flat_map(|share| share.grains().map(|k| (k, share.of(k))))
+    }
+}
