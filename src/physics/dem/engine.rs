@@ -107,6 +107,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     /// The active pairs that each thread found.
     chosen: Vec<Vec<u32>>,
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
+    /// Room for those that each thread finds.
+    planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
     /// Of each part; one where there are no parts.
     facets: Vec<Facets<L::Constants, L::History>>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -161,6 +163,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             active: Vec::new(),
             chosen: Vec::new(),
             wall_pairs: Vec::new(),
+            planes_found: Vec::new(),
             facets: vec![Facets::default()],
             names: Vec::new(),
             named_owned: 0,

@@ -124,7 +124,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let walls = self.walls.iter().enumerate();
             walls.filter(|(_, wall)| !wall.open && wall.surface.is_none())
         };
-        let mut found = vec![Vec::new(); threads];
+        let mut found = std::mem::take(&mut self.planes_found);
+        found.resize_with(threads, Vec::new);
         thread_pool::each_item(&mut found, 1, |thread, found| {
             let bound = |thread: usize| view.owned * thread / threads;
             let own = bound(thread)..bound(thread + 1);
@@ -152,15 +153,16 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             }
         });
-        for found in found {
-            self.wall_pairs.extend(found);
+        for found in &mut found {
+            self.wall_pairs.append(found);
         }
+        self.planes_found = found;
     }
 
     /// What periodic axes may add to separations: all differences of the images that there are.
     fn list_offsets(&mut self, particles: &Particles<S>) {
         let mut shifts = vec![[0; 3]];
-        for shift in &particles.shift {
+        for shift in particles.shift.iter().filter(|shift| **shift != [0; 3]) {
             // Most are no images, or of the same side as the one before.
             if shifts.last() != Some(shift) && !shifts.contains(shift) {
                 shifts.push(*shift);
