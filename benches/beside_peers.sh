@@ -497,7 +497,7 @@ row_P10() {
     echo "beside_peers: P-10 needs two cores" >&2
     return 1
   fi
-  for scene in cavity piping spheres; do
+  for scene in cavity piping spheres stream; do
     key=mlups unit=MLUPS
     local extra=()
     case $scene in
@@ -513,6 +513,10 @@ row_P10() {
         scene_case=$here/cases/spheres.json key=particle_steps_per_second unit=particle-steps/s
         scene_args=(--set "grains.initial.file.path=$(sample box_packed)" --set "time.end=$(awk -v n="$steps" 'BEGIN { print n * 1e-5 }')")
         extra=(p10_lammps_one p10_lammps_two)
+        ;;
+      stream)
+        scene_case=$root/jobs/rock_scour/incline.json
+        scene_args=(--set 'probes=[]' --set 'output={}' --set "time.end=$(awk -v n="$steps" 'BEGIN { print n * 2.5e-4 }')")
         ;;
     esac
     for ((pair = 1; pair <= pairs; pair++)); do

@@ -8,6 +8,8 @@
 //! class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids. The cost for each
 //! grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
 //!
+//! Threads have rows of cells, and then first ends of pairs ([`super::buckets`]).
+//!
 //! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed in this
 //! order, the forces on a grain are added in the order of the other grain's id.
 

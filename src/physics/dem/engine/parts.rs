@@ -5,7 +5,8 @@
 //! into another part crosses into a later one.
 //!
 //! 1. The pairs that cross are computed, shared out evenly.
-//! 2. Each part adds, for its own grains, the results of earlier parts (the lower ids), and then computes its other pairs.
+//! 2. Each part adds, for its own grains, the results of earlier parts (the lower ids), and then computes its other pairs, its pairs with
+//!    planes and its contacts with facets.
 //!
 //! Few pairs cross where ids follow space (the module `preparation::numbering` of the library).
 

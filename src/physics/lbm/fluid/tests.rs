@@ -402,8 +402,8 @@ fn threads_do_not_show() {
                     true,
                     Box::new(pressure::Links::new(0, Ramp::constant(0.001))),
                 ),
-                patch(1, false, Box::new(free_slip::Links::default())),
-                patch(1, true, Box::new(outflow::Links::default())),
+                patch(1, false, Box::<free_slip::Links>::default()),
+                patch(1, true, Box::<outflow::Links>::default()),
                 patch(
                     2,
                     true,
