@@ -82,17 +82,12 @@ impl Costs {
         let Solid {
             centre,
             radius,
+            volume,
+            surface,
             block,
             bed,
         } = solid;
         self.solids[plane(centre)] += picoseconds(parts.solid[usize::from(block)] + parts.porosity);
-        let (volume, surface) = if grid.dimension == 3 {
-            let area = std::f64::consts::PI * radius * radius;
-            (4.0 / 3.0 * area * radius, 4.0 * area)
-        } else {
-            let half = std::f64::consts::PI * radius;
-            (half * radius, 2.0 * half)
-        };
         let fluid = volume * parts.covered + surface * parts.linked;
         let map = surface * parts.mapped[usize::from(!bed)];
         if fluid + map > 0.0 {
@@ -134,6 +129,9 @@ impl Costs {
 struct Solid {
     centre: f64,
     radius: f64,
+    /// In cells, and that of its surface in faces of cells.
+    volume: f64,
+    surface: f64,
     block: bool,
     /// A grain among many, most of which rest.
     bed: bool,
@@ -143,10 +141,26 @@ impl Solid {
     fn of<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
         let (grid, axis) = (&scene.grid, scene.grid.split_axis);
         let (body, motion) = (&particles.body[k], &particles.motion[k]);
+        let (radius, spacing) = (body.radius / grid.spacing, grid.spacing);
+        let block = particles.polyhedron(k);
+        let (volume, surface) = if let Some((shape, _)) = block {
+            (
+                shape.volume() / spacing.powi(3),
+                shape.area() / spacing.powi(2),
+            )
+        } else if grid.dimension == 3 {
+            let area = std::f64::consts::PI * radius * radius;
+            (4.0 / 3.0 * area * radius, 4.0 * area)
+        } else {
+            let half = std::f64::consts::PI * radius;
+            (half * radius, 2.0 * half)
+        };
         Self {
-            centre: motion.position.get(axis) / grid.spacing,
-            radius: body.radius / grid.spacing,
-            block: particles.polyhedron(k).is_some(),
+            centre: motion.position.get(axis) / spacing,
+            radius,
+            volume,
+            surface,
+            block: block.is_some(),
             bed: body.id >= scene.first_grain(),
         }
     }
@@ -298,8 +312,13 @@ fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::case::Document;
+    use crate::dem::polyhedron::Polyhedron;
+    use crate::dem::{Body, Motion, Volume};
     use decomposition::Axis;
+    use nalgebra::{UnitQuaternion, Vector3};
     use proptest::prelude::*;
+    use std::path::Path;
 
     fn dearest(planes: &[i64], bounds: &[usize]) -> i64 {
         let cost = |pair: &[usize]| planes[pair[0]..pair[1]].iter().sum();
@@ -334,6 +353,45 @@ mod tests {
             prop_assert!(bounds.windows(2).all(|pair| pair[0] < pair[1]));
             prop_assert_eq!(dearest(&planes, &bounds), best(&planes, ranks));
         }
+    }
+
+    /// A long block costs what it covers, which is a small part of the sphere about it.
+    #[test]
+    fn a_block_costs_its_own_volume_and_surface() {
+        let text = r#"{"title": "block", "domain": {"size": [0.4, 0.1, 0.1], "spacing": 0.005, "split": "x"},
+            "materials": {"rock": {"density": 2600}},
+            "fluid": {"lattice_boltzmann": {"lattice": "d3q27", "density": 1000, "kinematic_viscosity": 1e-4,
+                "reference_velocity": 0.1, "lattice_velocity": 0.05}},
+            "bodies": [{"name": "slab", "shape": {"cuboid": {"edges": [0.02, 0.08, 0.02]}}, "position": [0.2, 0.05, 0.05],
+                "motion": {"free": {}}, "material": "rock"}],
+            "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "normal_damping_ratio": 0.3}},
+            "coupling": {"partially_saturated": {}}, "time": {"end": 0.01}}"#;
+        let document = Document::read(text, &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let (grid, parts) = (&plan.scene.grid, Parts::of(&plan.scene, &plan.clock));
+        let shape = Polyhedron::cuboid(Vector3::new(0.02, 0.08, 0.02)).unwrap();
+        let mut particles = Particles::<Volume>::new();
+        particles.set_shapes([shape.clone()].into()).unwrap();
+        let motion = Motion {
+            position: Vector3::new(0.2, 0.05, 0.05),
+            ..Motion::default()
+        };
+        let body = Body::of_block(0, &shape, 2600.0, 0);
+        let turn = UnitQuaternion::identity();
+        particles.add_block(body, motion, 0, turn).unwrap();
+        let all = Costs::of(&plan, &particles, &Communicator::serial());
+        let cells = real(grid.cell_count()) * parts.cell / plan.estimate.machine.fluid;
+        let fluid = real(all.fluid.iter().sum::<i64>()) / PICOSECONDS - cells;
+        let map = real(all.solids.iter().sum::<i64>()) / PICOSECONDS - parts.solid[1];
+        // 4 x 16 x 4 cells with 2 (16 + 64 + 64) faces.
+        assert!(
+            (fluid / (256.0 * parts.covered) - 1.0).abs() < 1e-3,
+            "{fluid}"
+        );
+        assert!(
+            (map / (288.0 * parts.mapped[1]) - 1.0).abs() < 1e-3,
+            "{map}"
+        );
     }
 
     #[test]
