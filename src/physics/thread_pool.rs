@@ -2,7 +2,7 @@
 //!
 //! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size. The
 //! workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces therefore use this
-//! pool; uneven and longer work uses `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`] iterations, yields
+//! pool, for even pieces and for those that threads take when they are free; contacts of blocks and work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`] iterations, yields
 //! for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
 //!
 //! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy with another caller's work
