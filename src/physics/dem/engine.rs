@@ -11,7 +11,7 @@
 //! | `lists` | listed and active pairs |
 //! | `pairs` | one pair: separation, action of the law |
 //! | `facets` | contacts with walls of facets |
-//! | `parts` | forces by threads |
+//! | `parts` | forces and motion of spheres, by threads |
 //! | `blocks` | bodies that are polyhedra |
 //! | `histories` | contact histories between lists and runs |
 //! | `migrate` | grains and histories sent to the owners of the grains |
@@ -34,7 +34,7 @@ use super::census::{agree, census};
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use super::deepest::{Deepest, Other, Record, inner_radius};
 use super::ghosts;
-use super::integrate::{self, Fastest, Kick};
+use super::integrate::{self, Fastest, Kick, Phase};
 use super::message::{Reader, Writer};
 use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
@@ -124,7 +124,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     /// How far a grain may move between two looks at all gaps \[m\].
     look: f64,
     parallel: bool,
-    parts: Parts<S>,
+    parts: Parts<S, L::Scale, L::History>,
     actions: Vec<Action<S>>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
@@ -199,7 +199,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             missing = largest(domain, flag(!particles.loaded));
         }
         if missing > 0.5 {
-            self.all_forces(particles, 0.0);
+            self.all_forces(particles, 0.0, None);
         }
         particles.loaded = true;
         Ok(())
@@ -219,8 +219,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             damping: self.settings.local_damping,
         };
         let dt = kick.time_step;
-        for step in 0..steps {
-            let fastest = self.law.drift(particles, &kick, step > 0, self.parallel);
+        let mut fastest = Fastest::default();
+        if steps > 0 {
+            fastest = (self.law).advance(particles, &kick, Phase::First, self.parallel);
+        }
+        for step in 1..=steps {
             self.steps += 1;
             let mut speed = fastest.speed_squared.sqrt();
             for wall in self.walls.iter_mut().filter(|wall| !wall.open) {
@@ -247,10 +250,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     self.activate(particles);
                 }
             }
-            self.all_forces(particles, dt);
-        }
-        if steps > 0 {
-            self.law.finish(particles, &kick, self.parallel);
+            let phase = if step < steps {
+                Phase::Between
+            } else {
+                Phase::Last
+            };
+            fastest = self.all_forces(particles, dt, Some((&kick, phase)));
         }
         Ok(())
     }
@@ -344,73 +349,49 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Contact loads of all owned bodies; the deepest contact is noted.
-    fn all_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+    /// Contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
+    fn all_forces(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Fastest {
         self.record = Record::beyond(self.deepest.part);
-        L::forces(self, particles, dt);
+        let moved = L::forces(self, particles, dt, phase);
         let id = |entry: u32| self.names[entry as usize].0;
         if let Some(deeper) = self.record.named(id) {
             self.deepest = deeper;
         }
+        match (moved, phase) {
+            (Some(fastest), _) => fastest,
+            (None, Some((kick, phase))) => self.law.advance(particles, kick, phase, self.parallel),
+            (None, None) => Fastest::default(),
+        }
     }
 
-    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\].
-    fn sphere_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
+    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\]. Where several threads
+    /// do it, the spheres then move in `phase`: the fastest.
+    fn sphere_forces(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Option<Fastest> {
         self.tested += self.active.len() as u64;
         self.failures.clear();
         self.wall_failures.clear();
-        match (self.settings.region.any_periodic(), self.parallel) {
-            (false, false) => self.grain_forces::<false>(particles, dt),
-            (true, false) => self.grain_forces::<true>(particles, dt),
-            (false, true) => self.grain_forces_by_threads::<false>(particles, dt),
-            (true, true) => self.grain_forces_by_threads::<true>(particles, dt),
-        }
-        if !self.parallel {
-            let Particles {
-                motion, contact, ..
-            } = particles;
-            let failures = &mut self.wall_failures;
-            let found = (failures, &mut self.record);
-            self.facets[0].act::<S, L>(&self.walls, motion, (contact, 0), found, dt);
-        }
+        let fastest = if self.settings.region.any_periodic() {
+            self.forces_by_parts::<true>(particles, dt, phase)
+        } else {
+            self.forces_by_parts::<false>(particles, dt, phase)
+        };
         if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
             self.report_failures(particles);
         }
-    }
-
-    /// Loads of grains on each other and of planes on them.
-    fn grain_forces<const PERIODIC: bool>(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let Particles {
-            motion, contact, ..
-        } = particles;
-        contact.fill(Load::default());
-        let mut spans = Spans::default();
-        for block in self.active.chunks(BLOCK) {
-            spans.measure::<L, PERIODIC>(block, &self.pairs, 0, motion, &self.offsets);
-            for (&k, span) in block.iter().zip(spans.iter()) {
-                let pair = &mut self.pairs[k as usize];
-                let record = &mut self.record;
-                let Some(action) = act::<S, L>(&self.rows, pair, motion, span, record, dt) else {
-                    continue;
-                };
-                let first = &mut contact[pair.first as usize];
-                first.force -= action.force;
-                first.torque += action.on_first;
-                let second = &mut contact[pair.second as usize];
-                second.force += action.force;
-                second.torque += action.on_second;
-                if let Some(failure) = action.failure {
-                    self.failures.push((k, failure));
-                }
-            }
+        if fastest.is_some() {
+            self.take_moved(particles);
         }
-        for pair in &mut self.wall_pairs {
-            let wall = &self.walls[pair.wall as usize];
-            let load = &mut contact[pair.grain as usize];
-            let load = (load, &mut self.record);
-            let failure = act_at_plane::<S, L>(pair, wall, motion, load, dt);
-            self.wall_failures.extend(failure);
-        }
+        fastest
     }
 }
 

@@ -75,6 +75,26 @@ fn kick<S: Space, const DAMPED: bool>(
     motion.spin += angular * half;
 }
 
+/// A part of the scheme: steps follow each other, and where one ends the next begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// The first half kick of a step, and its drift.
+    First,
+    /// The half kick that ends a step, then the first half kick and the drift of the next.
+    Between,
+    /// The half kick that ends a step.
+    Last,
+}
+
+/// The loads of some grains and what they resist with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loads<'a, S: Space> {
+    pub(super) contact: &'a [Load<S>],
+    /// Empty in a dry scene.
+    pub(super) fluid: &'a [Load<S>],
+    pub(super) mobility: &'a [Mobility],
+}
+
 /// Adds the load of the fluid to that of the contacts.
 #[inline(always)]
 fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
@@ -84,18 +104,24 @@ fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
     }
 }
 
-/// `fluid` is empty unless `WET`: a dry grain reads no load of a fluid.
-#[inline(always)]
-fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
-    motion: &mut [Motion<S>],
-    contact: &[Load<S>],
-    fluid: &[Load<S>],
-    mobility: &[Mobility],
+/// `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
+fn move_all<
+    S: Space,
+    const IN_PLACE: bool,
+    const DAMPED: bool,
+    const ENDS: bool,
+    const BEGINS: bool,
+    const WET: bool,
+>(
+    from: &[Motion<S>],
+    to: &mut [Motion<S>],
+    loads: &Loads<'_, S>,
     how: &Kick<S>,
 ) -> Fastest {
-    let grains = motion.len();
-    let (contact, mobility) = (&contact[..grains], &mobility[..grains]);
-    let fluid = if WET { &fluid[..grains] } else { fluid };
+    let grains = to.len();
+    let from = if IN_PLACE { from } else { &from[..grains] };
+    let (contact, mobility) = (&loads.contact[..grains], &loads.mobility[..grains]);
+    let fluid = if WET { &loads.fluid[..grains] } else { &[] };
     let mut speed_squared = 0.0;
     let mut bad = false;
     for k in 0..grains {
@@ -104,38 +130,76 @@ fn drift_all<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
         } else {
             contact[k]
         };
-        let motion = &mut motion[k];
-        if AGAIN {
-            kick::<S, DAMPED>(motion, &load, &mobility[k], how);
+        let mut motion = if IN_PLACE { to[k] } else { from[k] };
+        if ENDS {
+            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], how);
         }
-        kick::<S, DAMPED>(motion, &load, &mobility[k], how);
-        motion.position += motion.velocity * how.time_step;
-        let squared = motion.velocity.scalar(&motion.velocity);
-        // A comparison that a NaN fails too.
-        let bounded = squared < SPEED_LIMIT;
-        bad |= !bounded;
-        speed_squared = if squared > speed_squared {
-            squared
-        } else {
-            speed_squared
-        };
+        if BEGINS {
+            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], how);
+            motion.position += motion.velocity * how.time_step;
+            let squared = motion.velocity.scalar(&motion.velocity);
+            // A comparison that a NaN fails too.
+            let bounded = squared < SPEED_LIMIT;
+            bad |= !bounded;
+            speed_squared = if squared > speed_squared {
+                squared
+            } else {
+                speed_squared
+            };
+        }
+        to[k] = motion;
     }
     Fastest { speed_squared, bad }
 }
 
-fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool>(
+fn move_by<S: Space, const IN_PLACE: bool>(
+    from: &[Motion<S>],
+    to: &mut [Motion<S>],
+    loads: &Loads<'_, S>,
+    how: &Kick<S>,
+    phase: Phase,
+) -> Fastest {
+    let wet = !loads.fluid.is_empty();
+    let act = match (how.damping > 0.0, phase, wet) {
+        (false, Phase::First, false) => move_all::<S, IN_PLACE, false, false, true, false>,
+        (false, Phase::First, true) => move_all::<S, IN_PLACE, false, false, true, true>,
+        (false, Phase::Between, false) => move_all::<S, IN_PLACE, false, true, true, false>,
+        (false, Phase::Between, true) => move_all::<S, IN_PLACE, false, true, true, true>,
+        (false, Phase::Last, false) => move_all::<S, IN_PLACE, false, true, false, false>,
+        (false, Phase::Last, true) => move_all::<S, IN_PLACE, false, true, false, true>,
+        (true, Phase::First, false) => move_all::<S, IN_PLACE, true, false, true, false>,
+        (true, Phase::First, true) => move_all::<S, IN_PLACE, true, false, true, true>,
+        (true, Phase::Between, false) => move_all::<S, IN_PLACE, true, true, true, false>,
+        (true, Phase::Between, true) => move_all::<S, IN_PLACE, true, true, true, true>,
+        (true, Phase::Last, false) => move_all::<S, IN_PLACE, true, true, false, false>,
+        (true, Phase::Last, true) => move_all::<S, IN_PLACE, true, true, false, true>,
+    };
+    act(from, to, loads, how)
+}
+
+/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length.
+pub(super) fn move_to<S: Space>(
+    from: &[Motion<S>],
+    to: &mut [Motion<S>],
+    loads: &Loads<'_, S>,
+    how: &Kick<S>,
+    phase: Phase,
+) -> Fastest {
+    move_by::<S, false>(from, to, loads, how, phase)
+}
+
+/// Moves all own grains in place.
+pub(super) fn advance<S: Space>(
     particles: &mut Particles<S>,
     how: &Kick<S>,
+    phase: Phase,
     parallel: bool,
 ) -> Fastest {
     let owned = particles.owned();
     let motion = &mut particles.motion[..owned];
     let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
-    let fluid = &particles.fluid[..if WET { owned } else { 0 }];
-    if !parallel {
-        return drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
-    }
-    let threads = thread_pool::threads();
+    let fluid = &particles.fluid[..];
+    let threads = if parallel { thread_pool::threads() } else { 1 };
     let mut fastest = [Fastest::default(); thread_pool::MOST];
     let shared = (
         thread_pool::evenly(&mut fastest[..threads], threads),
@@ -143,69 +207,12 @@ fn drift_pieces<S: Space, const DAMPED: bool, const AGAIN: bool, const WET: bool
     );
     thread_pool::each_of(threads, shared, |piece, (fastest, motion)| {
         let part = owned * piece / threads..owned * (piece + 1) / threads;
-        let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
-        let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
-        fastest[0] = drift_all::<S, DAMPED, AGAIN, WET>(motion, contact, fluid, mobility, how);
+        let loads = Loads {
+            contact: &contact[part.clone()],
+            fluid: fluid.get(part.clone()).unwrap_or_default(),
+            mobility: &mobility[part],
+        };
+        fastest[0] = move_by::<S, true>(&[], motion, &loads, how, phase);
     });
     fastest.into_iter().fold(Fastest::default(), Fastest::or)
-}
-
-/// First half kick and drift; `again`: the second half kick of the step before comes first.
-pub(super) fn drift<S: Space>(
-    particles: &mut Particles<S>,
-    how: &Kick<S>,
-    again: bool,
-    parallel: bool,
-) -> Fastest {
-    let drift = match (how.damping > 0.0, again, particles.fluid.is_allocated()) {
-        (false, false, false) => drift_pieces::<S, false, false, false>,
-        (false, false, true) => drift_pieces::<S, false, false, true>,
-        (false, true, false) => drift_pieces::<S, false, true, false>,
-        (false, true, true) => drift_pieces::<S, false, true, true>,
-        (true, false, false) => drift_pieces::<S, true, false, false>,
-        (true, false, true) => drift_pieces::<S, true, false, true>,
-        (true, true, false) => drift_pieces::<S, true, true, false>,
-        (true, true, true) => drift_pieces::<S, true, true, true>,
-    };
-    drift(particles, how, parallel)
-}
-
-/// Second half kick.
-pub(super) fn finish<S: Space>(particles: &mut Particles<S>, how: &Kick<S>, parallel: bool) {
-    let finish = match (how.damping > 0.0, particles.fluid.is_allocated()) {
-        (false, false) => finish_pieces::<S, false, false>,
-        (false, true) => finish_pieces::<S, false, true>,
-        (true, false) => finish_pieces::<S, true, false>,
-        (true, true) => finish_pieces::<S, true, true>,
-    };
-    finish(particles, how, parallel);
-}
-
-fn finish_pieces<S: Space, const DAMPED: bool, const WET: bool>(
-    particles: &mut Particles<S>,
-    how: &Kick<S>,
-    parallel: bool,
-) {
-    let owned = particles.owned();
-    let motion = &mut particles.motion[..owned];
-    let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
-    let fluid = &particles.fluid[..if WET { owned } else { 0 }];
-    let pieces = if parallel { thread_pool::threads() } else { 1 };
-    thread_pool::each_of(
-        pieces,
-        thread_pool::evenly(motion, pieces),
-        |piece, motion| {
-            let part = owned * piece / pieces..owned * (piece + 1) / pieces;
-            let fluid = &fluid[if WET { part.clone() } else { 0..0 }];
-            let (contact, mobility) = (&contact[part.clone()], &mobility[part]);
-            for (k, motion) in motion.iter_mut().enumerate() {
-                let load = if WET {
-                    together(&contact[k], &fluid[k])
-                } else {
-                    contact[k]
-                };
-                kick::<S, DAMPED>(motion, &load, &mobility[k], how);
-            }
-        },
-    );
 }

@@ -230,18 +230,14 @@ impl<S: Space> Bodies<S> for Blocks {
         particles.check_shapes()
     }
 
-    fn drift(
+    fn advance(
         &self,
         particles: &mut Particles<S>,
         kick: &Kick<S>,
-        again: bool,
+        phase: Phase,
         parallel: bool,
     ) -> Fastest {
-        integrate::blocks::drift(particles, kick, self.mass_damping, (again, parallel))
-    }
-
-    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>, parallel: bool) {
-        integrate::blocks::finish(particles, kick, self.mass_damping, parallel);
+        integrate::blocks::advance(particles, kick, self.mass_damping, (phase, parallel))
     }
 
     fn pose(scratch: &mut Scratch, particles: &Particles<S>, parallel: bool) {
@@ -271,11 +267,17 @@ impl<S: Space> Bodies<S> for Blocks {
     /// The narrow phase costs far more than adding up, and unevenly: its work is shared as it comes.
     fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
 
-    fn forces(engine: &mut Engine<S, Self>, particles: &mut Particles<S>, dt: f64) {
+    fn forces(
+        engine: &mut Engine<S, Self>,
+        particles: &mut Particles<S>,
+        dt: f64,
+        _: Option<(&Kick<S>, Phase)>,
+    ) -> Option<Fastest> {
         engine.pair_forces(particles, dt);
         engine.add_up(&mut particles.contact);
         engine.plane_forces(particles, dt);
         engine.faces_forces(particles, dt);
+        None
     }
 
     fn contact(

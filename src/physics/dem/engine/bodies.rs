@@ -44,21 +44,15 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         }
     }
 
-    /// First half kick and drift; `again`: the second half kick of the step before comes first. The speed is that of the fastest
-    /// point of any body.
-    fn drift(
+    /// Moves all owned bodies. The speed is that of the fastest point of any body.
+    fn advance(
         &self,
         particles: &mut Particles<S>,
         kick: &Kick<S>,
-        again: bool,
+        phase: Phase,
         parallel: bool,
     ) -> Fastest {
-        integrate::drift(particles, kick, again, parallel)
-    }
-
-    /// Second half kick.
-    fn finish(&self, particles: &mut Particles<S>, kick: &Kick<S>, parallel: bool) {
-        integrate::finish(particles, kick, parallel);
+        integrate::advance(particles, kick, phase, parallel)
     }
 
     /// What [`Self::near`] and the forces need to know of every entry as it stands now.
@@ -75,9 +69,14 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.cut_into_parts(particles);
     }
 
-    /// Contact loads of all owned bodies.
-    fn forces(engine: &mut Engine<S, Self>, particles: &mut Particles<S>, dt: f64) {
-        engine.sphere_forces(particles, dt);
+    /// Contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
+    fn forces(
+        engine: &mut Engine<S, Self>,
+        particles: &mut Particles<S>,
+        dt: f64,
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Option<Fastest> {
+        engine.sphere_forces(particles, dt, phase)
     }
 
     /// A listed pair as a contact, where it is one.

@@ -116,6 +116,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         for pair in &mut self.pairs {
             L::unbond(&mut pair.history);
         }
+        self.parts.for_each_copy(L::unbond);
         for pair in &mut self.wall_pairs {
             L::unbond(&mut pair.history);
         }

@@ -254,10 +254,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         thread_pool::each_item(&mut self.facets, least, |_, facets| {
             facets.activate(walls, motion, look);
         });
-        let pairs = &self.pairs;
-        self.parts.note(&self.active, |k| {
-            let pair = &pairs[k as usize];
-            [pair.first, pair.second]
-        });
+        self.parts.note(&self.active, &self.pairs);
     }
 }

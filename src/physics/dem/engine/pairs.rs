@@ -149,19 +149,16 @@ impl<S: Space> Default for Spans<S> {
 }
 
 impl<S: Space> Spans<S> {
-    /// `pairs` starts with pair number `base`; a block is at most [`BLOCK`] long.
+    /// Measures a block of at most [`BLOCK`] pairs.
     #[inline(always)]
-    pub(super) fn measure<L: ContactLaw<S>, const PERIODIC: bool>(
+    pub(super) fn measure<'a, L: ContactLaw<S> + 'a, const PERIODIC: bool>(
         &mut self,
-        block: &[u32],
-        pairs: &[Pair<L::Scale, L::History>],
-        base: usize,
+        pairs: impl Iterator<Item = &'a Pair<L::Scale, L::History>>,
         motion: &[Motion<S>],
         offsets: &[S::Vector],
     ) {
         let slots = self.between.iter_mut().zip(&mut self.squared);
-        for (&k, (between, squared)) in block.iter().zip(slots) {
-            let pair = &pairs[k as usize - base];
+        for (pair, (between, squared)) in pairs.zip(slots) {
             let offset = if PERIODIC {
                 offsets[pair.offset as usize]
             } else {

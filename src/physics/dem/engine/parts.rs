@@ -1,16 +1,22 @@
-//! Forces between spheres by threads, with the same sums in the same order as by one thread.
+//! Forces between spheres, and their motion, by parts of the grains: one for each thread.
 //!
-//! The own grains are sorted by id and cut into as many parts as there are threads. A pair belongs to the part of its first grain,
-//! the lower id. Pairs are sorted by their first grain: the pairs of a part are contiguous in the list, and a pair that crosses
-//! into another part crosses into a later one.
+//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part computes every active
+//! pair that one of its grains is in:
 //!
-//! 1. The pairs that cross are computed, shared out evenly.
-//! 2. Each part adds, for its own grains, the results of earlier parts (the lower ids), and then computes its other pairs, its pairs with
-//!    planes and its contacts with facets.
+//! 1. Pairs that come in from earlier parts, whose second is in the part. It has copies of them.
+//! 2. Its own pairs, whose first is in the part. They are contiguous in the list.
+//! 3. Its pairs with planes and its contacts with facets.
 //!
-//! Few pairs cross where ids follow space (the module `preparation::numbering` of the library).
+//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts. A pair
+//! between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids follow space (the
+//! module `preparation::numbering` of the library).
+//!
+//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts still read where
+//! the grains were. A solid step therefore has one meeting of the threads.
 
 use super::*;
+use integrate::{Loads, Phase};
+use std::ops::Range;
 
 /// Where a part starts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,88 +26,71 @@ struct Cut {
     planes: usize,
 }
 
-/// The active pairs whose second is in a later part than their first, in the order of the list.
-#[derive(Debug)]
-struct Crossings<S: Space> {
-    /// Where those of each part begin, and the end.
-    begins: Vec<usize>,
-    /// Places among the listed pairs.
-    pairs: Vec<u32>,
-    /// Before which of [`Part::within`] each comes.
-    before: Vec<u32>,
-    firsts: Vec<u32>,
-    seconds: Vec<u32>,
-    actions: Vec<Action<S>>,
-    /// The deepest contact that each thread found.
-    deepest: Vec<Record>,
-}
-
-impl<S: Space> Default for Crossings<S> {
-    fn default() -> Self {
-        Self {
-            begins: Vec::new(),
-            pairs: Vec::new(),
-            before: Vec::new(),
-            firsts: Vec::new(),
-            seconds: Vec::new(),
-            actions: Vec::new(),
-            deepest: Vec::new(),
-        }
-    }
-}
-
-/// A part: its active pairs, and what a step makes of them.
+/// What a step makes of a part.
 #[derive(Debug)]
 struct Part<S: Space> {
-    /// Its place.
-    part: usize,
-    /// Those that do not cross: places among the listed ones.
-    within: Vec<u32>,
-    /// Those that cross, with how many of the others come before, and both ends.
-    crossing: Vec<[u32; 4]>,
+    /// Its active pairs: places among all.
+    active: Range<usize>,
+    /// The places of the pairs that come in: all of them.
+    places: Vec<u32>,
     /// Bonds that failed, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
     at_planes: Vec<WallFailure<S>>,
     at_facets: Vec<WallFailure<S>>,
     deepest: Record,
+    fastest: Fastest,
 }
 
-/// The parts of one rank; none where one thread does it all.
-#[derive(Debug)]
-pub(super) struct Parts<S: Space> {
-    /// One more than there are parts.
-    cuts: Vec<Cut>,
-    crossings: Crossings<S>,
-    parts: Vec<Part<S>>,
-}
-
-impl<S: Space> Default for Parts<S> {
+impl<S: Space> Default for Part<S> {
     fn default() -> Self {
         Self {
-            cuts: Vec::new(),
-            crossings: Crossings::default(),
-            parts: Vec::new(),
+            active: 0..0,
+            places: Vec::new(),
+            pairs: Vec::new(),
+            at_planes: Vec::new(),
+            at_facets: Vec::new(),
+            deepest: Record::default(),
+            fastest: Fastest::default(),
         }
     }
 }
 
-impl<S: Space> Parts<S> {
-    /// One part.
-    pub(super) fn none(&mut self) {
-        self.cuts.clear();
-        self.crossings = Crossings::default();
-        self.parts.clear();
-    }
+/// The parts of one rank.
+#[derive(Debug)]
+pub(super) struct Parts<S: Space, C, M> {
+    /// One more than there are parts.
+    cuts: Vec<Cut>,
+    parts: Vec<Part<S>>,
+    /// Of each part, the active pairs whose second is in a later part.
+    going: Vec<Vec<u32>>,
+    /// Of each part, copies of the active pairs that come in from earlier parts, in the order of the list.
+    coming: Vec<Vec<Pair<C, M>>>,
+    /// Where grains move to.
+    moved: Vec<Motion<S>>,
+}
 
+impl<S: Space, C, M> Default for Parts<S, C, M> {
+    fn default() -> Self {
+        Self {
+            cuts: Vec::new(),
+            parts: Vec::new(),
+            going: Vec::new(),
+            coming: Vec::new(),
+            moved: Vec::new(),
+        }
+    }
+}
+
+impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
     /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains, how many
     /// listed pairs have a first of lower id, and how many listed planes a grain before it.
-    pub(super) fn cut(
+    fn cut(
         &mut self,
         count: usize,
         owned: usize,
         [pairs_below, planes_below]: [&dyn Fn(usize) -> usize; 2],
     ) {
-        self.none();
+        self.cuts.clear();
         self.cuts.extend((0..=count).map(|part| {
             let grains = owned * part / count;
             Cut {
@@ -111,64 +100,56 @@ impl<S: Space> Parts<S> {
                 planes: planes_below(grains),
             }
         }));
-        self.crossings.deepest.resize_with(count, Record::default);
-        self.parts.extend((0..count).map(|part| Part {
-            part,
-            within: Vec::new(),
-            crossing: Vec::new(),
-            pairs: Vec::new(),
-            at_planes: Vec::new(),
-            at_facets: Vec::new(),
-            deepest: Record::default(),
-        }));
+        self.parts.resize_with(count, Part::default);
+        self.going.resize_with(count, Vec::new);
+        self.coming.resize_with(count, Vec::new);
     }
 
-    /// Takes note of the active pairs; `ends` gives the grains of a listed pair.
-    pub(super) fn note(&mut self, active: &[u32], ends: impl Fn(u32) -> [u32; 2] + Sync) {
+    /// Takes note of the active pairs among the listed ones.
+    pub(super) fn note(&mut self, active: &[u32], pairs: &[Pair<C, M>]) {
         let Some(owned) = self.cuts.last().map(|end| end.grains) else {
             return;
         };
-        let Self {
-            cuts,
-            crossings,
-            parts,
-        } = self;
-        thread_pool::each_item(parts, 1, |part, own| {
-            own.within.clear();
-            own.crossing.clear();
+        let cuts = &self.cuts;
+        let shared = (
+            thread_pool::evenly(&mut self.parts, cuts.len() - 1),
+            thread_pool::evenly(&mut self.going, cuts.len() - 1),
+        );
+        thread_pool::each_of(cuts.len() - 1, shared, |part, (own, going)| {
             let below = |part: usize| {
                 let end = cuts[part].pairs;
                 active.partition_point(|&k| (k as usize) < end)
             };
+            own[0].active = below(part)..below(part + 1);
             let later = cuts[part + 1].grains..owned;
-            for &k in &active[below(part)..below(part + 1)] {
-                let [first, second] = ends(k);
-                if later.contains(&(second as usize)) {
-                    let before = ghosts::index(own.within.len());
-                    own.crossing.push([k, before, first, second]);
-                } else {
-                    own.within.push(k);
-                }
+            let goes = |k: &u32| later.contains(&pairs[*k as usize].ends().1);
+            going[0].clear();
+            if !later.is_empty() {
+                let own = &active[own[0].active.clone()];
+                going[0].extend(own.iter().copied().filter(goes));
             }
         });
-        crossings.begins.clear();
-        crossings.pairs.clear();
-        crossings.before.clear();
-        crossings.firsts.clear();
-        crossings.seconds.clear();
-        for part in &*parts {
-            crossings.begins.push(crossings.pairs.len());
-            for &[k, before, first, second] in &part.crossing {
-                crossings.pairs.push(k);
-                crossings.before.push(before);
-                crossings.firsts.push(first);
-                crossings.seconds.push(second);
-            }
+        let going = &self.going;
+        let shared = (
+            thread_pool::evenly(&mut self.parts, cuts.len() - 1),
+            thread_pool::evenly(&mut self.coming, cuts.len() - 1),
+        );
+        thread_pool::each_of(cuts.len() - 1, shared, |part, (own, coming)| {
+            let grains = cuts[part].grains..cuts[part + 1].grains;
+            let all = going[..part].iter().flatten();
+            let pairs = all.map(|&k| pairs[k as usize]);
+            coming[0].clear();
+            coming[0].extend(pairs.filter(|pair| grains.contains(&pair.ends().1)));
+            own[0].places.clear();
+            own[0].places.extend(0..ghosts::index(coming[0].len()));
+        });
+    }
+
+    /// Changes the history of every copy of a pair.
+    pub(super) fn for_each_copy(&mut self, change: impl Fn(&mut M)) {
+        for pair in self.coming.iter_mut().flatten() {
+            change(&mut pair.history);
         }
-        let all = crossings.pairs.len();
-        crossings.begins.push(all);
-        crossings.actions.clear();
-        crossings.actions.resize(all, Action::default());
     }
 }
 
@@ -176,6 +157,7 @@ impl<S: Space> Parts<S> {
 struct World<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
+    active: &'a [u32],
     motion: &'a [Motion<S>],
     walls: &'a [Wall<S>],
     time_step: f64,
@@ -183,122 +165,40 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
     deepest: f64,
 }
 
-/// What one part writes: its listed pairs, those with planes and with facets, and the loads of its grains.
+/// Pairs, the places of those to compute, and the place of the first.
+type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
+
+/// What one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
+    coming: &'a mut [Pair<L::Scale, L::History>],
     planes: &'a mut [WallPair<L::Constants, L::History>],
     facets: &'a mut Facets<L::Constants, L::History>,
     loads: &'a mut [Load<S>],
 }
 
 impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
-    /// Pairs that cross, at these places in the list. `pairs` are those listed from `first` on. Returns the deepest contact.
-    fn cross<const PERIODIC: bool>(
+    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first` on.
+    #[inline(always)]
+    fn act_on<const PERIODIC: bool>(
         &self,
-        cross: &[u32],
-        actions: &mut [Action<S>],
-        first: usize,
-        pairs: &mut [Pair<L::Scale, L::History>],
-    ) -> Record {
-        let mut spans = Spans::default();
-        let mut record = Record::beyond(self.deepest);
-        for (block, actions) in cross.chunks(BLOCK).zip(actions.chunks_mut(BLOCK)) {
-            spans.measure::<L, PERIODIC>(block, pairs, first, self.motion, self.offsets);
-            for ((&k, span), action) in block.iter().zip(spans.iter()).zip(actions) {
-                let pair = &mut pairs[k as usize - first];
-                let found = act::<S, L>(
-                    self.rows,
-                    pair,
-                    self.motion,
-                    span,
-                    &mut record,
-                    self.time_step,
-                );
-                *action = found.unwrap_or_default();
-            }
-        }
-        record
-    }
-
-    /// The loads of the grains of a part.
-    fn load<const PERIODIC: bool>(
-        &self,
-        from: &Cut,
-        crossings: &Crossings<S>,
-        part: &mut Part<S>,
-        share: Share<'_, S, L>,
+        (pairs, places, base): Active<'_, L::Scale, L::History>,
+        (loads, first): (&mut [Load<S>], usize),
+        record: &mut Record,
+        mut fails: impl FnMut(u32, Failure),
     ) {
-        let Share {
-            pairs,
-            planes,
-            facets,
-            loads,
-        } = share;
-        loads.fill(Load::default());
-        let Part {
-            part: place,
-            within,
-            pairs: failed,
-            at_planes,
-            at_facets,
-            deepest,
-            ..
-        } = part;
-        failed.clear();
-        at_planes.clear();
-        at_facets.clear();
-        let mut record = Record::beyond(self.deepest);
-        let own = crossings.begins[*place]..crossings.begins[*place + 1];
-        let earlier = crossings.seconds[..own.start].iter();
-        for (&second, action) in earlier.zip(&crossings.actions) {
-            if let Some(load) = loads.get_mut((second as usize).wrapping_sub(from.grains)) {
-                load.force += action.force;
-                load.torque += action.on_second;
-            }
-        }
-        // Ghosts and grains of later parts are beyond the share.
-        let place_of = |grain: u32| (grain as usize).wrapping_sub(from.grains);
-        // Before which of the others the next pair that crosses comes.
-        let turn = |cross: usize| match crossings.before.get(cross) {
-            Some(&before) if cross < own.end => before as usize,
-            _ => usize::MAX,
-        };
-        let mut cross = own.start;
-        let mut next = turn(cross);
-        // Adds what crosses before one of the others, so that every sum has its order.
-        let mut add_crossing = |before: usize, loads: &mut [Load<S>], failures: &mut Vec<_>| {
-            while turn(cross) <= before {
-                let action = &crossings.actions[cross];
-                if let Some(load) = loads.get_mut(place_of(crossings.firsts[cross])) {
-                    load.force -= action.force;
-                    load.torque += action.on_first;
-                }
-                if let Some(failure) = action.failure {
-                    failures.push((crossings.pairs[cross], failure));
-                }
-                cross += 1;
-            }
-            turn(cross)
-        };
+        let place_of = |grain: u32| (grain as usize).wrapping_sub(first);
         let mut spans = Spans::default();
-        for (start, block) in (0..).step_by(BLOCK).zip(within.chunks(BLOCK)) {
-            spans.measure::<L, PERIODIC>(block, pairs, from.pairs, self.motion, self.offsets);
-            for (place, (&k, span)) in (start..).zip(block.iter().zip(spans.iter())) {
-                if next <= place {
-                    next = add_crossing(place, loads, failed);
-                }
-                let pair = &mut pairs[k as usize - from.pairs];
-                let found = act::<S, L>(
-                    self.rows,
-                    pair,
-                    self.motion,
-                    span,
-                    &mut record,
-                    self.time_step,
-                );
+        for block in places.chunks(BLOCK) {
+            let near = block.iter().map(|&k| &pairs[k as usize - base]);
+            spans.measure::<L, PERIODIC>(near, self.motion, self.offsets);
+            for (&k, span) in block.iter().zip(spans.iter()) {
+                let pair = &mut pairs[k as usize - base];
+                let found = act::<S, L>(self.rows, pair, self.motion, span, record, self.time_step);
                 let Some(action) = found else {
                     continue;
                 };
+                // Ghosts and grains of other parts are beyond the loads.
                 if let Some(load) = loads.get_mut(place_of(pair.first)) {
                     load.force -= action.force;
                     load.torque += action.on_first;
@@ -308,31 +208,56 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                     load.torque += action.on_second;
                 }
                 if let Some(failure) = action.failure {
-                    failed.push((k, failure));
+                    fails(k, failure);
                 }
             }
         }
-        add_crossing(within.len(), loads, failed);
+    }
+
+    /// The loads of the grains of a part.
+    fn load<const PERIODIC: bool>(&self, from: &Cut, part: &mut Part<S>, share: Share<'_, S, L>) {
+        let Share {
+            pairs,
+            coming,
+            planes,
+            facets,
+            loads,
+        } = share;
+        loads.fill(Load::default());
+        part.pairs.clear();
+        part.at_planes.clear();
+        part.at_facets.clear();
+        let mut record = Record::beyond(self.deepest);
+        if !coming.is_empty() {
+            // The part of the first reports what fails.
+            let all = (coming, &part.places[..], 0);
+            let to = (&mut *loads, from.grains);
+            self.act_on::<PERIODIC>(all, to, &mut record, |_, _| {});
+        }
+        let active = &self.active[part.active.clone()];
+        self.act_on::<PERIODIC>(
+            (pairs, active, from.pairs),
+            (&mut *loads, from.grains),
+            &mut record,
+            |k, failure| part.pairs.push((k, failure)),
+        );
         for pair in planes {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut loads[pair.grain as usize - from.grains];
             let failure =
                 act_at_plane::<S, L>(pair, wall, self.motion, (load, &mut record), self.time_step);
-            at_planes.extend(failure);
+            part.at_planes.extend(failure);
         }
         let loads = (loads, from.grains);
-        let found = (at_facets, &mut record);
+        let found = (&mut part.at_facets, &mut record);
         facets.act::<S, L>(self.walls, self.motion, loads, found, self.time_step);
-        *deepest = record;
+        part.deepest = record;
     }
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Parts for the present lists, as many as there are threads.
     pub(super) fn cut_into_parts(&mut self, particles: &Particles<S>) {
-        if !self.parallel {
-            return self.parts.none();
-        }
         let owned = particles.owned();
         let id = |grain: usize| particles.body[..owned].get(grain).map(|body| body.id);
         let pairs_below = |grain: usize| {
@@ -345,90 +270,98 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.wall_pairs
                 .partition_point(|pair| (pair.grain as usize) < grain)
         };
-        let count = thread_pool::threads();
+        let count = if self.parallel {
+            thread_pool::threads()
+        } else {
+            1
+        };
         self.parts.cut(count, owned, [&pairs_below, &planes_below]);
+        let entries = if count > 1 { particles.len() } else { 0 };
+        self.parts.moved.resize(entries, Motion::default());
     }
 
-    /// Loads of grains on each other and of planes on them, by threads.
-    pub(super) fn grain_forces_by_threads<const PERIODIC: bool>(
+    /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains in `phase`: whether this
+    /// was done, and the fastest.
+    pub(super) fn forces_by_parts<const PERIODIC: bool>(
         &mut self,
         particles: &mut Particles<S>,
         dt: f64,
-    ) {
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Option<Fastest> {
         let Parts {
             cuts,
-            crossings,
             parts,
+            coming,
+            moved,
+            ..
         } = &mut self.parts;
         let world = World::<S, L> {
             rows: &self.rows,
             offsets: &self.offsets,
+            active: &self.active,
             motion: &particles.motion,
             walls: &self.walls,
             time_step: dt,
             deepest: self.record.part(),
         };
         let (cuts, count) = (&**cuts, parts.len());
-        let Crossings {
-            pairs: cross,
-            actions,
-            deepest,
-            ..
-        } = &mut *crossings;
-        let all = cross.len();
-        if all > 0 {
-            let cross = &**cross;
-            // The listed pairs of each share of those that cross.
-            let first = |part: usize| match cross.get(all * part / count) {
-                _ if part == 0 => 0,
-                Some(&k) => k as usize,
-                None => self.pairs.len(),
-            };
-            let mut firsts = [0; thread_pool::MOST + 1];
-            for (part, at) in firsts[..=count].iter_mut().enumerate() {
-                *at = first(part);
-            }
-            let shared = (
-                thread_pool::evenly(actions, count),
-                thread_pool::evenly(deepest, count),
-                thread_pool::cut(&mut self.pairs, count, |part| firsts[part]),
-            );
-            thread_pool::each_of(count, shared, |part, (actions, deepest, pairs)| {
-                let cross = &cross[all * part / count..all * (part + 1) / count];
-                deepest[0] = world.cross::<PERIODIC>(cross, actions, firsts[part], pairs);
-            });
-            for deepest in deepest {
-                self.record = self.record.or(std::mem::take(deepest));
-            }
-        }
+        let phase = phase.filter(|_| count > 1);
+        let (fluid, mobility) = (&particles.fluid[..], &particles.mobility[..]);
+        let grains = |part: usize| cuts[part].grains;
         let shared = (
             thread_pool::evenly(parts, count),
             thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs),
+            thread_pool::evenly(coming, count),
             thread_pool::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
-            thread_pool::cut(&mut particles.contact, count, |part| cuts[part].grains),
         );
-        let shared = (shared, thread_pool::evenly(&mut self.facets, count));
-        thread_pool::each_of(
-            count,
+        let shared = (
             shared,
-            |n, ((part, pairs, planes, loads), facets)| {
-                let share = Share::<S, L> {
-                    pairs,
-                    planes,
-                    facets: &mut facets[0],
-                    loads,
-                };
-                world.load::<PERIODIC>(&cuts[n], crossings, &mut part[0], share);
-            },
+            thread_pool::evenly(&mut self.facets, count),
+            thread_pool::cut(&mut particles.contact, count, grains),
+            thread_pool::cut(moved, count, |part| {
+                if phase.is_some() { grains(part) } else { 0 }
+            }),
         );
-        for part in parts {
+        thread_pool::each_of(count, shared, |n, (lists, facets, loads, moved)| {
+            let (part, pairs, coming, planes) = lists;
+            let share = Share::<S, L> {
+                pairs,
+                coming: &mut coming[0],
+                planes,
+                facets: &mut facets[0],
+                loads,
+            };
+            world.load::<PERIODIC>(&cuts[n], &mut part[0], share);
+            if let Some((kick, phase)) = phase {
+                let own = grains(n)..grains(n + 1);
+                let loads = Loads {
+                    contact: loads,
+                    fluid: fluid.get(own.clone()).unwrap_or_default(),
+                    mobility: &mobility[own.clone()],
+                };
+                let from = &world.motion[own];
+                part[0].fastest = integrate::move_to(from, moved, &loads, kick, phase);
+            }
+        });
+        let mut fastest = Fastest::default();
+        for part in &mut *parts {
             self.record = self.record.or(part.deepest);
             self.failures.append(&mut part.pairs);
             self.wall_failures.append(&mut part.at_planes);
+            fastest = fastest.or(part.fastest);
         }
-        // As by one thread: all planes first.
-        for part in &mut self.parts.parts {
+        // All planes first, as by one part.
+        for part in parts {
             self.wall_failures.append(&mut part.at_facets);
         }
+        phase.map(|_| fastest)
+    }
+
+    /// Puts the grains where the last step has moved them.
+    pub(super) fn take_moved(&mut self, particles: &mut Particles<S>) {
+        let owned = particles.owned();
+        // Ghosts stay until they are refreshed.
+        self.parts.moved[owned..].copy_from_slice(&particles.motion[owned..]);
+        std::mem::swap(&mut self.parts.moved, &mut particles.motion);
     }
 }

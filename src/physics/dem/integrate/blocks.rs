@@ -15,7 +15,7 @@ use super::super::blocks::{in_space, out_of_space};
 use super::super::particles::{Body, Kind, Load, Motion, Particles};
 use super::super::polyhedron::{Damping, Polyhedron, RotationState};
 use super::super::space::Space;
-use super::{Fastest, Kick, SPEED_LIMIT, damped};
+use super::{Fastest, Kick, Phase, SPEED_LIMIT, damped};
 
 /// What moves a body.
 #[derive(Clone, Copy)]
@@ -90,17 +90,20 @@ fn turn<S: Space>(
     2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()
 }
 
-/// One body over the kick and the drift of a step: the path of its fastest point over dt, squared.
-fn advance<S: Space>(
+/// One body in a phase of the step: the path of its fastest point over dt, squared.
+fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
     by: &Moved<'_, S>,
     how: &How<'_, S>,
-    again: bool,
+    phase: Phase,
 ) -> Fastest {
     let dt = how.kick.time_step;
-    if again {
+    if phase != Phase::First {
         kick(motion, rotation, by, how);
+    }
+    if phase == Phase::Last {
+        return Fastest::default();
     }
     kick(motion, rotation, by, how);
     motion.position += motion.velocity * dt;
@@ -158,36 +161,19 @@ fn each<S: Space>(
     }
 }
 
-fn how<S: Space>(kick: &Kick<S>, mass_damping: f64) -> How<'_, S> {
-    How {
-        kick,
-        damping: Damping::new(mass_damping, 0.5 * kick.time_step),
-    }
-}
 
-/// First half kick, drift and free turn; `again`: the second half kick of the step before comes first.
-pub(in crate::dem) fn drift<S: Space>(
+/// Moves all own bodies in a phase of the step, with the free turn in its drift.
+pub(in crate::dem) fn advance<S: Space>(
     particles: &mut Particles<S>,
     kick: &Kick<S>,
     mass_damping: f64,
-    (again, parallel): (bool, bool),
+    (phase, parallel): (Phase, bool),
 ) -> Fastest {
-    let how = how(kick, mass_damping);
+    let how = How {
+        kick,
+        damping: Damping::new(mass_damping, 0.5 * kick.time_step),
+    };
     each(particles, parallel, |motion, rotation, by| {
-        advance(motion, rotation, by, &how, again)
+        move_one(motion, rotation, by, &how, phase)
     })
-}
-
-/// Second half kick.
-pub(in crate::dem) fn finish<S: Space>(
-    particles: &mut Particles<S>,
-    with: &Kick<S>,
-    mass_damping: f64,
-    parallel: bool,
-) {
-    let how = how(with, mass_damping);
-    each(particles, parallel, |motion, rotation, by| {
-        kick(motion, rotation, by, &how);
-        Fastest::default()
-    });
 }
