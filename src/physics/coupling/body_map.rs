@@ -23,13 +23,14 @@ use crate::number::to_i32;
 use crate::thread_pool;
 use links::Direction;
 use look::Found;
+use owners::Settled;
 use rows::Rows;
 use slab::Slab;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A cell outside the domain or in a structure: the business of the faces and of the structures.
-const OUTSIDE: u32 = u32::MAX;
+/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the highest bit free.
+const OUTSIDE: u32 = u32::MAX >> 1;
 /// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
 /// A cell of fluid.
@@ -115,8 +116,6 @@ pub struct BodyMap {
     rules: Rules,
     /// Owner of each cell of the slab and of [`GHOSTS`] layers round it, x fastest.
     owner: Vec<u32>,
-    stamp: Vec<u32>,
-    now: u32,
     bodies: Vec<Mapped>,
     entries: HashMap<u32, Vec<u32>>,
     links: Vec<Vec<BodyLink>>,
@@ -129,6 +128,9 @@ pub struct BodyMap {
     relink: Vec<AtomicBool>,
     /// What looks at the bodies that moved have found, for each run of bodies.
     found: Vec<Found>,
+    /// What threads that settle cells have found, and how many rows they settle below each layer.
+    settled: Vec<Settled>,
+    rows_below: Vec<usize>,
     /// Links between two cells of water that sheets cut: place of the cell and direction.
     sheets: HashSet<(usize, u8)>,
 }
@@ -165,7 +167,7 @@ const CHANGES_PER_THREAD: usize = 16;
 
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "ids are checked against u32 in `refresh`"
+    reason = "`refresh` checks ids"
 )]
 fn tag(id: u64) -> u32 {
     id as u32 + 1
@@ -177,8 +179,6 @@ impl BodyMap {
         let slab = Slab::new(populations, grid);
         Self {
             owner: slab.layout(FLUID, OUTSIDE),
-            stamp: slab.layout(0, 0),
-            now: 0,
             directions: links::directions(&slab, populations),
             slab,
             rules,
@@ -191,6 +191,8 @@ impl BodyMap {
             again: Vec::new(),
             relink: Vec::new(),
             found: Vec::new(),
+            settled: Vec::new(),
+            rows_below: Vec::new(),
             sheets: HashSet::new(),
         }
     }
@@ -326,7 +328,6 @@ impl BodyMap {
             self.links.resize_with(particles.len(), Vec::new);
             return;
         }
-        self.now = self.now.wrapping_add(1).max(1);
         self.changes.clear();
         self.again.clear();
         let same = self.bodies.len() == particles.len()

@@ -1,5 +1,6 @@
 //! The cells of one slab and of the layers round it.
 
+use super::rows::Row;
 use super::{GHOSTS, Grid};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
@@ -44,6 +45,25 @@ impl Slab {
             }
         }
         values
+    }
+
+    /// Layers of cells along the last axis, ghosts among them.
+    pub(super) fn layers(&self) -> usize {
+        let axis = self.dimension - 1;
+        usize::try_from(self.cells[axis] + 2 * self.ghosts(axis)).unwrap_or(0)
+    }
+
+    /// Cells of a layer: they follow each other in a [`Self::layout`].
+    pub(super) fn cells_of_a_layer(&self) -> usize {
+        let all = (0..self.dimension - 1).map(|a| self.cells[a] + 2 * self.ghosts(a));
+        usize::try_from(all.product::<i32>()).unwrap_or(0)
+    }
+
+    /// The layer of a row.
+    pub(super) fn layer(&self, row: Row) -> usize {
+        let axis = self.dimension - 1;
+        let at = if axis == 1 { row.y } else { row.z };
+        usize::try_from(at + self.ghosts(axis)).unwrap_or(0)
     }
 
     /// Place of a cell in a [`Self::layout`].
