@@ -191,7 +191,7 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
-/// Runs of consecutive items for [`each_item_in_turn`]: for each thread about as many as there can be, or one in all where there are fewer
+/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where there are fewer
 /// than `2 least` items.
 #[must_use]
 pub fn runs(items: usize, least: usize) -> usize {
@@ -201,16 +201,42 @@ pub fn runs(items: usize, least: usize) -> usize {
     }
 }
 
-/// As [`each_item`], for items of uneven work: the threads take runs of items in turn. As many items are always cut the same way, so that each
-/// thread meets what it wrote before.
-pub fn each_item_in_turn<T: Send>(
+/// How many of its runs a thread has begun, on a cache line of its own.
+#[derive(Default)]
+#[repr(align(128))]
+struct Begun(AtomicUsize);
+
+/// As [`each_of`], for pieces of uneven work: a thread does those of its own even share, the same in each call, and then helps others with theirs.
+/// It meets most of what it wrote before.
+pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
+    let threads = threads().min(runs);
+    let begun: [Begun; MOST] = std::array::from_fn(|_| Begun::default());
+    each(threads, |thread| {
+        for turn in 0..threads {
+            let whose = (thread + turn) % threads;
+            let (first, end) = (runs * whose / threads, runs * (whose + 1) / threads);
+            loop {
+                let run = first + begun[whose].0.fetch_add(1, Ordering::Relaxed);
+                if run >= end {
+                    break;
+                }
+                // SAFETY: nobody else has begun this run, and nobody else has what is shared.
+                work(run, unsafe { shared.share(run) });
+            }
+        }
+    });
+    drop(shared);
+}
+
+/// As [`each_item`], for items of uneven work: see [`each_run_of`].
+pub fn each_item_in_runs<T: Send>(
     items: &mut [T],
     least: usize,
     work: impl Fn(usize, &mut T) + Sync,
 ) {
     let count = items.len();
     let runs = runs(count, least);
-    each_of(runs, evenly(items, runs), |run, share| {
+    each_run_of(runs, evenly(items, runs), |run, share| {
         for (n, item) in (count * run / runs..).zip(share) {
             work(n, item);
         }
@@ -466,9 +492,9 @@ mod tests {
             each_item(&mut items, 10, |n, item| *item += n);
             assert!(items.iter().enumerate().all(|(n, item)| n == *item));
             for count in [0, 1, 19, 20, 100, 1000] {
-                each_item_in_turn(&mut items[..count], 10, |n, item| *item -= n);
+                each_item_in_runs(&mut items[..count], 10, |n, item| *item -= n);
                 assert!(items[..count].iter().all(|item| *item == 0));
-                each_item_in_turn(&mut items[..count], 10, |n, item| *item += n);
+                each_item_in_runs(&mut items[..count], 10, |n, item| *item += n);
             }
             assert_eq!([runs(19, 10), runs(20, 10), runs(1000, 10)], [1, 64, 63]);
         });

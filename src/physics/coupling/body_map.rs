@@ -118,6 +118,10 @@ pub struct BodyMap {
     owner: Vec<u32>,
     bodies: Vec<Mapped>,
     entries: HashMap<u32, Vec<u32>>,
+    /// Places of the bodies that share cells.
+    sharing: Vec<usize>,
+    /// Whether the entries refreshed last are those mapped, image by image.
+    adopted: bool,
     links: Vec<Vec<BodyLink>>,
     directions: Vec<Direction>,
     motion: Vec<Rigid>,
@@ -184,6 +188,8 @@ impl BodyMap {
             rules,
             bodies: Vec::new(),
             entries: HashMap::new(),
+            sharing: Vec::new(),
+            adopted: false,
             links: Vec::new(),
             motion: Vec::new(),
             blocks: Vec::new(),
@@ -272,7 +278,8 @@ impl BodyMap {
         if particles.has_blocks() {
             self.blocks.resize_with(count, Turned::default);
         }
-        let (grid, rules) = (&self.slab.grid, &self.rules);
+        let (grid, rules, mapped) = (&self.slab.grid, &self.rules, &self.bodies);
+        let same = AtomicBool::new(mapped.len() == count);
         let runs = thread_pool::runs(count, PER_THREAD);
         let blocks = self.blocks.len().min(count);
         let shared = (
@@ -280,10 +287,14 @@ impl BodyMap {
             thread_pool::cut(&mut self.blocks, runs, |run| blocks * run / runs),
         );
         let particles = particles.view();
-        thread_pool::each_of(runs, shared, |run, (motion, blocks)| {
+        thread_pool::each_run_of(runs, shared, |run, (motion, blocks)| {
             let mut blocks = blocks.iter_mut();
             for (k, rigid) in (count * run / runs..).zip(motion) {
                 let body = &particles.body[k];
+                let is = |old: &Mapped| old.id == body.id && old.shift == particles.shift[k];
+                if !mapped.get(k).is_some_and(is) {
+                    same.store(false, Ordering::Relaxed);
+                }
                 let factor = if body.id < rules.first_grain {
                     1.0
                 } else {
@@ -310,6 +321,7 @@ impl BodyMap {
                 }
             }
         });
+        self.adopted = same.into_inner();
         Ok(())
     }
 
@@ -330,13 +342,7 @@ impl BodyMap {
         }
         self.changes.clear();
         self.again.clear();
-        let same = self.bodies.len() == particles.len()
-            && self
-                .bodies
-                .iter()
-                .zip(particles.body.iter().zip(&particles.shift))
-                .all(|(old, (body, shift))| old.id == body.id && old.shift == *shift);
-        if !same {
+        if !self.adopted {
             self.adopt(particles);
         }
         self.look_again();
@@ -344,10 +350,10 @@ impl BodyMap {
             return;
         }
         // Bodies that share cells settle anew who has them.
-        for (k, body) in self.bodies.iter_mut().enumerate() {
-            if body.shares && !body.again {
+        for &body in &self.sharing {
+            if !self.bodies[body].again {
                 self.again.push(Again {
-                    body: k,
+                    body,
                     moved: false,
                     shared: true,
                 });
@@ -408,7 +414,7 @@ impl BodyMap {
                 .enumerate()
                 .for_each(|(k, links)| link(k, links));
         } else {
-            thread_pool::each_item_in_turn(&mut links, PER_THREAD, link);
+            thread_pool::each_item_in_runs(&mut links, PER_THREAD, link);
         }
         self.links = links;
     }

@@ -165,7 +165,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             thread_pool::cut(&mut extra, runs, first),
             thread_pool::cut(&mut fluid, runs, first),
         );
-        thread_pool::each_of(runs, shared, |run, (extra, fluid)| {
+        thread_pool::each_run_of(runs, shared, |run, (extra, fluid)| {
             for ((k, extra), fluid) in (first(run)..).zip(extra).zip(fluid) {
                 let half = about_centre(motion[k].position, &loads[k]);
                 let mut load = [0.0; 6];
@@ -188,7 +188,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 
     fn clear_loads(&mut self, n: usize) {
         self.loads.resize(n, [0; 6]);
-        thread_pool::each_item_in_turn(&mut self.loads, BODIES_PER_THREAD, |_, load| {
+        thread_pool::each_item_in_runs(&mut self.loads, BODIES_PER_THREAD, |_, load| {
             *load = [0; 6]
         });
     }
@@ -282,7 +282,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
         let first = |run: usize| (loads.len() * run / runs).min(owned);
         let shared = thread_pool::cut(&mut particles.extra, runs, first);
-        thread_pool::each_of(runs, shared, |run, extra| {
+        thread_pool::each_run_of(runs, shared, |run, extra| {
             for (k, extra) in (first(run)..).zip(extra) {
                 if loads[k] != [0; 6] {
                     let impulse = about_centre(motion[k].position, &loads[k]);

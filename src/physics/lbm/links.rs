@@ -157,7 +157,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     let table = Table::new(populations);
     let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
     let numbers = &numbers;
-    thread_pool::each_item_in_turn(loads, BODIES_PER_THREAD, |k, load| {
+    thread_pool::each_item_in_runs(loads, BODIES_PER_THREAD, |k, load| {
         let (links, motion, faces) = (&links[k], &motion[k], faces(k));
         // Kept in registers while the links pass.
         let mut sum = [0; 6];

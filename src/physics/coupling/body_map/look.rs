@@ -29,7 +29,7 @@ impl BodyMap {
             thread_pool::evenly(&mut self.found[..runs], runs),
             thread_pool::evenly(&mut self.bodies, runs),
         );
-        thread_pool::each_of(runs, shared, |run, (found, bodies)| {
+        thread_pool::each_run_of(runs, shared, |run, (found, bodies)| {
             let found = &mut found[0];
             found.clear();
             for (k, body) in (count * run / runs..).zip(bodies) {

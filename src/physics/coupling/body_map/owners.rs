@@ -80,6 +80,11 @@ impl BodyMap {
         }
         self.bodies = bodies;
         self.links = links;
+        let bodies = self.bodies.iter().enumerate();
+        self.sharing.clear();
+        self.sharing
+            .extend(bodies.filter(|(_, body)| body.shares).map(|(k, _)| k));
+        self.adopted = true;
         self.entries.clear();
         for (k, body) in self.bodies.iter().enumerate() {
             let k = u32::try_from(k).unwrap_or(u32::MAX);
@@ -94,6 +99,7 @@ impl BodyMap {
             body.again = false;
             body.shares &= !one.shared;
         }
+        self.sharing.retain(|&body| self.bodies[body].shares);
         let (again, found) = (&self.again, &self.found);
         let (bodies, slab) = (&self.bodies, &self.slab);
         let shared = || again.iter().filter(|one| one.shared);
@@ -168,12 +174,13 @@ impl BodyMap {
         }
         for settled in &mut self.settled {
             self.changes.append(&mut settled.changes);
-            for body in settled.sharing.came.drain(..) {
-                self.bodies[body].shares = true;
-            }
-            for tag in settled.sharing.there.drain(..) {
-                for &body in self.entries.get(&tag).into_iter().flatten() {
-                    self.bodies[body as usize].shares = true;
+            let there = settled.sharing.there.drain(..);
+            let there = there.filter_map(|tag| self.entries.get(&tag)).flatten();
+            let there = there.map(|&body| body as usize);
+            for body in settled.sharing.came.drain(..).chain(there) {
+                if !self.bodies[body].shares {
+                    self.bodies[body].shares = true;
+                    self.sharing.push(body);
                 }
             }
         }
