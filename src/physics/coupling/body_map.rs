@@ -22,7 +22,7 @@ use crate::lbm::populations::Populations;
 use crate::number::to_i32;
 use crate::thread_pool;
 use links::Direction;
-use look::Found;
+use look::{Found, Nearest};
 use owners::Settled;
 use rows::Rows;
 use slab::Slab;
@@ -93,6 +93,7 @@ struct Mapped {
     orientation: [f64; 4],
     /// It cannot change cells until it has moved this far; negative: not mapped yet.
     slack: f64,
+    nearest: Nearest,
     /// It shares cells with another body: mapped again whenever anything is.
     shares: bool,
     /// It is to be mapped again in this update.
