@@ -37,13 +37,35 @@ fn angle(y: f64, x: f64) -> f64 {
     if y > x { FRAC_PI_2 - near } else { near }
 }
 
-/// The ball beyond two planes at right angles, on one side of a third through its centre.
+/// A coordinate less a third of its cube.
+#[inline(always)]
+pub(crate) fn less_cubed(a: f64) -> f64 {
+    a - a * a * a / 3.0
+}
+
+/// Square of the coordinate at which the line where two planes at right angles meet leaves the ball; not above 0 where it passes by.
+#[inline(always)]
+pub(crate) fn meeting(a: f64, b: f64) -> f64 {
+    1.0 - a * a - b * b
+}
+
+/// The ball beyond two planes at right angles, on one side of a third through its centre: exactly 0 where they do not meet in it.
 #[inline(always)]
 pub(crate) fn edge(a: f64, b: f64) -> f64 {
+    edge_by([a, b], less_cubed, less_cubed)
+}
+
+/// As [`edge`], with what gives [`less_cubed`] of both.
+#[inline(always)]
+pub(crate) fn edge_by(
+    [a, b]: [f64; 2],
+    less_a: impl Fn(f64) -> f64,
+    less_b: impl Fn(f64) -> f64,
+) -> f64 {
     let squared = 1.0 - a * a - b * b;
     let s = sqrt(if squared > 0.0 { squared } else { 0.0 });
-    let p = |a: f64| a - a * a * a / 3.0;
-    ((angle(s, a * b) + a * b * s) * (2.0 / 3.0) - p(a) * angle(s, b) - p(b) * angle(s, a)) * 0.5
+    ((angle(s, a * b) + a * b * s) * (2.0 / 3.0) - less_a(a) * angle(s, b) - less_b(b) * angle(s, a))
+        * 0.5
 }
 
 /// Quarter of the cap of a unit ball beyond a plane at a distance a.

@@ -69,9 +69,24 @@ pub fn whole(x: f64) -> usize {
 }
 
 /// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
+#[cfg(target_arch = "nvptx64")]
 #[inline]
 pub(crate) fn floor_i32(x: f64) -> i32 {
     floor(x.clamp(-2e9, 2e9)) as i32
+}
+
+/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
+///
+/// Without a call, and in vectors: processors without SSE 4.1 have no instruction that rounds, and a cast checks its range. Beside
+/// 1.5 * 2^52 numbers are integers, and their lowest bits are those of the integer.
+#[cfg(not(target_arch = "nvptx64"))]
+#[inline]
+pub(crate) fn floor_i32(x: f64) -> i32 {
+    const LARGE: f64 = 6_755_399_441_055_744.0;
+    let x = if x.is_nan() { 0.0 } else { x.clamp(-2e9, 2e9) };
+    let nearest = (x + LARGE) - LARGE;
+    let below = if nearest > x { nearest - 1.0 } else { nearest };
+    (below + LARGE).to_bits() as i32
 }
 
 /// The largest integer not above a number: 0 for NaN, the ends of the type beyond its range.
@@ -128,6 +143,14 @@ mod tests {
         assert_eq!([whole(2.9), whole(-1.0), whole(f64::NAN)], [2, 0, 0]);
         assert_eq!(whole(f64::INFINITY), 9_000_000_000_000_000);
         assert_eq!([floor_i32(-0.5), floor_i32(1e300)], [-1, 2_000_000_000]);
+        assert_eq!([floor_i32(f64::NAN), floor_i32(-1e300)], [0, -2_000_000_000]);
+        for n in [-1_999_999_999, -7, -2, -1, 0, 1, 2, 3, 1_999_999_999] {
+            let x = f64::from(n);
+            for (x, floor) in [(x, n), (x.next_up(), n), (x.next_down(), n - 1), (x + 0.5, n)] {
+                assert_eq!(floor_i32(x), floor, "{x:e}");
+            }
+        }
+        assert_eq!([floor_i32(-0.0), floor_i32(0.5_f64.next_up())], [0, 0]);
         assert_eq!([floor_i64(2.5), floor_i64(-1e300)], [2, i64::MIN]);
         assert_eq!([to_u32(7), to_u32(usize::MAX)], [7, u32::MAX]);
         assert_eq!([to_i32(7), to_i32(usize::MAX)], [7, i32::MAX]);

@@ -26,7 +26,12 @@ pub fn quanta(g: f64) -> i64 {
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "rounded once, to nearest")]
 pub fn from_quanta(sum: i128) -> f64 {
-    // Most sums fit 64 bits: one instruction instead of a call.
-    let number = i64::try_from(sum).map_or_else(|_| sum as f64, |sum| sum as f64);
-    number / QUANTA
+    /// Apart, or the compiler would call what converts 128 bits for every sum.
+    #[cold]
+    #[inline(never)]
+    fn wide(sum: i128) -> f64 {
+        sum as f64
+    }
+    // Most sums fit 64 bits, which one instruction converts.
+    i64::try_from(sum).map_or_else(|_| wide(sum), |sum| sum as f64) / QUANTA
 }

@@ -7,7 +7,7 @@
 //! 3 N² cells. Corners and fractions are computed a layer at a time. The loops along a row have neither branches nor calls, and rows are
 //! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
-use crate::ball::{Coordinate, edge, filled, octant_of};
+use crate::ball::{Coordinate, edge_by, filled, less_cubed, meeting, octant_of};
 use crate::lbm::lanes::{Level, WIDEST, Work};
 use crate::number::real;
 
@@ -18,6 +18,10 @@ struct Coordinates {
     size: Vec<f64>,
     sign: Vec<f64>,
     cap: Vec<f64>,
+    /// [`less_cubed`] of the size.
+    less: Vec<f64>,
+    /// The one nearest to the centre.
+    nearest: usize,
 }
 
 /// A plane of corners: the signed part of the ball between its centre and each corner, in units of the cubed radius.
@@ -118,31 +122,24 @@ impl BallTable {
             axis.sign.resize(padded, 1.0);
             axis.cap.clear();
             axis.cap.resize(padded, 0.0);
+            axis.nearest = 0;
             for (k, x) in (lower[a]..).take(axis.count).enumerate() {
                 let Coordinate { size, sign, cap } = Coordinate::of(x, centre[a], radius);
                 (axis.size[k], axis.sign[k], axis.cap[k]) = (size, sign, cap);
+                if size < axis.size[axis.nearest] {
+                    axis.nearest = k;
+                }
             }
+            axis.less.clear();
+            axis.less.extend(axis.size.iter().map(|&size| less_cubed(size)));
         }
         for a in 0..3 {
             let (first, second) = (&self.coordinates[a], &self.coordinates[(a + 1) % 3]);
-            let edges = &mut self.edges[a];
             // The bits of an edge depend on the order of its arguments.
             if a == order[2] {
-                let along = first.size.len();
-                edges.resize(second.count * along, 0.0);
-                for (edges, &q) in edges.chunks_exact_mut(along).zip(&second.size) {
-                    for (e, &p) in edges.iter_mut().zip(&first.size) {
-                        *e = edge(p, q);
-                    }
-                }
+                tabulate::<false>(second, first, &mut self.edges[a]);
             } else {
-                let along = second.size.len();
-                edges.resize(first.count * along, 0.0);
-                for (edges, &p) in edges.chunks_exact_mut(along).zip(&first.size) {
-                    for (e, &q) in edges.iter_mut().zip(&second.size) {
-                        *e = edge(p, q);
-                    }
-                }
+                tabulate::<true>(first, second, &mut self.edges[a]);
             }
         }
         let plane = self.coordinates[order[1]].count * self.coordinates[order[2]].size.len();
@@ -243,6 +240,52 @@ impl BallTable {
                 (edges[FAST], edges[next], edges[last]) = (of_next[k], between, of_last[k]);
                 parts[k] = sign * signs[k] * octant_of(size, caps_of, edges);
             }
+        }
+    }
+}
+
+/// The edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of [`edge`](crate::ball::edge).
+#[inline(always)]
+fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges: &mut Vec<f64>) {
+    let width = along.size.len();
+    edges.resize(rows.count * width, 0.0);
+    let meets = |p: f64, k: usize| {
+        let q = along.size[k];
+        (if FORWARD { meeting(p, q) } else { meeting(q, p) }) > 0.0
+    };
+    // Where the planes of a row and those along it meet in the ball: an interval about the centre, in the next row about the same.
+    let (mut from, mut to) = (along.nearest, along.nearest + 1);
+    for (row, edges) in edges.chunks_exact_mut(width).enumerate() {
+        let (p, less) = (rows.size[row], rows.less[row]);
+        if !meets(p, along.nearest) {
+            edges.fill(0.0);
+            continue;
+        }
+        while !meets(p, from) {
+            from += 1;
+        }
+        while from > 0 && meets(p, from - 1) {
+            from -= 1;
+        }
+        while !meets(p, to - 1) {
+            to -= 1;
+        }
+        while to < along.count && meets(p, to) {
+            to += 1;
+        }
+        // As whole vectors. Beyond the interval an edge is 0.
+        let length = (to - from).next_multiple_of(WIDEST);
+        let start = from.min(width - length);
+        edges[..start].fill(0.0);
+        edges[start + length..].fill(0.0);
+        let own = start..start + length;
+        let (edges, sizes) = (&mut edges[own.clone()], &along.size[own.clone()]);
+        for ((edge, &q), &its) in edges.iter_mut().zip(sizes).zip(&along.less[own]) {
+            *edge = if FORWARD {
+                edge_by([p, q], |_| less, |_| its)
+            } else {
+                edge_by([q, p], |_| its, |_| less)
+            };
         }
     }
 }
