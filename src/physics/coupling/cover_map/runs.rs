@@ -2,7 +2,7 @@
 
 use super::super::solid_fraction::{BallInCells, Form, Method, RowCells, Scratch};
 use crate::ball::Beside;
-use crate::lbm::lanes::{Level, Work};
+use crate::lbm::lanes::{Level, WIDEST, Work};
 use crate::lbm::saturation::DEEP;
 use crate::lbm::saturation::cover::Part;
 use crate::number::{floor_i32, single, to_i32, to_u32};
@@ -293,7 +293,7 @@ impl Work for Walk<'_, '_> {
             }
             // Room for all cells of the layer.
             let mut end = found.parts.len();
-            let room = count * whole(high[fast] - low[fast]);
+            let room = count * whole(high[fast] - low[fast]) + WIDEST;
             found.parts.resize(end + room, 0.0);
             for j in low[middle]..high[middle] {
                 raw[middle] = j - frame[middle];
@@ -312,16 +312,23 @@ impl Work for Walk<'_, '_> {
                 let within =
                     |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
                 let length = whole(last - first);
+                if ball {
+                    // The whole row in one loop, in whole vectors: what is beyond its end is written over.
+                    let start = whole(first - low[fast]);
+                    let padded = length.next_multiple_of(WIDEST);
+                    let fractions = scratch.ball.row(whole(j - low[middle]), start, padded);
+                    let (from, to) = (full.start - first, full.end - first);
+                    let (from_deep, to_deep) = (deep.start - first, deep.end - first);
+                    let parts = found.parts[end..end + padded].iter_mut();
+                    for (k, (part, fraction)) in (0..).zip(parts.zip(fractions)) {
+                        let surface = single(*fraction);
+                        let inside = if from_deep <= k && k < to_deep { DEEP } else { 1.0 };
+                        *part = if from <= k && k < to { inside } else { surface };
+                    }
+                }
                 let parts = &mut found.parts[end..end + length];
                 end += length;
-                if ball {
-                    // The whole row, then what has no surface.
-                    let start = whole(first - low[fast]);
-                    let fractions = &scratch.ball.row(whole(j - low[middle]))[start..];
-                    for (part, fraction) in parts.iter_mut().zip(fractions) {
-                        *part = single(*fraction);
-                    }
-                } else {
+                if !ball {
                     for cells in [first..full.start, full.end..last] {
                         let surface = &mut parts[within(&cells)];
                         for (k, part) in cells.zip(surface) {
@@ -329,9 +336,9 @@ impl Work for Walk<'_, '_> {
                             *part = single(form.fraction(method, corner(raw), scratch));
                         }
                     }
+                    parts[within(&full)].fill(1.0);
+                    parts[within(&deep)].fill(DEEP);
                 }
-                parts[within(&full)].fill(1.0);
-                parts[within(&deep)].fill(DEEP);
                 let ghosts =
                     !(0..rows.cells[slow]).contains(&i) || !(0..rows.cells[middle]).contains(&j);
                 // The ghost cells: all of the row, or those at its ends.

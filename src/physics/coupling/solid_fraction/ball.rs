@@ -92,12 +92,13 @@ impl BallTable {
         self.level.run(Layer(self, layer));
     }
 
-    /// The filled parts of cells at the surface in row `row` of the layer, counted along the axis between the slowest and the fastest.
-    /// The value of a cell with all eight corners inside the ball has no meaning, nor has that of one which the ball does not reach.
+    /// The filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the axis between the slowest and the
+    /// fastest. The value of a cell with all eight corners inside the ball has no meaning, nor has that of one which the ball does not reach, nor
+    /// what is beyond the row: up to [`WIDEST`] numbers.
     #[must_use]
-    pub fn row(&self, row: usize) -> &[f64] {
+    pub fn row(&self, row: usize, first: usize, count: usize) -> &[f64] {
         let along = self.coordinates[self.order[2]].size.len();
-        &self.fractions[row * along..][..along]
+        &self.fractions[row * along + first..][..count]
     }
 
     #[inline(always)]
@@ -148,7 +149,7 @@ impl BallTable {
             // The last row of cells reads one number beyond its corners.
             corners.parts.resize(plane + 1, 0.0);
         }
-        self.fractions.resize(plane, 0.0);
+        self.fractions.resize(plane + WIDEST, 0.0);
     }
 
     #[inline(always)]
@@ -361,7 +362,7 @@ mod tests {
                 for i in 0..cells[slow] {
                     table.layer(i);
                     for j in 0..cells[middle] {
-                        for (k, &found) in table.row(j)[..cells[fast]].iter().enumerate() {
+                        for (k, &found) in table.row(j, 0, cells[fast]).iter().enumerate() {
                             let mut low = [0.0; 3];
                             low[slow] = f64::from(lower[slow]) + real(i);
                             low[middle] = f64::from(lower[middle]) + real(j);
