@@ -65,6 +65,11 @@ impl Runs {
 
     /// The runs in rows whose positions are some of these.
     fn within(&self, positions: &Range<usize>) -> Range<usize> {
+        let lies =
+            |run: Option<&Run>| run.is_some_and(|run| positions.contains(&(run.row as usize)));
+        if lies(self.runs.first()) && lies(self.runs.last()) {
+            return 0..self.runs.len();
+        }
         let before = |position: usize| {
             self.runs
                 .partition_point(|run| (run.row as usize) < position)
@@ -174,12 +179,14 @@ fn change(
             tell(k, *part);
         }
     }
-    let both = was[was_from..was_to]
-        .iter()
-        .zip(&parts[parts_from..parts_to]);
-    for (k, (held, part)) in (from..).zip(both) {
+    let both = (&was[was_from..was_to], &parts[parts_from..parts_to]);
+    let first = row.wrapping_add_signed(from as isize);
+    if both.1.is_empty() || cover.cover_alone(first, slot, both.1) {
+        return;
+    }
+    for (place, (held, part)) in (first..).zip(both.0.iter().zip(both.1)) {
         if held.to_bits() != part.to_bits() {
-            tell(k, *part);
+            cover.cover(place, slot, *part);
         }
     }
 }
@@ -322,7 +329,11 @@ impl Work for Walk<'_, '_> {
                     let parts = found.parts[end..end + padded].iter_mut();
                     for (k, (part, fraction)) in (0..).zip(parts.zip(fractions)) {
                         let surface = single(*fraction);
-                        let inside = if from_deep <= k && k < to_deep { DEEP } else { 1.0 };
+                        let inside = if from_deep <= k && k < to_deep {
+                            DEEP
+                        } else {
+                            1.0
+                        };
                         *part = if from <= k && k < to { inside } else { surface };
                     }
                 }

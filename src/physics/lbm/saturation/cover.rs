@@ -451,6 +451,26 @@ impl Part<'_> {
         }
     }
 
+    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and stay so; else it does nothing
+    /// and returns false.
+    #[inline]
+    pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
+        let first = position - self.first;
+        let cells = first..first + parts.len();
+        let (fractions, owners) = (&mut self.fraction[cells.clone()], &self.owner[cells]);
+        let (mut alone, mut changed) = (true, false);
+        for ((held, owner), part) in fractions.iter().zip(owners).zip(parts) {
+            // Both of a cell of the slab, or both of a ghost cell, and neither 0.
+            alone &= (*owner == slot) & (held * part > 0.0);
+            changed |= held.to_bits() != part.to_bits();
+        }
+        if alone && changed {
+            fractions.copy_from_slice(parts);
+            self.changed = true;
+        }
+        alone
+    }
+
     /// The same where another body is too, at a place from the first position on.
     #[inline(never)]
     fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
