@@ -115,7 +115,7 @@ fn show(name: &str, form: &Form, volume: f64) {
             for (i, j, runs) in &rows {
                 table.layer(*i);
                 for run in runs {
-                    sum += table.row(*j)[run.clone()].iter().sum::<f64>();
+                    sum += table.row(*j, run.start, run.len()).iter().sum::<f64>();
                 }
             }
             sum

@@ -64,7 +64,9 @@ pub(crate) fn edge_by(
 ) -> f64 {
     let squared = 1.0 - a * a - b * b;
     let s = sqrt(if squared > 0.0 { squared } else { 0.0 });
-    ((angle(s, a * b) + a * b * s) * (2.0 / 3.0) - less_a(a) * angle(s, b) - less_b(b) * angle(s, a))
+    ((angle(s, a * b) + a * b * s) * (2.0 / 3.0)
+        - less_a(a) * angle(s, b)
+        - less_b(b) * angle(s, a))
         * 0.5
 }
 

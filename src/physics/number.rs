@@ -143,10 +143,18 @@ mod tests {
         assert_eq!([whole(2.9), whole(-1.0), whole(f64::NAN)], [2, 0, 0]);
         assert_eq!(whole(f64::INFINITY), 9_000_000_000_000_000);
         assert_eq!([floor_i32(-0.5), floor_i32(1e300)], [-1, 2_000_000_000]);
-        assert_eq!([floor_i32(f64::NAN), floor_i32(-1e300)], [0, -2_000_000_000]);
+        assert_eq!(
+            [floor_i32(f64::NAN), floor_i32(-1e300)],
+            [0, -2_000_000_000]
+        );
         for n in [-1_999_999_999, -7, -2, -1, 0, 1, 2, 3, 1_999_999_999] {
             let x = f64::from(n);
-            for (x, floor) in [(x, n), (x.next_up(), n), (x.next_down(), n - 1), (x + 0.5, n)] {
+            for (x, floor) in [
+                (x, n),
+                (x.next_up(), n),
+                (x.next_down(), n - 1),
+                (x + 0.5, n),
+            ] {
                 assert_eq!(floor_i32(x), floor, "{x:e}");
             }
         }

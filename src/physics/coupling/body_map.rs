@@ -170,10 +170,7 @@ struct Impulse {
 /// Changed cells from which a thread pays.
 const CHANGES_PER_THREAD: usize = 16;
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "`refresh` checks ids"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "`refresh` checks ids")]
 fn tag(id: u64) -> u32 {
     id as u32 + 1
 }

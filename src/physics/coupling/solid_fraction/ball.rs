@@ -132,7 +132,8 @@ impl BallTable {
                 }
             }
             axis.less.clear();
-            axis.less.extend(axis.size.iter().map(|&size| less_cubed(size)));
+            axis.less
+                .extend(axis.size.iter().map(|&size| less_cubed(size)));
         }
         for a in 0..3 {
             let (first, second) = (&self.coordinates[a], &self.coordinates[(a + 1) % 3]);
@@ -252,7 +253,11 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
     edges.resize(rows.count * width, 0.0);
     let meets = |p: f64, k: usize| {
         let q = along.size[k];
-        (if FORWARD { meeting(p, q) } else { meeting(q, p) }) > 0.0
+        (if FORWARD {
+            meeting(p, q)
+        } else {
+            meeting(q, p)
+        }) > 0.0
     };
     // Where the planes of a row and those along it meet in the ball: an interval about the centre, in the next row about the same.
     let (mut from, mut to) = (along.nearest, along.nearest + 1);

@@ -318,9 +318,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             shared,
             thread_pool::evenly(&mut self.facets, count),
             thread_pool::cut(&mut particles.contact, count, grains),
-            thread_pool::cut(moved, count, |part| {
-                if phase.is_some() { grains(part) } else { 0 }
-            }),
+            thread_pool::cut(
+                moved,
+                count,
+                |part| {
+                    if phase.is_some() { grains(part) } else { 0 }
+                },
+            ),
         );
         thread_pool::each_of(count, shared, |n, (lists, facets, loads, moved)| {
             let (part, pairs, coming, planes) = lists;

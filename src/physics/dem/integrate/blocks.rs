@@ -161,7 +161,6 @@ fn each<S: Space>(
     }
 }
 
-
 /// Moves all own bodies in a phase of the step, with the free turn in its drift.
 pub(in crate::dem) fn advance<S: Space>(
     particles: &mut Particles<S>,
