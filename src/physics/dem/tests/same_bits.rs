@@ -387,6 +387,57 @@ fn threads_do_not_show() {
     assert!(one == two);
 }
 
+/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and steps after all bonds were
+/// taken away.
+#[test]
+fn threads_do_not_show_in_lists_that_last() {
+    let layer = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let (radius, pitch) = (1e-3, 1.999e-3);
+            let size = Vector2::new(60.0 * pitch, 22.0 * pitch);
+            let mut region = Region::<Plane>::closed(Vector2::zeros(), size, 1e-3);
+            region.periodic[0] = true;
+            let mut settings = Settings::new(region, 2e-6, 3e-4);
+            settings.gravity = Vector2::new(0.0, -9.81);
+            let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
+            let mut dem = cohesive(PAPER, settings, walls);
+            let mut particles = Particles::new();
+            for n in 0..1200_u32 {
+                let mut draw = Stream::new(4, u64::from(n), 0);
+                let motion = Motion {
+                    position: Vector2::new(f64::from(n / 20) + 0.5, f64::from(n % 20) + 0.5)
+                        * pitch,
+                    velocity: Vector2::new(draw.uniform() - 0.5, draw.uniform() - 0.5) * 0.01,
+                    spin: 0.0,
+                };
+                let body = Body::uniform::<Plane>(u64::from(n), radius, 2600.0, 0);
+                particles.insert(body, motion);
+            }
+            dem.bond_existing_contacts(&mut particles, &alone())
+                .unwrap();
+            dem.advance_many(&mut particles, &alone(), 41).unwrap();
+            let bonded = particles.table();
+            let (mut contacts, mut with_ghosts) = (Vec::new(), 0);
+            dem.for_each_contact(&particles, |contact| {
+                with_ghosts += usize::from(contact.other.is_some_and(|k| k >= particles.owned()));
+                contacts.push(contact);
+            });
+            assert!(with_ghosts >= 20, "{with_ghosts}");
+            dem.unbond();
+            dem.advance_many(&mut particles, &alone(), 10).unwrap();
+            let rebuilds = dem.statistics(&particles).rebuilds;
+            assert_eq!(rebuilds, 1);
+            (bonded, contacts, particles.table())
+        })
+    };
+    let one = layer(1);
+    assert!(one.0 != one.2);
+    for threads in [2, 3] {
+        assert!(one == layer(threads), "{threads} threads");
+    }
+}
+
 /// Whole numbers from ghosts arrive at their owners, each once.
 #[test]
 fn ghost_entries_are_summed_at_the_owner() {
