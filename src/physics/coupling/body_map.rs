@@ -367,7 +367,7 @@ impl BodyMap {
         populations: &Populations<S>,
         loads: Option<&mut [Load]>,
     ) {
-        self.relink.clear();
+        // None is set: each body takes its flag back.
         self.relink
             .resize_with(self.bodies.len(), AtomicBool::default);
         let far = self.rules.isolated.is_some() || self.rules.interpolated;
@@ -397,16 +397,18 @@ impl BodyMap {
                 }
             }
         }
+        // A change concerns its neighbours: few changes, few bodies.
+        let few = changes.len() < PER_THREAD;
         self.changes = changes;
         let mut links = std::mem::take(&mut self.links);
-        let flagged = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
-        let again = self.relink.iter().filter(|flag| flagged(flag)).count();
         let link = |k: usize, links: &mut Vec<BodyLink>| {
-            if flagged(&self.relink[k]) {
+            let flag = &self.relink[k];
+            if flag.load(Ordering::Relaxed) {
+                flag.store(false, Ordering::Relaxed);
                 self.link(k, populations, links);
             }
         };
-        if again < 2 * PER_THREAD {
+        if few {
             links
                 .iter_mut()
                 .enumerate()

@@ -14,7 +14,7 @@ use std::ops::Range;
 const NOTED: u32 = 1 << 31;
 
 /// Rows from which a thread pays.
-const ROWS_PER_THREAD: usize = 64;
+const ROWS_PER_THREAD: usize = 16;
 
 /// Bodies that turned out to share cells with others.
 #[derive(Clone, Debug, Default)]
