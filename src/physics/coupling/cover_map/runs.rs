@@ -23,7 +23,8 @@ struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     runs: Vec<Run>,
-    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the negative.
+    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the negative. What is beyond the end of
+    /// the last run is room.
     parts: Vec<f32>,
 }
 
@@ -33,13 +34,18 @@ type Piece<'a> = (Run, &'a [f32]);
 impl Runs {
     pub(super) fn clear(&mut self) {
         self.runs.clear();
-        self.parts.clear();
+    }
+
+    /// Where the fractions of the last run end.
+    fn end(&self) -> usize {
+        self.runs.last().map_or(0, |run| run.end as usize)
     }
 
     /// Adds runs of later rows.
     pub(super) fn append(&mut self, later: &Self) {
-        let beyond = to_u32(self.parts.len());
-        self.parts.extend_from_slice(&later.parts);
+        let beyond = to_u32(self.end());
+        self.parts.truncate(self.end());
+        self.parts.extend_from_slice(&later.parts[..later.end()]);
         let runs = later.runs.iter().map(|run| Run {
             end: run.end + beyond,
             ..*run
@@ -287,6 +293,7 @@ impl Work for Walk<'_, '_> {
             });
         }
         let mut raw = [0; 3];
+        let mut end = 0;
         for i in low[slow]..high[slow] {
             raw[slow] = i - frame[slow];
             if let Some((centre, radius)) = round {
@@ -299,9 +306,10 @@ impl Work for Walk<'_, '_> {
                 scratch.ball.layer(whole(i - low[slow]));
             }
             // Room for all cells of the layer.
-            let mut end = found.parts.len();
             let room = count * whole(high[fast] - low[fast]) + WIDEST;
-            found.parts.resize(end + room, 0.0);
+            if found.parts.len() < end + room {
+                found.parts.resize(end + room, 0.0);
+            }
             for j in low[middle]..high[middle] {
                 raw[middle] = j - frame[middle];
                 raw[fast] = -frame[fast];
@@ -375,7 +383,6 @@ impl Work for Walk<'_, '_> {
                     end: to_u32(end),
                 });
             }
-            found.parts.truncate(end);
         }
     }
 }
