@@ -210,6 +210,9 @@ struct Begun(AtomicUsize);
 /// It meets most of what it wrote before.
 pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     let threads = threads().min(runs);
+    if threads <= 1 {
+        return each_of(runs, shared, work);
+    }
     let begun: [Begun; MOST] = std::array::from_fn(|_| Begun::default());
     each(threads, |thread| {
         for turn in 0..threads {

@@ -152,7 +152,9 @@ fn move_all<
     Fastest { speed_squared, bad }
 }
 
-fn move_by<S: Space, const IN_PLACE: bool>(
+/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those in `to`, and `from` is
+/// empty.
+pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     from: &[Motion<S>],
     to: &mut [Motion<S>],
     loads: &Loads<'_, S>,
@@ -175,17 +177,6 @@ fn move_by<S: Space, const IN_PLACE: bool>(
         (true, Phase::Last, true) => move_all::<S, IN_PLACE, true, true, false, true>,
     };
     act(from, to, loads, how)
-}
-
-/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length.
-pub(super) fn move_to<S: Space>(
-    from: &[Motion<S>],
-    to: &mut [Motion<S>],
-    loads: &Loads<'_, S>,
-    how: &Kick<S>,
-    phase: Phase,
-) -> Fastest {
-    move_by::<S, false>(from, to, loads, how, phase)
 }
 
 /// Moves all own grains in place.

@@ -130,11 +130,13 @@ impl BodyMap {
             piece if piece == pieces => slab.layers(),
             piece => rows_below.partition_point(|&rows| rows * pieces < all * piece),
         };
-        self.settled.resize_with(pieces, Settled::default);
+        // What threads had before stays for when they are needed again.
+        self.settled
+            .resize_with(pieces.max(self.settled.len()), Settled::default);
         let cells = slab.cells_of_a_layer();
         let cuts = (
             thread_pool::cut(&mut self.owner, pieces, |piece| cells * bound(piece)),
-            thread_pool::evenly(&mut self.settled, pieces),
+            thread_pool::evenly(&mut self.settled[..pieces], pieces),
         );
         thread_pool::each_of(pieces, cuts, |piece, (owner, settled)| {
             let Settled { changes, sharing } = &mut settled[0];

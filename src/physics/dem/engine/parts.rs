@@ -344,7 +344,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     mobility: &mobility[own.clone()],
                 };
                 let from = &world.motion[own];
-                part[0].fastest = integrate::move_to(from, moved, &loads, kick, phase);
+                part[0].fastest = integrate::move_by::<S, false>(from, moved, &loads, kick, phase);
             }
         });
         let mut fastest = Fastest::default();
