@@ -246,7 +246,7 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// As [`each_item`], for items of very uneven work: a thread that is free takes the next `some` items. `rooms` has one for each thread.
+/// As [`each_item_in_runs`], for items of very uneven work, in runs of `some` of them. `rooms` has one for each thread.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
@@ -258,22 +258,26 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     if rooms.len() < threads {
         rooms.resize_with(threads, R::default);
     }
-    let next = AtomicUsize::new(0);
+    let begun: [Begun; MOST] = std::array::from_fn(|_| Begun::default());
     let all = Cut {
         start: items.as_mut_ptr(),
         bounds: [0; MOST + 1],
         slice: PhantomData,
     };
     let count = items.len();
-    each_item(&mut rooms[..threads], 1, |_, room| {
-        loop {
-            let first = next.fetch_add(some, Ordering::Relaxed);
-            if first >= count {
-                break;
-            }
-            for n in first..(first + some).min(count) {
-                // SAFETY: within the slice, and nobody else has taken this number.
-                work(room, unsafe { &mut *all.item(n) });
+    each_item(&mut rooms[..threads], 1, |thread, room| {
+        for turn in 0..threads {
+            let whose = (thread + turn) % threads;
+            let share = count * whose / threads..count * (whose + 1) / threads;
+            loop {
+                let first = share.start + begun[whose].0.fetch_add(some, Ordering::Relaxed);
+                if first >= share.end {
+                    break;
+                }
+                for n in first..(first + some).min(share.end) {
+                    // SAFETY: within the slice, and nobody else has taken this number.
+                    work(room, unsafe { &mut *all.item(n) });
+                }
             }
         }
     });

@@ -14,9 +14,11 @@
 //! All lengths are in cells, in the raw frame of the body.
 
 mod ball;
+mod disc;
 mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
+use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
 
 use crate::ball::{Beside, EMPTY, chord};
@@ -118,6 +120,8 @@ pub struct Scratch {
     clipped: Vec<Vector3<f64>>,
     /// Of the ball that is mapped.
     pub(crate) ball: BallTable,
+    /// Of the disc that is mapped.
+    pub(crate) disc: DiscTable,
     /// Of the ball or disc that is mapped.
     pub(crate) round: RoundRows,
 }

@@ -38,16 +38,25 @@ fn octant(a: f64, b: f64, c: f64) -> f64 {
     )
 }
 
+/// Half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
+pub(crate) fn segment(a: f64) -> f64 {
+    let s = (1.0 - a * a).max(0.0).sqrt();
+    0.5 * (s.atan2(a) - a * s)
+}
+
 /// Unit disc over [0, a] x [0, b], arguments in 0 … 1.
 fn quadrant(a: f64, b: f64) -> f64 {
+    quadrant_of([a, b], [segment(a), segment(b)])
+}
+
+/// Unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
+#[inline(always)]
+pub(crate) fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     if a * a + b * b <= 1.0 {
-        return a * b;
+        a * b
+    } else {
+        PI / 4.0 - segments[0] - segments[1]
     }
-    let segment = |a: f64| {
-        let s = (1.0 - a * a).max(0.0).sqrt();
-        0.5 * (s.atan2(a) - a * s)
-    };
-    PI / 4.0 - segment(a) - segment(b)
 }
 
 /// Volume of a sphere inside the box from `lower` to `upper` (all in m) \[m3\].

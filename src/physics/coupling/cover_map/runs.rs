@@ -253,26 +253,35 @@ impl Work for Walk<'_, '_> {
         if (0..3).any(|a| low[a] >= high[a]) {
             return;
         }
-        // Of a ball all cells of its box at once.
-        let ball = match (form, method) {
+        // In the plane all rows are in one layer: their ends are found together.
+        let [slow, middle, fast] = match rows.order {
+            [slow, middle, fast] if middle >= rows.dimension => [middle, slow, fast],
+            order => order,
+        };
+        // Of a ball or disc all cells of its box at once.
+        let (mut cells, mut lower) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            cells[a] = high[a] - low[a];
+            lower[a] = low[a] - frame[a];
+        }
+        let (ball, disc) = match (form, method) {
             (Form::Ball { centre, radius }, Method::Exact) => {
-                let (mut cells, mut lower) = ([0; 3], [0; 3]);
-                for a in 0..3 {
-                    cells[a] = whole(high[a] - low[a]);
-                    lower[a] = low[a] - frame[a];
-                }
                 scratch.ball.fill(&BallInCells {
                     centre: *centre,
                     radius: *radius,
                     lower,
-                    cells,
+                    cells: cells.map(whole),
                     order: rows.order,
                 });
-                true
+                (true, false)
             }
-            _ => false,
+            (Form::Disc { centre, radius }, Method::Exact) if fast < 2 => {
+                let disc = (*centre, *radius);
+                scratch.disc.fill(disc, (lower, cells), fast);
+                (false, true)
+            }
+            _ => (false, false),
         };
-        let [slow, middle, fast] = rows.order;
         let round = match form {
             Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
                 Some((*centre, *radius))
@@ -327,11 +336,17 @@ impl Work for Walk<'_, '_> {
                 let within =
                     |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
                 let length = whole(last - first);
-                if ball {
+                if ball || disc {
                     // The whole row in one loop, in whole vectors: what is beyond its end is written over.
                     let start = whole(first - low[fast]);
                     let padded = length.next_multiple_of(WIDEST);
-                    let fractions = scratch.ball.row(whole(j - low[middle]), start, padded);
+                    let (layer, across) = (whole(i - low[slow]), whole(j - low[middle]));
+                    let fractions = if ball {
+                        scratch.ball.row(across, start, padded)
+                    } else {
+                        // One of the two axes has one cell alone.
+                        scratch.disc.row(layer.max(across), start, padded)
+                    };
                     let (from, to) = (full.start - first, full.end - first);
                     let (from_deep, to_deep) = (deep.start - first, deep.end - first);
                     let parts = found.parts[end..end + padded].iter_mut();
@@ -347,7 +362,7 @@ impl Work for Walk<'_, '_> {
                 }
                 let parts = &mut found.parts[end..end + length];
                 end += length;
-                if !ball {
+                if !ball && !disc {
                     for cells in [first..full.start, full.end..last] {
                         let surface = &mut parts[within(&cells)];
                         for (k, part) in cells.zip(surface) {

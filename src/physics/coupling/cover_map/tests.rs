@@ -1,11 +1,12 @@
 use super::*;
-use crate::dem::Volume;
 use crate::dem::particles::{Body, Motion};
 use crate::dem::polyhedron::Polyhedron;
+use crate::dem::{Plane, Volume};
 use crate::lbm::collision::trt::AntisymmetricRate;
-use crate::lbm::lattice::{D3Q19, Velocities};
+use crate::lbm::lattice::{D2Q9, D3Q19, Velocities};
 use crate::lbm::saturation::{Method as Action, SolidOperator, Weighting};
-use nalgebra::{UnitQuaternion, Vector3};
+use crate::random::SplitMix;
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 
 const CELLS: [usize; 3] = [20, 17, 13];
@@ -26,6 +27,10 @@ fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover
         origin: [0.0; 3],
         spacing: 0.1,
     };
+    cover_of(populations, grid)
+}
+
+fn cover_of(populations: &Populations<f64>, grid: Grid) -> (CoverMap, Cover) {
     let action = Action {
         operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Fraction,
@@ -92,6 +97,52 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
         map.update_bodies(&gone, &mut cover, 1.0, 1.0);
         assert!(solid(&populations, &cover) == 0.0);
     }
+}
+
+/// A disc that moves covers each cell by the part of it that the disc fills, for both orders of the axes and at walls.
+#[test]
+fn discs_cover_what_they_fill() {
+    const CELLS: [usize; 3] = [30, 21, 1];
+    let mut draws = SplitMix::new(8);
+    let mut edges = 0;
+    for split in [0, 1] {
+        let populations = Populations::<f64>::new(Velocities::of::<D2Q9, 9>(), CELLS, split);
+        let populations = populations.unwrap();
+        let grid = Grid {
+            cells: CELLS,
+            start: [0; 3],
+            periodic: [false; 3],
+            origin: [0.0; 3],
+            spacing: 0.1,
+        };
+        let (mut map, mut cover) = cover_of(&populations, grid);
+        for step in 0..200 {
+            let radius = 0.02 + 0.7 * draws.uniform();
+            let position = [3.4 * draws.uniform() - 0.2, 2.5 * draws.uniform() - 0.2];
+            let mut particles = Particles::<Plane>::new();
+            let motion = Motion {
+                position: Vector2::from(position),
+                ..Motion::default()
+            };
+            particles.insert(Body::uniform::<Plane>(1, radius, 1000.0, 0), motion);
+            map.update_bodies(&particles, &mut cover, 1.0, 1.0);
+            let form = Form::Disc {
+                centre: [position[0] / 0.1, position[1] / 0.1, 0.0],
+                radius: radius / 0.1,
+            };
+            let mut scratch = Scratch::default();
+            for (cell, cell_position) in populations.interior() {
+                let fraction = form.fraction(Method::Exact, cell.map(real), &mut scratch);
+                let found = cover.fraction(cell_position);
+                assert!(
+                    (found - fraction).abs() < 1e-7,
+                    "{split} {step} {cell:?}: {found} {fraction}"
+                );
+                edges += u32::from(found > 0.0 && found < 1.0);
+            }
+        }
+    }
+    assert!(edges > 5000, "{edges}");
 }
 
 /// What covers a ghost cell is what covers that cell of the next slab, negative, wherever the slabs are cut.
@@ -225,7 +276,6 @@ fn workers_cover_planes_of_a_block() {
 #[test]
 fn a_gpu_finds_the_same_cells() {
     use crate::lbm::gpu::balls::on_host;
-    use crate::random::SplitMix;
     let mut several = 0;
     for split in 0..3 {
         let populations = populations(split);
@@ -270,7 +320,7 @@ fn a_gpu_finds_the_same_cells() {
             let before = (before.to_vec(), vec![-1.0; before.len()]);
             map.cover_cells(&mut cover);
             let (owner, fraction, shared) = on_host(cover.solids(), before, slab);
-            let here = cover.shared().to_vec();
+            let here: Vec<Vec<_>> = cover.shared().map(<[_]>::to_vec).collect();
             let (owners, fractions) = cover.cells();
             for (position, held) in fractions.iter().enumerate() {
                 if owners[position] == u32::MAX - 1 {

@@ -340,12 +340,12 @@ impl OnGpu {
         stream.memcpy_htod(owner, &mut self.owner)?;
         let Work { parts, shares, .. } = &mut self.work;
         parts.clear();
-        parts.extend(cover.shared().iter().flatten().copied());
+        parts.extend(cover.shared().flatten().copied());
         let mut at = self.parts.send(stream, parts)?;
         shares.clear();
-        shares.extend(cover.shared().iter().map(|of_cell| {
+        shares.extend(cover.shared().map(|of_cell| {
             let here = Shares::words(at, of_cell.len());
-            at += size_of_val(&of_cell[..]) as u64;
+            at += size_of_val(of_cell) as u64;
             here
         }));
         self.shares.send(stream, shares)

@@ -13,7 +13,7 @@ use crate::lbm::quanta::{from_quanta, quanta};
 use crate::thread_pool;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What covers the cells of a slab.
 #[derive(Debug)]
@@ -24,11 +24,12 @@ pub struct Cover {
     pub(super) order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
     pub(super) fraction: Vec<f32>,
-    /// Slot of its body, or [`SHARED`] and a place in the lists.
+    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus the number of the list.
     pub(super) owner: Vec<u32>,
-    pub(super) lists: Mutex<Lists>,
+    /// One for each worker.
+    lists: Vec<Shelf>,
     /// Those of the lists that are in use, for the pass.
-    pub(super) shares: Vec<Shares>,
+    shares: Vec<Shares>,
     pub(super) solids: Vec<Solid>,
     pub(super) sums: Vec<Sums>,
     /// From a cell to the next one along each axis.
@@ -76,7 +77,7 @@ impl Cover {
             fraction: vec![0.0; positions],
             // A vector of neighbours may reach beyond the last cell.
             owner: vec![NONE; positions + WIDEST],
-            lists: Mutex::default(),
+            lists: (0..workers.max(1)).map(|_| Shelf::default()).collect(),
             shares: Vec::new(),
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
@@ -124,20 +125,31 @@ impl Cover {
         &self.solids
     }
 
-    /// The parts of each cell of several bodies.
-    pub(crate) fn shared(&mut self) -> &[Vec<Share>] {
-        &self
-            .lists
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner)
-            .shared
+    /// The parts of each cell of several bodies, by the place in its owner.
+    pub(crate) fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
+        let lists = self.lists.iter_mut().map(Shelf::get);
+        let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
+        let longest = lists.iter().map(|shared| shared.len()).max().unwrap_or(0);
+        (0..longest).flat_map(move |k| {
+            let here = move |shared: &'a [Vec<Share>]| shared.get(k).map_or(&[][..], Vec::as_slice);
+            lists.clone().into_iter().map(here)
+        })
+    }
+
+    /// What the coming pass sees of the cells of several bodies.
+    pub(super) fn list_shares(&mut self) -> *const Shares {
+        let mut shares = std::mem::take(&mut self.shares);
+        shares.clear();
+        shares.extend(self.shared().map(Shares::of));
+        self.shares = shares;
+        self.shares.as_ptr()
     }
 
     /// Looks at the bodies of a cell of several bodies, given by its owner.
     fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
-        let lists = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
-        let shares = lists.shared.get((owner & !SHARED) as usize);
-        look(shares.map_or(&[][..], Vec::as_slice))
+        let (shelf, place) = shelved(owner, self.lists.len());
+        let lists = self.lists[shelf].lock();
+        look(lists.shared.get(place).map_or(&[][..], Vec::as_slice))
     }
 
     /// Adds a force that was summed elsewhere to that on a slot.
@@ -195,7 +207,7 @@ impl Cover {
             first: 0,
             fraction: &mut self.fraction,
             owner: &mut self.owner,
-            lists: &self.lists,
+            lists: Access::Alone(&mut self.lists),
             solids: &self.solids,
             all_changed: &self.changed,
             version: &self.version,
@@ -205,16 +217,26 @@ impl Cover {
 
     /// Cuts the cells at some rising positions and hands a part to each worker: there is one more of them than cuts.
     pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut Part<'_>) + Sync) {
-        let mut rest = Some(self.whole());
         let mut parts = Vec::with_capacity(cuts.len() + 1);
-        for &cut in cuts {
-            if let Some(all) = rest.take() {
-                let (part, beyond) = all.cut(cut);
-                parts.push(part);
-                rest = Some(beyond);
-            }
+        let (mut fractions, mut owners) = (&mut self.fraction[..], &mut self.owner[..]);
+        let mut first = 0;
+        for &cut in cuts.iter().chain([&usize::MAX]) {
+            let count = cut.saturating_sub(first).min(fractions.len());
+            let (fraction, fractions_beyond) = fractions.split_at_mut(count);
+            let (owner, owners_beyond) = owners.split_at_mut(count);
+            (fractions, owners) = (fractions_beyond, owners_beyond);
+            parts.push(Part {
+                first,
+                fraction,
+                owner,
+                lists: Access::Shared(&self.lists, parts.len() % self.lists.len()),
+                solids: &self.solids,
+                all_changed: &self.changed,
+                version: &self.version,
+                changed: false,
+            });
+            first += count;
         }
-        parts.extend(rest);
         thread_pool::each_item(&mut parts, 1, |_, part| work(part));
     }
 
@@ -355,13 +377,51 @@ impl Cover {
 
 /// The bodies of the cells of several bodies.
 #[derive(Debug, Default)]
-pub(super) struct Lists {
+struct Lists {
     /// With their parts, in the order of their names.
-    pub(super) shared: Vec<Vec<Share>>,
+    shared: Vec<Vec<Share>>,
     /// Those of them that have the cell deep inside.
     deep: Vec<Vec<u32>>,
     /// Places to use again.
-    unused: Vec<u32>,
+    unused: Vec<usize>,
+}
+
+/// The lists of a worker, on lines of the cache of their own.
+#[derive(Debug, Default)]
+#[repr(align(128))]
+struct Shelf(Mutex<Lists>);
+
+impl Shelf {
+    fn get(&mut self) -> &mut Lists {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Lists> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The list of a cell of several bodies, of so many, and its place there, given by its owner.
+fn shelved(owner: u32, count: usize) -> (usize, usize) {
+    let place = (owner & !SHARED) as usize;
+    (place % count, place / count)
+}
+
+/// The list of a cell of several bodies, of so many, and its place there; none if it had one body before.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    shelf: usize,
+    count: usize,
+    place: Option<usize>,
+}
+
+/// How a worker comes to the lists, which belong to the cells of all: few cells have several bodies.
+#[derive(Debug)]
+enum Access<'a> {
+    /// There is no other worker.
+    Alone(&'a mut [Shelf]),
+    /// New places are taken from this list, seldom from that of another worker.
+    Shared(&'a [Shelf], usize),
 }
 
 /// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other workers lie beside it.
@@ -372,8 +432,7 @@ pub struct Part<'a> {
     first: usize,
     fraction: &'a mut [f32],
     owner: &'a mut [u32],
-    /// Of all workers: few cells have several bodies.
-    lists: &'a Mutex<Lists>,
+    lists: Access<'a>,
     solids: &'a [Solid],
     /// Something changed: in all parts, told at the end, and in this one.
     all_changed: &'a AtomicBool,
@@ -391,27 +450,6 @@ impl Drop for Part<'_> {
 }
 
 impl Part<'_> {
-    /// The cells before a position, and those from it on.
-    fn cut(mut self, position: usize) -> (Self, Self) {
-        let count = position.saturating_sub(self.first).min(self.fraction.len());
-        let (fraction, fraction_beyond) = std::mem::take(&mut self.fraction).split_at_mut(count);
-        let (owner, owner_beyond) = std::mem::take(&mut self.owner).split_at_mut(count);
-        let part = |first, fraction, owner| Self {
-            first,
-            fraction,
-            owner,
-            lists: self.lists,
-            solids: self.solids,
-            all_changed: self.all_changed,
-            version: self.version,
-            changed: self.changed,
-        };
-        (
-            part(self.first, fraction, owner),
-            part(self.first + count, fraction_beyond, owner_beyond),
-        )
-    }
-
     /// Its positions.
     #[must_use]
     pub fn positions(&self) -> Range<usize> {
@@ -474,37 +512,71 @@ impl Part<'_> {
     /// The same where another body is too, at a place from the first position on.
     #[inline(never)]
     fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
-        let (owner, held) = (self.owner[at], self.fraction[at]);
-        if owner & SHARED == 0 && fraction <= 0.0 {
+        let cell = (&mut self.owner[at], &mut self.fraction[at]);
+        if *cell.0 & SHARED == 0 && fraction <= 0.0 {
             return;
         }
-        let mut lists = self.lists.lock().unwrap_or_else(PoisonError::into_inner);
-        let Lists {
+        let (own, count) = match &self.lists {
+            Access::Alone(lists) => (0, lists.len()),
+            Access::Shared(lists, own) => (*own, lists.len()),
+        };
+        let known = *cell.0 & SHARED != 0;
+        let (shelf, place) = if known {
+            let (shelf, place) = shelved(*cell.0, count);
+            (shelf, Some(place))
+        } else {
+            (own, None)
+        };
+        let place = Place {
+            shelf,
+            count,
+            place,
+        };
+        match &mut self.lists {
+            Access::Alone(lists) => {
+                let lists = lists[shelf].get();
+                lists.share(cell, place, self.solids, (slot, sign, fraction));
+            }
+            Access::Shared(lists, _) => {
+                let mut lists = lists[shelf].lock();
+                lists.share(cell, place, self.solids, (slot, sign, fraction));
+            }
+        }
+    }
+}
+
+impl Lists {
+    /// Body `slot` fills a fraction of a cell, given by its owner and fraction, in which another body is.
+    fn share(
+        &mut self,
+        (owner, held): (&mut u32, &mut f32),
+        at: Place,
+        solids: &[Solid],
+        (slot, sign, fraction): (u32, f32, f32),
+    ) {
+        let Self {
             shared,
             deep,
             unused,
-        } = &mut *lists;
-        let place = if owner & SHARED == 0 {
+        } = self;
+        let place = at.place.unwrap_or_else(|| {
             let first = Share {
-                slot: owner,
+                slot: *owner,
                 fraction: held.abs().min(1.0),
             };
             let place = unused.pop().unwrap_or_else(|| {
                 shared.push(Vec::new());
                 deep.push(Vec::new());
-                number(shared.len() - 1)
+                shared.len() - 1
             });
-            shared[place as usize].push(first);
+            shared[place].push(first);
             if held.abs() > BETWEEN {
-                deep[place as usize].push(owner);
+                deep[place].push(*owner);
             }
-            self.owner[at] = SHARED | place;
+            *owner = SHARED | number(place * at.count + at.shelf);
             place
-        } else {
-            owner & !SHARED
-        };
-        let solids = self.solids;
-        let (shares, deep) = (&mut shared[place as usize], &mut deep[place as usize]);
+        });
+        let (shares, deep) = (&mut shared[place], &mut deep[place]);
         deep.retain(|&other| other != slot);
         if fraction > BETWEEN {
             deep.push(slot);
@@ -525,12 +597,12 @@ impl Part<'_> {
         if let [only] = shares[..] {
             shares.clear();
             unused.push(place);
-            self.owner[at] = only.slot;
+            *owner = only.slot;
             // As if it had been alone.
-            self.fraction[at] = sign * if deep.is_empty() { only.fraction } else { DEEP };
+            *held = sign * if deep.is_empty() { only.fraction } else { DEEP };
             deep.clear();
         } else {
-            self.fraction[at] = sign * rounded(total(shares).min(1.0));
+            *held = sign * rounded(total(shares).min(1.0));
         }
     }
 }

@@ -152,16 +152,12 @@ impl View {
     /// What the coming pass sees of a cover.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn of(cover: &mut Cover) -> Self {
-        cover.shares.clear();
-        let lists = cover.lists.get_mut();
-        let lists = lists.unwrap_or_else(std::sync::PoisonError::into_inner);
-        let shares = lists.shared.iter().map(|parts| Shares::of(parts));
-        cover.shares.extend(shares);
+        let shared = cover.list_shares();
         Self {
             fraction: cover.fraction.as_ptr(),
             owner: cover.owner.as_ptr(),
             solids: cover.solids.as_ptr(),
-            shared: cover.shares.as_ptr(),
+            shared,
             sums: cover.sums.as_mut_ptr(),
             operator: cover.method.operator,
             fluid: cover.fluid,
