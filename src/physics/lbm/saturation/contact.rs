@@ -51,10 +51,26 @@ impl View {
         if !(0..N::WIDTH).any(full) {
             return;
         }
+        // A thread of a GPU has one cell and asks for its neighbours once.
         // SAFETY: promised by the caller; slots were made by `Cover::make_room`.
+        #[cfg(target_arch = "nvptx64")]
         if sole.is_some_and(|slot| unsafe {
             (*self.solids.add(slot as usize)).alone || self.lies_alone::<L, N, Q>(place.cell, slot)
         }) {
+            return;
+        }
+        // SAFETY: as above.
+        #[cfg(not(target_arch = "nvptx64"))]
+        if sole.is_some_and(|slot| unsafe { (*self.solids.add(slot as usize)).alone }) {
+            return;
+        }
+        #[cfg(not(target_arch = "nvptx64"))]
+        // SAFETY: promised by the caller.
+        let beside = unsafe { self.beside_others::<L, N, Q>(place.cell) };
+        #[cfg(not(target_arch = "nvptx64"))]
+        let full = |lane: usize| beside[lane] && full(lane);
+        #[cfg(not(target_arch = "nvptx64"))]
+        if !(0..N::WIDTH).any(full) {
             return;
         }
         let mut drho = [0.0; WIDEST];
@@ -87,6 +103,7 @@ impl View {
     ///
     /// # Safety
     /// As for [`Self::covers`].
+    #[cfg(target_arch = "nvptx64")]
     #[inline(always)]
     unsafe fn lies_alone<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -108,6 +125,39 @@ impl View {
         }
         // No comparison of arrays: on a GPU it is a call.
         others.iter().fold(0, |all, other| all | other) == 0
+    }
+
+    /// Which of `N::WIDTH` cells have another body beside them than their own, or several.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[cfg(not(target_arch = "nvptx64"))]
+    #[inline(always)]
+    unsafe fn beside_others<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        cell: usize,
+    ) -> [bool; WIDEST] {
+        let mut own = [NONE; WIDEST];
+        for (lane, owner) in own.iter_mut().enumerate().take(N::WIDTH) {
+            // SAFETY: promised by the caller.
+            *owner = unsafe { self.owner.add(cell + lane).read() };
+        }
+        let mut others = [0; WIDEST];
+        for i in 1..Q {
+            let there = self
+                .owner
+                .wrapping_add(cell)
+                .wrapping_offset(self.offset(L::C[i]));
+            // One for each lane, so that the compiler compares a vector of owners at once.
+            for lane in 0..N::WIDTH {
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
+                let owner = unsafe { there.add(lane).read() };
+                // Of a cell of several bodies all neighbours count but water.
+                let other = (owner ^ own[lane]) | (own[lane] & SHARED);
+                others[lane] |= if owner == NONE { 0 } else { other };
+            }
+        }
+        others.map(|other| other != 0)
     }
 
     /// # Safety
@@ -144,7 +194,11 @@ impl View {
             }
             touches = true;
             let c = L::C[i];
-            let v = if other == STILL {
+            let still = other == STILL;
+            #[cfg(not(target_arch = "nvptx64"))]
+            // SAFETY: both are covered by bodies.
+            let still = still || unsafe { self.rest(owner, other) };
+            let v = if still {
                 [0.0; 3]
             } else {
                 // SAFETY: both are covered by bodies.
@@ -187,6 +241,29 @@ impl View {
         // SAFETY: slots were made by `Cover::make_room`.
         let id = |slot: u32| unsafe { (*self.solids.add(slot as usize)).name.id };
         (a | b) & SHARED == 0 && (a == b || id(a) == id(b))
+    }
+
+    /// Whether the bodies of two covered cells rest: then their velocities need not be computed, as is the rule in a bed of fixed blocks. Threads
+    /// of a GPU would wait for each other.
+    ///
+    /// # Safety
+    /// Both must be owners of cells that bodies cover.
+    #[inline(always)]
+    #[cfg(not(target_arch = "nvptx64"))]
+    unsafe fn rest(&self, a: u32, b: u32) -> bool {
+        let rests = |slot: u32| {
+            // SAFETY: slots were made by `Cover::make_room`.
+            let motion = unsafe { &(*self.solids.add(slot as usize)).motion };
+            (motion.velocity, motion.spin) == ([0.0; 3], [0.0; 3])
+        };
+        [a, b].into_iter().all(|owner| {
+            // SAFETY: promised by the caller.
+            let (slot, shares) = unsafe { self.shares(owner) };
+            match shares {
+                [] => rests(slot),
+                shares => shares.iter().all(|share| rests(share.slot)),
+            }
+        })
     }
 
     /// Velocity of the bodies of a covered cell at the middle of the link along `c` from the cell `at`: the same from both of its ends.
