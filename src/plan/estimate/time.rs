@@ -84,7 +84,7 @@ const COVERED: [f64; 3] = [4e-8, 9e-8, 1.8e-7];
 /// What eddies add to a covered cell of D3Q19.
 const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
-const MAPPED: [f64; 2] = [1.4e-7, 4e-7];
+const MAPPED: [f64; 2] = [5.5e-8, 4e-7];
 /// The same of grains in a bonded bed, most of which rest.
 const RESTING: f64 = 6e-10;
 /// A look of the guards at a population of a cell.
