@@ -130,18 +130,28 @@ impl Cover {
         let lists = self.lists.iter_mut().map(Shelf::get);
         let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
         let longest = lists.iter().map(|shared| shared.len()).max().unwrap_or(0);
-        (0..longest).flat_map(move |k| {
-            let here = move |shared: &'a [Vec<Share>]| shared.get(k).map_or(&[][..], Vec::as_slice);
-            lists.clone().into_iter().map(here)
+        (0..longest * lists.len()).map(move |place| {
+            let shared = lists[place % lists.len()];
+            shared
+                .get(place / lists.len())
+                .map_or(&[][..], Vec::as_slice)
         })
     }
 
     /// What the coming pass sees of the cells of several bodies.
     pub(super) fn list_shares(&mut self) -> *const Shares {
-        let mut shares = std::mem::take(&mut self.shares);
-        shares.clear();
-        shares.extend(self.shared().map(Shares::of));
-        self.shares = shares;
+        let count = self.lists.len();
+        self.shares.clear();
+        for (shelf, lists) in self.lists.iter_mut().enumerate() {
+            let shared = &lists.get().shared;
+            let room = shared.len() * count;
+            if self.shares.len() < room {
+                self.shares.resize(room, Shares::of(&[]));
+            }
+            for (k, parts) in shared.iter().enumerate() {
+                self.shares[k * count + shelf] = Shares::of(parts);
+            }
+        }
         self.shares.as_ptr()
     }
 
