@@ -19,7 +19,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use solver::coupling::solid_fraction::{BallInCells, BallTable, Form, Method, Scratch, faces};
+use solver::coupling::solid_fraction::{BallInCells, BallTable, BlockTable, Form, Method, Scratch, Surface};
 use solver::dem::polyhedron::Polyhedron;
 
 const CENTRE: [f64; 3] = [20.37, 20.14, 20.71];
@@ -50,6 +50,7 @@ fn show(name: &str, form: &Form, volume: f64) {
         .zip(truth.iter().copied())
         .filter(|(_, fraction)| *fraction > 0.0 && *fraction < 1.0)
         .collect();
+    let count = surface.len();
     for (label, method) in [
         ("exact", Method::Exact),
         ("samples 2", Method::Samples(2)),
@@ -80,54 +81,51 @@ fn show(name: &str, form: &Form, volume: f64) {
             time,
         );
     }
-    if let Form::Ball { centre, radius } = *form {
-        let mut table = BallTable::default();
-        // The box of the ball, as the program takes it.
-        let lower = centre.map(|x| (x - radius).floor() as i32);
-        let cells: [usize; 3] =
-            std::array::from_fn(|a| ((centre[a] + radius).floor() as i32 + 1 - lower[a]) as usize);
-        // The same cells row by row, as the program asks for them: from the first to the last of the surface, and not those between.
-        let mut rows: Vec<(usize, usize, Vec<std::ops::Range<usize>>)> = Vec::new();
-        let mut places: Vec<[usize; 3]> = surface
-            .iter()
-            .map(|(cell, _)| std::array::from_fn(|a| (cell[a] as i32 - lower[a]) as usize))
-            .filter(|at: &[usize; 3]| (0..3).all(|a| at[a] < cells[a]))
-            .collect();
-        places.sort_unstable();
-        for [x, y, z] in places {
-            match rows.last_mut() {
-                Some((i, j, runs)) if (*i, *j) == (x, y) => match runs.last_mut() {
-                    Some(run) if run.end == z => run.end += 1,
-                    _ => runs.push(z..z + 1),
-                },
-                _ => rows.push((x, y, std::iter::once(z..z + 1).collect())),
-            }
-        }
-        let time = per_cell(surface.len(), || {
-            table.fill(&BallInCells {
-                centre,
-                radius,
-                lower,
-                cells,
-                order: [0, 1, 2],
-            });
-            let mut sum = 0.0;
-            for (i, j, runs) in &rows {
-                table.layer(*i);
-                for run in runs {
-                    sum += table.row(*j, run.start, run.len()).iter().sum::<f64>();
+    // All cells of the box of the body, as the program takes them.
+    let (centre, radius) = form.bounds();
+    let lower = centre.map(|x| (x - radius).floor() as i32);
+    let cells: [usize; 3] =
+        std::array::from_fn(|a| ((centre[a] + radius).floor() as i32 + 1 - lower[a]) as usize);
+    let at_once = |time: f64| {
+        let volume = truth.iter().sum::<f64>() / volume - 1.0;
+        line(name, "exact, all at once", count, 0.0, volume, time);
+    };
+    match *form {
+        Form::Ball { centre, radius } => {
+            let mut table = BallTable::default();
+            at_once(per_cell(count, || {
+                table.fill(&BallInCells {
+                    centre,
+                    radius,
+                    lower,
+                    cells,
+                    order: [0, 1, 2],
+                });
+                let mut sum = 0.0;
+                for layer in 0..cells[0] {
+                    table.layer(layer);
+                    for row in 0..cells[1] {
+                        sum += table.row(row, 0, cells[2]).iter().sum::<f64>();
+                    }
                 }
-            }
-            sum
-        });
-        line(
-            name,
-            "exact, all at once",
-            surface.len(),
-            0.0,
-            truth.iter().sum::<f64>() / volume - 1.0,
-            time,
-        );
+                sum
+            }));
+        }
+        Form::Block { surface, .. } => {
+            let mut table = BlockTable::default();
+            at_once(per_cell(count, || {
+                table.fill(surface, lower, cells, [0, 1, 2]);
+                let mut sum = 0.0;
+                for layer in 0..cells[0] {
+                    table.layer(surface, layer);
+                    for row in 0..cells[1] {
+                        sum += table.row(row, 0, cells[2]).iter().sum::<f64>();
+                    }
+                }
+                sum
+            }));
+        }
+        Form::Disc { .. } => {}
     }
 }
 
@@ -176,10 +174,10 @@ fn main() {
 
 fn block(name: &str, shape: &Polyhedron) {
     let turn = Rotation3::new(Vector3::new(0.3, 0.5, 0.7));
-    let mut planes = Vec::new();
-    faces(shape, turn.matrix(), CENTRE, 1.0, &mut planes);
+    let mut surface = Surface::default();
+    surface.place(shape, turn.matrix(), CENTRE, 1.0);
     let form = Form::Block {
-        planes: &planes,
+        surface: &surface,
         centre: CENTRE,
         radius: shape.radius(),
     };

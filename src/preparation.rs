@@ -23,7 +23,7 @@ use crate::case::sieve::Percentiles;
 use crate::dem::relax::unbalanced_text;
 use crate::dem::space::{Components, Space, vector};
 use crate::dem::{Region, Wall};
-use crate::error::Error;
+use crate::error::{Error, number};
 use crate::number::{real, to_u32};
 use crate::plan::{Plan, contacts};
 use crate::scene::block::Block;
@@ -237,8 +237,10 @@ fn save_blocks(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Er
             .map_err(|e| Error::Io(e.to_string()))?;
     }
     Ok(format!(
-        "{} blocks of {:.4} m3 in all, {} of them fixed",
-        blocks.number, blocks.volume, blocks.fixed
+        "{} blocks of {} m3 in all, {} of them fixed",
+        blocks.number,
+        number(blocks.volume),
+        blocks.fixed
     ))
 }
 

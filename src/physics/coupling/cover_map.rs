@@ -12,11 +12,11 @@ mod runs;
 use self::alone::{Alone, Sphere};
 use self::runs::{Rows, Runs, Walk};
 use super::body_map::{Grid, in_cells};
-use super::solid_fraction::{Form, Method, Scratch, faces};
+use super::solid_fraction::{Form, Method, Scratch, Surface};
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::lbm::lanes::{Level, Stored};
-use crate::lbm::links::{Plane, Rigid};
+use crate::lbm::links::Rigid;
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::{Cover, DEEP, Solid};
 use crate::number::{floor_i32, real, to_i32, to_u32};
@@ -37,18 +37,22 @@ struct Mapped {
     /// Its cells, and those that it has from the next update on.
     cells: Runs,
     next: Runs,
-    /// Faces of a polyhedron; none of a disc or sphere.
-    planes: Vec<Plane>,
+    /// Of a polyhedron; without faces that of a disc or sphere.
+    surface: Surface,
     /// Since its cells were covered.
     moved: bool,
 }
 
 impl Mapped {
+    fn is_block(&self) -> bool {
+        !self.surface.planes().is_empty()
+    }
+
     fn form(&self, pose: &Pose, dimension: usize) -> Form<'_> {
         let Pose { centre, radius, .. } = *pose;
-        if !self.planes.is_empty() {
+        if self.is_block() {
             Form::Block {
-                planes: &self.planes,
+                surface: &self.surface,
                 centre,
                 radius,
             }
@@ -65,7 +69,7 @@ impl Mapped {
         const FEWEST: i32 = 2;
         let slow = rows.order[0];
         let all = -1..rows.cells[slow] + 1;
-        let Some(pose) = self.at.filter(|_| !self.planes.is_empty()) else {
+        let Some(pose) = self.at.filter(|_| self.is_block()) else {
             return vec![all];
         };
         let (low, high) = (
@@ -220,7 +224,7 @@ impl CoverMap {
             if let (true, Some((shape, state))) = (body.moved, block) {
                 let rotation = state.matrix();
                 let spacing = self.grid.spacing;
-                faces(shape, &rotation, pose.centre, spacing, &mut body.planes);
+                body.surface.place(shape, &rotation, pose.centre, spacing);
             }
             let frame = self.grid.frame(self.dimension, body.name.1);
             cover.set(

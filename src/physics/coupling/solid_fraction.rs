@@ -2,22 +2,24 @@
 //!
 //! | method | definition for a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
 //! |---|---|---|
-//! | exact | closed form of box and ball; box cut by planes | rounding |
+//! | exact | closed form of box and ball; surface of a polyhedron cut into cells | rounding |
 //! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
 //! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
 //!
 //! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is then the true
-//! volume to second order; without the correction it is too large. One plane through a cell cuts it in closed form (R. Scardovelli,
-//! S. Zaleski, J. Comput. Phys. 164 (2000) 228). With several planes the volume is ⅓ Σ area times distance over the faces of the remaining solid,
-//! each face clipped independently, so that no consistent topology is needed.
+//! volume to second order; without the correction it is too large.
 //!
 //! All lengths are in cells, in the raw frame of the body.
 
 mod ball;
+mod block;
+mod block_rows;
 mod disc;
 mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
+pub use block::{BlockTable, Surface};
+use block_rows::BlockRows;
 use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
 
@@ -25,7 +27,8 @@ use crate::ball::{Beside, EMPTY, chord};
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
 use crate::lbm::links::Plane;
-use nalgebra::{Matrix3, Vector3};
+use crate::number::floor_i32;
+use nalgebra::Matrix3;
 
 /// How fractions are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,7 +79,7 @@ pub enum Form<'a> {
     /// A convex polyhedron: what all planes have in common.
     Block {
         /// Its faces.
-        planes: &'a [Plane],
+        surface: &'a Surface,
         /// Its centroid.
         centre: [f64; 3],
         /// From the centroid to the farthest corner.
@@ -107,22 +110,21 @@ impl Row {
     }
 }
 
-/// Lengths (in cells) below which a cut does not count.
-const TOUCH: f64 = 1e-12;
 /// A component of a normal that small has no interval of its own.
 const LEVEL: f64 = 1e-12;
 
-/// Buffers of the clipping.
+/// Buffers of the body that is mapped.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    cuts: Vec<Plane>,
-    polygon: Vec<Vector3<f64>>,
-    clipped: Vec<Vector3<f64>>,
-    /// Of the ball that is mapped.
+    /// Of a ball.
     pub(crate) ball: BallTable,
-    /// Of the disc that is mapped.
+    /// Of a block.
+    pub(crate) block: BlockTable,
+    /// Of a disc.
     pub(crate) disc: DiscTable,
-    /// Of the ball or disc that is mapped.
+    /// Of a block.
+    pub(crate) block_rows: BlockRows,
+    /// Of a ball or disc.
     pub(crate) round: RoundRows,
 }
 
@@ -152,7 +154,7 @@ impl Form<'_> {
                 let beside = Beside::of(centre[b], lower[b]) + Beside::of(centre[c], lower[c]);
                 round_row(centre[axis], *radius, beside)
             }
-            Self::Block { planes, .. } => block_row(planes, axis, lower),
+            Self::Block { surface, .. } => block_row(surface.planes(), axis, lower),
         }
     }
 
@@ -171,7 +173,12 @@ impl Form<'_> {
         match self {
             Self::Disc { centre, radius } => disc_rectangle(*centre, *radius, lower, upper),
             Self::Ball { centre, radius } => sphere_box(*centre, *radius, lower, upper),
-            Self::Block { planes, .. } => cut_cell(planes, lower, scratch),
+            Self::Block { surface, .. } => {
+                let cell = lower.map(floor_i32);
+                scratch.block.fill(surface, cell, [1; 3], [0, 1, 2]);
+                scratch.block.layer(surface, 0);
+                scratch.block.row(0, 0, 1)[0]
+            }
         }
     }
 
@@ -217,12 +224,16 @@ impl Form<'_> {
                 let d: [f64; 3] = std::array::from_fn(|a| point[a] - centre[a]);
                 (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - radius
             }
-            Self::Block { planes, .. } => planes
-                .iter()
-                .map(|plane| plane.height(point))
-                .fold(f64::NEG_INFINITY, f64::max),
+            Self::Block { surface, .. } => height_over(surface.planes(), point),
         }
     }
+}
+
+/// Height of a point over the highest of the planes of a polyhedron.
+#[inline(always)]
+pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
+    let heights = planes.iter().map(|plane| plane.height(point));
+    heights.fold(f64::NEG_INFINITY, f64::max)
 }
 
 #[inline(always)]
@@ -276,158 +287,6 @@ fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
     } else if room < 0.0 {
         *interval = EMPTY;
     }
-}
-
-/// Volume of the unit cell with this lower corner inside all planes.
-fn cut_cell(planes: &[Plane], lower: [f64; 3], scratch: &mut Scratch) -> f64 {
-    let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
-    scratch.cuts.clear();
-    for plane in planes {
-        let n = plane.normal;
-        let reach = 0.5 * (n[0].abs() + n[1].abs() + n[2].abs());
-        let offset = plane.offset - dot(n, middle);
-        if offset <= TOUCH - reach {
-            return 0.0;
-        }
-        if offset < reach - TOUCH {
-            // From here on about the centre of the cell.
-            scratch.cuts.push(Plane { normal: n, offset });
-        }
-    }
-    match scratch.cuts[..] {
-        [] => 1.0,
-        [only] => cut_once(&only),
-        _ => cut_often(scratch),
-    }
-}
-
-/// Volume of a unit cube about the origin inside one plane that cuts it.
-fn cut_once(plane: &Plane) -> f64 {
-    let mut m = plane.normal.map(f64::abs);
-    m.sort_by(f64::total_cmp);
-    let sum = m[0] + m[1] + m[2];
-    // As a plane with positive normal of unit sum, its distance counted from the lowest corner.
-    let alpha = 0.5 + plane.offset / sum;
-    let [m1, m2, m3] = m.map(|x| x / sum);
-    let small = alpha.min(1.0 - alpha).max(0.0);
-    let part = smaller_part(small, m1, m2, m3);
-    if alpha <= 0.5 { part } else { 1.0 - part }
-}
-
-/// Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m = 1.
-fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
-    const TINY: f64 = 1e-8;
-    if m2 < TINY {
-        return alpha / m3;
-    }
-    let below = |x: f64| {
-        let y = (alpha - x).max(0.0);
-        y * y
-    };
-    if m1 < TINY {
-        return (alpha * alpha - below(m2) - below(m3)) / (2.0 * m2 * m3);
-    }
-    let m12 = m1 + m2;
-    if alpha < m1 {
-        alpha * alpha * alpha / (6.0 * m1 * m2 * m3)
-    } else if alpha < m2 {
-        (alpha * (alpha - m1) + m1 * m1 / 3.0) / (2.0 * m2 * m3)
-    } else if alpha < m12.min(m3) {
-        let cubic = alpha * alpha * (3.0 * m12 - alpha)
-            + m1 * m1 * (m1 - 3.0 * alpha)
-            + m2 * m2 * (m2 - 3.0 * alpha);
-        cubic / (6.0 * m1 * m2 * m3)
-    } else if m3 < m12 {
-        let cubic = alpha * alpha * (3.0 - 2.0 * alpha)
-            + m1 * m1 * (m1 - 3.0 * alpha)
-            + m2 * m2 * (m2 - 3.0 * alpha)
-            + m3 * m3 * (m3 - 3.0 * alpha);
-        cubic / (6.0 * m1 * m2 * m3)
-    } else {
-        (2.0 * alpha - m12) / (2.0 * m3)
-    }
-}
-
-/// Volume of a unit cube about the origin inside the planes of `scratch.cuts`.
-fn cut_often(scratch: &mut Scratch) -> f64 {
-    let Scratch {
-        cuts,
-        polygon,
-        clipped,
-        ..
-    } = scratch;
-    let mut volume = 0.0;
-    // Faces of the cube.
-    for axis in 0..3 {
-        for side in [-0.5, 0.5] {
-            polygon.clear();
-            for corner in [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]] {
-                let mut at = Vector3::zeros();
-                at[axis] = side;
-                at[(axis + 1) % 3] = corner[0];
-                at[(axis + 2) % 3] = corner[1];
-                polygon.push(at);
-            }
-            for plane in cuts.iter() {
-                clip(polygon, clipped, plane.normal.into(), plane.offset);
-            }
-            volume += area(polygon) * 0.5;
-        }
-    }
-    // Faces of the body.
-    for (k, face) in cuts.iter().enumerate() {
-        let n = Vector3::from(face.normal);
-        let (s, t) = crate::dem::polyhedron::across(&n);
-        let foot = n * face.offset;
-        polygon.clear();
-        for (a, b) in [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)] {
-            polygon.push(foot + s * a + t * b);
-        }
-        for axis in 0..3 {
-            for side in [-1.0, 1.0] {
-                let mut normal = Vector3::zeros();
-                normal[axis] = side;
-                clip(polygon, clipped, normal, 0.5);
-            }
-        }
-        for (_, other) in cuts.iter().enumerate().filter(|&(other, _)| other != k) {
-            clip(polygon, clipped, other.normal.into(), other.offset);
-        }
-        volume += area(polygon) * face.offset;
-    }
-    volume / 3.0
-}
-
-/// What is left of a convex polygon inside `normal . x <= offset`.
-fn clip(
-    polygon: &mut Vec<Vector3<f64>>,
-    clipped: &mut Vec<Vector3<f64>>,
-    normal: Vector3<f64>,
-    offset: f64,
-) {
-    clipped.clear();
-    for (k, from) in polygon.iter().enumerate() {
-        let to = polygon[(k + 1) % polygon.len()];
-        let (p, q) = (normal.dot(from) - offset, normal.dot(&to) - offset);
-        if p <= 0.0 {
-            clipped.push(*from);
-        }
-        if (p < 0.0 && q > 0.0) || (p > 0.0 && q < 0.0) {
-            clipped.push(from + (to - from) * (p / (p - q)));
-        }
-    }
-    std::mem::swap(polygon, clipped);
-}
-
-/// Area of a plane convex polygon.
-fn area(polygon: &[Vector3<f64>]) -> f64 {
-    let mut sum = Vector3::zeros();
-    if let [first, rest @ ..] = polygon {
-        for pair in rest.windows(2) {
-            sum += (pair[0] - first).cross(&(pair[1] - first));
-        }
-    }
-    0.5 * sum.norm()
 }
 
 #[cfg(test)]

@@ -37,7 +37,6 @@ pub mod shape;
 mod shape_error;
 
 pub use contact::{Geometry, Hidden, History, Model, Narrow, Placed};
-pub(crate) use cut::across;
 pub use force::{Action, Law, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Damping, RotationState};

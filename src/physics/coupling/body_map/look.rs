@@ -3,7 +3,7 @@
 use super::rows::{Row, Rows};
 use super::slab::Slab;
 use super::{Again, BodyMap, Mapped, PER_THREAD, Turned};
-use crate::coupling::solid_fraction::Form;
+use crate::coupling::solid_fraction::height_over;
 use crate::lbm::links::{Plane, Rigid};
 use crate::number::floor_i32;
 use crate::thread_pool;
@@ -333,11 +333,6 @@ fn look_in_block(
     found: &mut Rows,
 ) -> f64 {
     let [low, high] = slab.window(rigid.position, frame, rigid.radius + 1.5);
-    let form = Form::Block {
-        planes,
-        centre: rigid.position,
-        radius: rigid.radius,
-    };
     let mut slack = 0.4_f64;
     found.take(
         [low[1] + frame[1], low[2] + frame[2]],
@@ -346,7 +341,7 @@ fn look_in_block(
             let mut span = [0; 2];
             for x in low[0]..=high[0] {
                 let cell = [x, y - frame[1], z - frame[2]];
-                let height = form.height(cell.map(|v| f64::from(v) + 0.5));
+                let height = height_over(planes, cell.map(|v| f64::from(v) + 0.5));
                 slack = slack.min(height.abs());
                 if height < 0.0 {
                     let x = x + frame[0];

@@ -1,6 +1,6 @@
 //! The cells that a body covers, as runs along the rows of the lattice.
 
-use super::super::solid_fraction::{BallInCells, Form, Method, RowCells, Scratch};
+use super::super::solid_fraction::{BallInCells, Form, Method, Scratch, Surface};
 use crate::ball::Beside;
 use crate::lbm::lanes::{Level, WIDEST, Work};
 use crate::lbm::saturation::DEEP;
@@ -226,6 +226,16 @@ pub(super) struct Walk<'a, 'f> {
     pub(super) found: &'a mut Runs,
 }
 
+/// Which table has the exact fractions.
+#[derive(Clone, Copy)]
+enum Exact<'a> {
+    Ball,
+    Disc,
+    Block(&'a Surface),
+    /// Each cell is measured alone.
+    None,
+}
+
 impl Work for Walk<'_, '_> {
     #[inline(always)]
     fn run(self) {
@@ -258,13 +268,13 @@ impl Work for Walk<'_, '_> {
             [slow, middle, fast] if middle >= rows.dimension => [middle, slow, fast],
             order => order,
         };
-        // Of a ball or disc all cells of its box at once.
+        // Exact fractions are found for all cells of the box at once.
         let (mut cells, mut lower) = ([0; 3], [0; 3]);
         for a in 0..3 {
             cells[a] = high[a] - low[a];
             lower[a] = low[a] - frame[a];
         }
-        let (ball, disc) = match (form, method) {
+        let exact = match (form, method) {
             (Form::Ball { centre, radius }, Method::Exact) => {
                 scratch.ball.fill(&BallInCells {
                     centre: *centre,
@@ -273,46 +283,62 @@ impl Work for Walk<'_, '_> {
                     cells: cells.map(whole),
                     order: rows.order,
                 });
-                (true, false)
+                Exact::Ball
             }
             (Form::Disc { centre, radius }, Method::Exact) if fast < 2 => {
                 let disc = (*centre, *radius);
                 scratch.disc.fill(disc, (lower, cells), fast);
-                (false, true)
+                Exact::Disc
             }
-            _ => (false, false),
-        };
-        let round = match form {
-            Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
-                Some((*centre, *radius))
+            (Form::Block { surface, .. }, Method::Exact) => {
+                scratch
+                    .block
+                    .fill(surface, lower, cells.map(whole), [slow, middle, fast]);
+                Exact::Block(surface)
             }
-            Form::Block { .. } => None,
+            _ => Exact::None,
         };
         let beside = |axis: usize, raw: i32| {
-            round
-                .filter(|_| axis < rows.dimension)
-                .map_or_else(Beside::default, |(centre, _)| {
-                    Beside::of(centre[axis], f64::from(raw))
-                })
+            if axis < rows.dimension {
+                Beside::of(centre[axis], f64::from(raw))
+            } else {
+                Beside::default()
+            }
         };
         let count = whole(high[middle] - low[middle]);
-        if round.is_some() {
-            scratch.round.fill(count, |row| {
+        match form {
+            Form::Block { .. } => {
+                let first = low[middle] - frame[middle];
+                scratch
+                    .block_rows
+                    .fill(first, high[middle] - low[middle], [slow, middle, fast]);
+            }
+            Form::Disc { .. } | Form::Ball { .. } => scratch.round.fill(count, |row| {
                 beside(middle, low[middle] - frame[middle] + to_i32(row))
-            });
+            }),
         }
         let mut raw = [0; 3];
         let mut end = 0;
         for i in low[slow]..high[slow] {
             raw[slow] = i - frame[slow];
-            if let Some((centre, radius)) = round {
-                let layer = beside(slow, raw[slow]);
-                scratch
-                    .round
-                    .layer(layer, centre[fast], radius, frame[fast]);
+            match form {
+                Form::Block { surface, .. } => {
+                    scratch
+                        .block_rows
+                        .layer(surface.planes(), f64::from(raw[slow]));
+                }
+                Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
+                    let layer = beside(slow, raw[slow]);
+                    scratch
+                        .round
+                        .layer(layer, centre[fast], *radius, frame[fast]);
+                }
             }
-            if ball {
-                scratch.ball.layer(whole(i - low[slow]));
+            let layer = whole(i - low[slow]);
+            match exact {
+                Exact::Ball => scratch.ball.layer(layer),
+                Exact::Block(surface) => scratch.block.layer(surface, layer),
+                Exact::Disc | Exact::None => {}
             }
             // Room for all cells of the layer.
             let room = count * whole(high[fast] - low[fast]) + WIDEST;
@@ -321,11 +347,10 @@ impl Work for Walk<'_, '_> {
             }
             for j in low[middle]..high[middle] {
                 raw[middle] = j - frame[middle];
-                raw[fast] = -frame[fast];
-                let row = if round.is_some() {
-                    scratch.round.row(whole(j - low[middle]))
-                } else {
-                    RowCells::of(&form.row(fast, corner(raw)), frame[fast])
+                let across = whole(j - low[middle]);
+                let row = match form {
+                    Form::Block { .. } => scratch.block_rows.row(across, frame[fast]),
+                    Form::Disc { .. } | Form::Ball { .. } => scratch.round.row(across),
                 };
                 let (first, last) = (row.outer[0].max(low[fast]), row.outer[1].min(high[fast]));
                 if first >= last {
@@ -336,16 +361,17 @@ impl Work for Walk<'_, '_> {
                 let within =
                     |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
                 let length = whole(last - first);
-                if ball || disc {
+                if !matches!(exact, Exact::None) {
                     // The whole row in one loop, in whole vectors: what is beyond its end is written over.
                     let start = whole(first - low[fast]);
                     let padded = length.next_multiple_of(WIDEST);
-                    let (layer, across) = (whole(i - low[slow]), whole(j - low[middle]));
-                    let fractions = if ball {
-                        scratch.ball.row(across, start, padded)
-                    } else {
+                    let fractions = match exact {
+                        Exact::Ball => scratch.ball.row(across, start, padded),
+                        Exact::Block(_) => scratch.block.row(across, start, padded),
                         // One of the two axes has one cell alone.
-                        scratch.disc.row(layer.max(across), start, padded)
+                        Exact::Disc | Exact::None => {
+                            scratch.disc.row(layer.max(across), start, padded)
+                        }
                     };
                     let (from, to) = (full.start - first, full.end - first);
                     let (from_deep, to_deep) = (deep.start - first, deep.end - first);
@@ -362,7 +388,7 @@ impl Work for Walk<'_, '_> {
                 }
                 let parts = &mut found.parts[end..end + length];
                 end += length;
-                if !ball && !disc {
+                if matches!(exact, Exact::None) {
                     for cells in [first..full.start, full.end..last] {
                         let surface = &mut parts[within(&cells)];
                         for (k, part) in cells.zip(surface) {

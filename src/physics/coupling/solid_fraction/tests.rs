@@ -1,25 +1,27 @@
+mod planes;
+
 use super::*;
 use crate::dem::polyhedron::Polyhedron;
+use crate::number::real;
+use crate::random::SplitMix;
+use nalgebra::{Rotation3, Unit, Vector3};
+use planes::{Buffers, cut_cell, cut_often, cut_once};
 
 const PI: f64 = std::f64::consts::PI;
 
+/// The surface of a shape, turned about (1, 2, 3) by `angle`, round `centre`.
+fn turned(shape: &Polyhedron, angle: f64, centre: [f64; 3]) -> Surface {
+    let axis = Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0));
+    let turn = Rotation3::from_axis_angle(&axis, angle);
+    let mut surface = Surface::default();
+    surface.place(shape, turn.matrix(), centre, 1.0);
+    surface
+}
+
 /// A cuboid of these edges, turned about (1, 2, 3) by `angle`, round `centre`.
-fn cuboid(edges: [f64; 3], angle: f64, centre: [f64; 3]) -> (Vec<Plane>, f64) {
+fn cuboid(edges: [f64; 3], angle: f64, centre: [f64; 3]) -> (Surface, f64) {
     let shape = Polyhedron::cuboid(Vector3::from(edges)).unwrap();
-    let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0));
-    let turn = nalgebra::Rotation3::from_axis_angle(&axis, angle);
-    let planes = shape
-        .half_spaces()
-        .iter()
-        .map(|face| {
-            let normal = turn * face.normal;
-            Plane {
-                normal: normal.into(),
-                offset: face.offset + normal.dot(&Vector3::from(centre)),
-            }
-        })
-        .collect();
-    (planes, shape.radius())
+    (turned(&shape, angle, centre), shape.radius())
 }
 
 /// Sum of fractions over a box of cells that holds the body; rows must agree with the cells.
@@ -76,9 +78,9 @@ fn exact_fractions_add_up_to_the_volume() {
         ([4.0, 4.0, 4.0], 0.0, [0.0, 0.0, 0.0]),
         ([4.0, 4.0, 4.0], 1e-9, [0.0, 0.0, 0.0]),
     ] {
-        let (planes, radius) = cuboid(edges, angle, centre);
+        let (surface, radius) = cuboid(edges, angle, centre);
         let block = Form::Block {
-            planes: &planes,
+            surface: &surface,
             centre,
             radius,
         };
@@ -94,7 +96,7 @@ fn exact_fractions_add_up_to_the_volume() {
 /// The closed form of one cut against clipping.
 #[test]
 fn one_cut_in_closed_form() {
-    let mut scratch = Scratch::default();
+    let mut buffers = Buffers::default();
     for k in 0..4000_i32 {
         let angle = f64::from(k) * 0.618;
         let height = f64::from(k % 61) / 30.0 - 1.0;
@@ -103,14 +105,129 @@ fn one_cut_in_closed_form() {
         let reach = 0.5 * (normal[0].abs() + normal[1].abs() + normal[2].abs());
         let offset = reach * (f64::from(k % 97) / 48.5 - 1.0) * 0.999;
         let plane = Plane { normal, offset };
-        scratch.cuts.clear();
-        scratch.cuts.push(plane);
-        let (closed, clipped) = (cut_once(&plane), cut_often(&mut scratch));
+        buffers.cuts.clear();
+        buffers.cuts.push(plane);
+        let (closed, clipped) = (cut_once(&plane), cut_often(&mut buffers));
         assert!(
             (closed - clipped).abs() < 3e-8,
             "{plane:?} {closed} {clipped}"
         );
     }
+}
+
+/// Shapes with many, few, long and short faces; thin, smaller than a cell, and along the axes.
+fn shapes() -> Vec<Polyhedron> {
+    let mut random = SplitMix::new(7);
+    let mut shapes: Vec<Polyhedron> = [6, 9, 14, 40, 120]
+        .into_iter()
+        .map(|count| {
+            let size = 5.0 + 5.0 * random.uniform();
+            let points: Vec<Vector3<f64>> = (0..count)
+                .map(|_| size * Vector3::from_fn(|_, _| random.uniform() - 0.5))
+                .collect();
+            Polyhedron::from_vertices(&points).unwrap().shape
+        })
+        .collect();
+    for edges in [[4.0, 3.0, 5.0], [7.0, 5.0, 0.1], [0.4, 0.3, 0.2]] {
+        shapes.push(Polyhedron::cuboid(Vector3::from(edges)).unwrap());
+    }
+    shapes
+}
+
+#[test]
+fn the_surface_gives_what_the_planes_give() {
+    let mut buffers = Buffers::default();
+    let mut table = BlockTable::default();
+    let mut partial = 0;
+    for (k, shape) in shapes().iter().enumerate() {
+        for (angle, centre) in [
+            (0.7 + real(k), [5.3, 5.1, 5.7]),
+            (0.0, [5.0, 5.5, 5.25]),
+            (1e-9, [5.0, 5.0, 5.0]),
+        ] {
+            let surface = turned(shape, angle, centre);
+            // The closed form of one cut takes a slope below 1e-8 for none.
+            let most = if angle == 1e-9 { 1e-7 } else { 1e-12 };
+            for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2]] {
+                let lower = [0, -1, 1];
+                table.fill(&surface, lower, [12, 11, 10], order);
+                let count = order.map(|axis| [12, 11, 10][axis]);
+                for layer in 0..count[0] {
+                    table.layer(&surface, layer);
+                    for row in 0..count[1] {
+                        let found = table.row(row, 0, count[2]).to_vec();
+                        for (at, found) in found.into_iter().enumerate() {
+                            let mut cell = lower.map(f64::from);
+                            for (axis, steps) in order.into_iter().zip([layer, row, at]) {
+                                cell[axis] += real(steps);
+                            }
+                            let planes = cut_cell(surface.planes(), cell, &mut buffers);
+                            assert!(
+                                (found - planes).abs() < most,
+                                "{k} {angle} {order:?} {cell:?}: {found} {planes}"
+                            );
+                            partial += u32::from(planes > 0.0 && planes < 1.0);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(partial > 10_000, "{partial}");
+}
+
+/// Ranks and threads have some of the layers, rows or cells each.
+#[test]
+fn a_part_of_the_cells_has_the_same_bits() {
+    let [mut whole, mut part] = [BlockTable::default(), BlockTable::default()];
+    for (k, shape) in shapes().iter().enumerate() {
+        let surface = turned(shape, real(k) + 0.3, [5.3, 5.1, 5.7]);
+        whole.fill(&surface, [0; 3], [12; 3], [0, 1, 2]);
+        part.fill(&surface, [4, 3, 5], [3, 4, 2], [0, 1, 2]);
+        for layer in 0..3 {
+            whole.layer(&surface, layer + 4);
+            part.layer(&surface, layer);
+            for row in 0..4 {
+                let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                let (all, some) = (
+                    bits(whole.row(row + 3, 5, 2)),
+                    bits(part.row(row, 0, 2)),
+                );
+                assert_eq!(all, some, "{k} {layer} {row}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_of_a_layer_end_where_each_row_does() {
+    let mut rows = BlockRows::default();
+    let mut deep = 0;
+    for (k, shape) in shapes().iter().enumerate() {
+        for (angle, centre) in [(real(k) + 0.3, [5.3, 5.1, 5.7]), (0.0, [5.0, 5.5, 5.25])] {
+            let surface = turned(shape, angle, centre);
+            let form = Form::Block {
+                surface: &surface,
+                centre,
+                radius: shape.radius(),
+            };
+            for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2]] {
+                rows.fill(-1, 12, order);
+                for layer in 0..11 {
+                    rows.layer(surface.planes(), f64::from(layer));
+                    for row in 0..12 {
+                        let mut lower = [0.0; 3];
+                        lower[order[0]] = f64::from(layer);
+                        lower[order[1]] = real(row) - 1.0;
+                        let alone = RowCells::of(&form.row(order[2], lower), 3);
+                        assert_eq!(rows.row(row, 3), alone, "{k} {order:?} {lower:?}");
+                        deep += (alone.deep[1] - alone.deep[0]).max(0);
+                    }
+                }
+            }
+        }
+    }
+    assert!(deep > 100, "{deep}");
 }
 
 /// What the cheaper methods cost in accuracy: the table of the module.

@@ -174,7 +174,7 @@ impl Cut {
 
 /// Two unit vectors across a unit normal, right-handed with it.
 #[inline]
-pub(crate) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     // J. R. Duff et al., JCGT 6 (2017) 1: no branch but the sign.
     let sign = 1_f64.copysign(normal.z);
     let a = -1.0 / (sign + normal.z);
