@@ -39,6 +39,13 @@ const LINE_EVERY: Duration = Duration::from_secs(30);
 /// A terminal is refreshed this often.
 const BAR_EVERY: Duration = Duration::from_millis(500);
 
+/// Decimals of times up to an end, of which at least four digits are to be seen.
+fn decimals_of(end: f64) -> usize {
+    const LEAST: i64 = 4;
+    let first = crate::number::floor_i64(end.log10().clamp(-20.0, 20.0));
+    usize::try_from((LEAST - first).clamp(LEAST, 15)).unwrap_or(0)
+}
+
 impl Progress {
     /// Begins at a step.
     #[must_use]
@@ -71,8 +78,9 @@ impl Progress {
             / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = number(moment.steps.saturating_sub(moment.step)) / whole.max(1e-12);
         let part = number(moment.step) / number(moment.steps.max(1));
+        let decimals = decimals_of(moment.time / part);
         let mut text = format!(
-            "step {} of {} ({:.1} %)  t = {:.4} s",
+            "step {} of {} ({:.1} %)  t = {:.decimals$} s",
             moment.step,
             moment.steps,
             100.0 * part,
@@ -214,6 +222,14 @@ mod tests {
         process(proc.path(), 1, "init", 0, "/dev/pts/9");
         assert!(!launcher_on_terminal(proc.path(), 40));
         assert!(!launcher_on_terminal(proc.path(), 41));
+    }
+
+    #[test]
+    fn short_runs_have_more_decimals() {
+        for (end, decimals) in [(3600.0, 4), (1.0, 4), (0.2, 5), (2e-4, 8), (0.0, 15)] {
+            assert_eq!(decimals_of(end), decimals, "{end}");
+        }
+        assert_eq!(decimals_of(f64::NAN), 4);
     }
 
     #[test]

@@ -33,18 +33,29 @@ impl<S: Stored> Fluid<S> {
             unit[axis] = 1;
             (populations.cell(unit) - origin).cast_signed()
         });
+        let fast = populations.order()[2];
         field.find_walls(|thread, threads, found| {
+            let (mut last, mut at) = (usize::MAX, [0; 3]);
             for position in covered(thread, threads) {
                 let part = cover.part(position);
                 if part < HALF {
                     continue;
                 }
-                let at = populations.coordinates(position);
+                // Most follow the one before in their row: to find coordinates takes divisions.
+                if position == last.wrapping_add(1) {
+                    at[fast] += 1;
+                } else {
+                    at = populations.coordinates(position);
+                }
+                last = position;
+                let within = |axis: usize, n: isize| (0..cells[axis].cast_signed()).contains(&n);
+                let inside = [within(0, at[0]), within(1, at[1]), within(2, at[2])];
                 for axis in 0..D {
+                    if !(0..3).all(|other| other == axis || inside[other]) {
+                        continue;
+                    }
                     for (upper, step) in [(true, -1), (false, 1)] {
-                        let mut beside = at;
-                        beside[axis] += step;
-                        if !(0..3).all(|a| (0..cells[a].cast_signed()).contains(&beside[a])) {
+                        if !within(axis, at[axis] + step) {
                             continue;
                         }
                         let water = position.wrapping_add_signed(step * strides[axis]);
