@@ -6,6 +6,7 @@
 
 pub mod disk;
 pub mod memory;
+mod joints;
 pub mod time;
 
 use super::Clock;

@@ -80,11 +80,15 @@ const LINK: f64 = 4.3e-9;
 /// Links of a cell at the surface of a solid in 2-D and 3-D.
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
-const COVERED: [f64; 3] = [4e-8, 9e-8, 1.8e-7];
+const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
+/// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19 has it in its covered cells.
+const JOINT: f64 = 3.2e-7;
 /// What eddies add to a covered cell of D3Q19.
 const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
-const MAPPED: [f64; 2] = [5.5e-8, 4e-7];
+const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
+/// What a cell at a surface takes beside eddies in each step in which bodies move.
+const BESIDE_EDDIES: f64 = 4e-8;
 /// The same of grains in a bonded bed, most of which rest.
 const RESTING: f64 = 6e-10;
 /// A look of the guards at a population of a cell.
@@ -123,7 +127,7 @@ pub struct Parts {
     pub cell: f64,
     /// What a cell costs more where a solid covers it.
     pub covered: f64,
-    /// What a cell at the surface of a solid costs more: its links.
+    /// What a cell at the surface of a solid costs more: its links, or the joints of blocks.
     pub linked: f64,
     /// The map of such a cell, of a grain in a bed and of another solid.
     pub mapped: [f64; 2],
@@ -156,6 +160,9 @@ impl Parts {
                 Some(Coupling::PartiallySaturated(_)) => {
                     let eddies = flow.turbulence.is_some() && flow.lattice == VelocitySet::D3Q19;
                     all.covered = COVERED[kind] + if eddies { COVERED_EDDIES } else { 0.0 };
+                    if flow.lattice == VelocitySet::D3Q27 {
+                        all.linked = JOINT * super::joints::share(scene);
+                    }
                 }
                 None => {}
             }
@@ -209,8 +216,12 @@ impl Seconds {
             all.fluid =
                 steps * (amounts.cells * parts.cell / machine.fluid + beside / machine.grains);
             let [bed, moving] = parts.mapped;
-            let moving = amounts.moving_surface * moving + amounts.bed_surface * bed;
-            all.mapping = real(clock.steps) * moving / machine.grains;
+            let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
+            let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
+            if saturated && flow.turbulence.is_some() && mapped > 0.0 {
+                mapped += amounts.surface * BESIDE_EDDIES;
+            }
+            all.mapping = real(clock.steps) * mapped / machine.grains;
             let populations = amounts.cells * real(flow.lattice.count());
             let looks = steps / GUARD_EVERY + 2.0;
             all.guards = looks * populations * GUARD / machine.grains;
