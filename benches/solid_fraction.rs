@@ -19,7 +19,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use solver::coupling::solid_fraction::{BallInCells, BallTable, BlockTable, Form, Method, Scratch, Surface};
+use solver::coupling::solid_fraction::{
+    BallInCells, BallTable, BlockTable, Form, Method, Scratch, Surface,
+};
 use solver::dem::polyhedron::Polyhedron;
 
 const CENTRE: [f64; 3] = [20.37, 20.14, 20.71];

@@ -5,8 +5,8 @@
 //! it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans` compares all three with runs.
 
 pub mod disk;
-pub mod memory;
 mod joints;
+pub mod memory;
 pub mod time;
 
 use super::Clock;

@@ -263,6 +263,13 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
                 format!("requested; {polyhedra} polyhedra")
             };
             choose("contact law", table.model().describe(), reason);
+            if table.is_elastic() {
+                choose(
+                    "contact damping",
+                    "none".into(),
+                    "no damping is set: bodies rebound from an impact as fast as they came".into(),
+                );
+            }
             choose(
                 "solid steps",
                 format!("{} per fluid step", clock.solid_steps_per_step),

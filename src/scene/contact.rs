@@ -7,7 +7,9 @@ use super::has_polyhedra;
 use crate::case::Case;
 use crate::case::grains::GrainSource;
 use crate::case::solids::Motion;
-use crate::dem::contact::{ContactModel, Law, MaterialFacts, Preparation, SceneFacts};
+use crate::dem::contact::{
+    ContactModel, Depth, Law, MaterialFacts, Preparation, SceneFacts, StaticContact,
+};
 use crate::number::to_u32;
 use serde::Serialize;
 
@@ -25,6 +27,28 @@ impl ContactTable {
     #[must_use]
     pub fn model(&self) -> &dyn ContactModel {
         self.law.model()
+    }
+
+    /// Whether no contact has a dashpot, and nothing else takes energy from an impact but friction.
+    #[must_use]
+    pub fn is_elastic(&self) -> bool {
+        let law = self.model();
+        let damped = law.blocks().is_some_and(|blocks| blocks.mass_damping > 0.0);
+        let no_dashpot = |materials| {
+            let contact = StaticContact {
+                materials,
+                diameter: 1.0,
+                radius: 0.5,
+                mass: 1.0,
+                overlap: Some(1e-3),
+                depth: Depth::Start,
+                bonded: false,
+            };
+            law.springs(&contact).dashpots[0] == 0.0
+        };
+        let all = 0..law.materials();
+        let mut pairs = all.clone().flat_map(|a| all.clone().map(move |b| [a, b]));
+        self.local_damping == 0.0 && !damped && pairs.all(no_dashpot)
     }
 
     pub(crate) fn resolve(
@@ -117,4 +141,35 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let fastest = speeds[0] + speeds[1] + fall.sqrt();
     // Nothing moves and nothing falls: a millimetre per second.
     if fastest > 0.0 { fastest } else { 1e-3 }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::Document;
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    #[test]
+    fn a_law_without_any_damping_is_elastic() {
+        for (damping, elastic) in [
+            ("", true),
+            (r#", "normal_damping_ratio": 0.0"#, true),
+            (r#", "normal_damping_ratio": 0.1"#, false),
+            (r#", "local_damping": 0.2"#, false),
+        ] {
+            let text = format!(
+                r#"{{"domain": {{"size": [1, 1, 1]}}, "materials": {{"glass": {{"density": 2500}}}},
+                "bodies": [{{"name": "ball", "shape": {{"sphere": {{"radius": 0.1}}}}, "position": [0.5, 0.5, 0.5],
+                    "motion": {{"free": {{}}}}, "material": "glass"}}],
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}}, "friction_angle_degrees": 20{damping}}}}},
+                "time": {{"end": 0.01}}}}"#
+            );
+            let document = Document::read(&text, &[], Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            let contact = plan.scene.contact.as_ref().unwrap();
+            assert_eq!(contact.is_elastic(), elastic, "{damping}");
+            let says = |choice: &crate::plan::models::Choice| choice.what == "contact damping";
+            assert_eq!(plan.models.iter().any(says), elastic, "{damping}");
+        }
+    }
 }

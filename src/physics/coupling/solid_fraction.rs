@@ -23,7 +23,6 @@ use block_rows::BlockRows;
 use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
 
-use crate::ball::{Beside, EMPTY, chord};
 use crate::darcy::overlap::{disc_rectangle, sphere_box};
 use crate::dem::polyhedron::Polyhedron;
 use crate::lbm::links::Plane;
@@ -140,24 +139,6 @@ impl Form<'_> {
         }
     }
 
-    /// The row of cells along `axis` through the cell with this lower corner.
-    #[must_use]
-    #[inline(always)]
-    pub fn row(&self, axis: usize, lower: [f64; 3]) -> Row {
-        match self {
-            Self::Disc { centre, radius } => {
-                let beside = Beside::of(centre[1 - axis], lower[1 - axis]);
-                round_row(centre[axis], *radius, beside)
-            }
-            Self::Ball { centre, radius } => {
-                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-                let beside = Beside::of(centre[b], lower[b]) + Beside::of(centre[c], lower[c]);
-                round_row(centre[axis], *radius, beside)
-            }
-            Self::Block { surface, .. } => block_row(surface.planes(), axis, lower),
-        }
-    }
-
     /// The filled part of the cell with this lower corner, 0 … 1.
     #[must_use]
     pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
@@ -239,54 +220,6 @@ pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
 #[inline(always)]
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// The row of a ball or disc; `centre` along the row.
-#[inline(always)]
-pub(crate) fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
-    let reach = |squared: f64| chord(centre, radius, squared);
-    Row {
-        outer: reach(beside.nearest),
-        inner: reach(beside.farthest),
-        deep: reach(beside.beyond),
-    }
-}
-
-#[inline(always)]
-fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
-    let mut row = Row {
-        outer: Row::ALL,
-        inner: Row::ALL,
-        deep: Row::ALL,
-    };
-    for plane in planes {
-        let n = plane.normal;
-        let mut least = 0.0;
-        let mut most = 0.0;
-        let mut beside = 0.0;
-        for b in (0..3).filter(|&b| b != axis) {
-            let (p, q) = (n[b] * lower[b], n[b] * (lower[b] + 1.0));
-            least += p.min(q);
-            most += p.max(q);
-            beside += n[b].abs();
-        }
-        narrow(&mut row.outer, n[axis], plane.offset - least);
-        narrow(&mut row.inner, n[axis], plane.offset - most);
-        narrow(&mut row.deep, n[axis], plane.offset - most - beside);
-    }
-    row
-}
-
-/// Keeps of an interval what obeys `slope * x <= room`.
-#[inline(always)]
-fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
-    if slope > LEVEL {
-        interval[1] = interval[1].min(room / slope);
-    } else if slope < -LEVEL {
-        interval[0] = interval[0].max(room / slope);
-    } else if room < 0.0 {
-        *interval = EMPTY;
-    }
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
 const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
 /// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19 has it in its covered cells.
-const JOINT: f64 = 3.2e-7;
+const JOINT: f64 = 2.2e-7;
 /// What eddies add to a covered cell of D3Q19.
 const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.

@@ -67,11 +67,14 @@ impl Surface {
     /// Each face: its plane and corners.
     fn faces(&self) -> impl Iterator<Item = (&Plane, &[[f64; 3]])> {
         let mut start = 0;
-        self.planes.iter().zip(&self.ends).map(move |(plane, &end)| {
-            let corners = &self.corners[start..end];
-            start = end;
-            (plane, corners)
-        })
+        self.planes
+            .iter()
+            .zip(&self.ends)
+            .map(move |(plane, &end)| {
+                let corners = &self.corners[start..end];
+                start = end;
+                (plane, corners)
+            })
     }
 }
 

@@ -2,7 +2,7 @@
 //! plane.
 //!
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
-//! [`block_row`](super::block_row).
+//! one row alone.
 
 use super::{LEVEL, Row, RowCells};
 use crate::ball::EMPTY;

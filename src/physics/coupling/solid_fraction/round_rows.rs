@@ -1,7 +1,7 @@
 //! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer in one loop.
 //!
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
-//! [`round_row`](super::round_row).
+//! one row alone.
 
 use super::Row;
 use crate::ball::{Beside, around, chord, within};

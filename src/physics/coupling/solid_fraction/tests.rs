@@ -1,4 +1,5 @@
 mod planes;
+mod rows;
 
 use super::*;
 use crate::dem::polyhedron::Polyhedron;
@@ -6,6 +7,7 @@ use crate::number::real;
 use crate::random::SplitMix;
 use nalgebra::{Rotation3, Unit, Vector3};
 use planes::{Buffers, cut_cell, cut_often, cut_once};
+use rows::row;
 
 const PI: f64 = std::f64::consts::PI;
 
@@ -40,7 +42,7 @@ fn sum(form: &Form<'_>, method: Method) -> f64 {
     for z in 0..deep {
         for y in 0..n {
             let first = [low[0], low[1] + f64::from(y), low[2] + f64::from(z)];
-            let row = form.row(0, first);
+            let row = row(form, 0, first);
             for x in 0..n {
                 let lower = [first[0] + f64::from(x), first[1], first[2]];
                 let fraction = form.fraction(method, lower, &mut scratch);
@@ -189,10 +191,7 @@ fn a_part_of_the_cells_has_the_same_bits() {
             part.layer(&surface, layer);
             for row in 0..4 {
                 let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-                let (all, some) = (
-                    bits(whole.row(row + 3, 5, 2)),
-                    bits(part.row(row, 0, 2)),
-                );
+                let (all, some) = (bits(whole.row(row + 3, 5, 2)), bits(part.row(row, 0, 2)));
                 assert_eq!(all, some, "{k} {layer} {row}");
             }
         }
@@ -201,7 +200,7 @@ fn a_part_of_the_cells_has_the_same_bits() {
 
 #[test]
 fn rows_of_a_layer_end_where_each_row_does() {
-    let mut rows = BlockRows::default();
+    let mut ends = BlockRows::default();
     let mut deep = 0;
     for (k, shape) in shapes().iter().enumerate() {
         for (angle, centre) in [(real(k) + 0.3, [5.3, 5.1, 5.7]), (0.0, [5.0, 5.5, 5.25])] {
@@ -212,15 +211,15 @@ fn rows_of_a_layer_end_where_each_row_does() {
                 radius: shape.radius(),
             };
             for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2]] {
-                rows.fill(-1, 12, order);
+                ends.fill(-1, 12, order);
                 for layer in 0..11 {
-                    rows.layer(surface.planes(), f64::from(layer));
+                    ends.layer(surface.planes(), f64::from(layer));
                     for row in 0..12 {
                         let mut lower = [0.0; 3];
                         lower[order[0]] = f64::from(layer);
                         lower[order[1]] = real(row) - 1.0;
-                        let alone = RowCells::of(&form.row(order[2], lower), 3);
-                        assert_eq!(rows.row(row, 3), alone, "{k} {order:?} {lower:?}");
+                        let alone = RowCells::of(&rows::row(&form, order[2], lower), 3);
+                        assert_eq!(ends.row(row, 3), alone, "{k} {order:?} {lower:?}");
                         deep += (alone.deep[1] - alone.deep[0]).max(0);
                     }
                 }
