@@ -13,9 +13,11 @@ use std::time::Instant;
 use decomposition::Communicator;
 use solver::darcy::permeability::kozeny_carman;
 use solver::darcy::{
-    Condition, Enclosure, Equations, Error, Grid, Liquid, Openness, Patch, Pressure, Settings,
+    Condition, Enclosure, Equations, Error, Grid, Liquid, Medium, Openness, Patch, Pressure, Settings,
 };
 
+/// Dynamic viscosity \[Pa s\].
+const VISCOSITY: f64 = 0.1;
 const SIZE: [f64; 3] = [0.06, 0.2, 0.06];
 
 /// The cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
@@ -83,14 +85,12 @@ fn main() -> Result<(), Error> {
         spacing: std::array::from_fn(|a| SIZE[a] / cells[a] as f64),
         dimension: 3,
     };
-    let mut porosity = Vec::with_capacity(grid.count());
-    let mut permeability = Vec::with_capacity(grid.count());
+    let mut conductivity = Vec::with_capacity(grid.count());
     for index in 0..grid.count() {
         let [x, y, z] = grid.centre(grid.cell(index));
         let wave = (TAU * x / SIZE[0]).sin() * (TAU * y / SIZE[1]).cos();
         let n = 0.4 + 0.05 * wave + 0.05 * (z / SIZE[2] - 0.5);
-        porosity.push(n);
-        permeability.push(kozeny_carman(n, 1.9e-3));
+        conductivity.push(kozeny_carman(n, 1.9e-3) / (VISCOSITY * n));
     }
     let openness = Openness::measure(&grid, &Enclosure::Everything);
     let settings = Settings {
@@ -101,7 +101,7 @@ fn main() -> Result<(), Error> {
     };
     let liquid = Liquid {
         density: 1000.0,
-        viscosity: 0.1,
+        viscosity: VISCOSITY,
     };
     let mut gradient = vec![[0.0; 3]; grid.count()];
     let mut took = Vec::new();
@@ -113,7 +113,11 @@ fn main() -> Result<(), Error> {
         let mut pressure =
             Pressure::new(&openness, patches(&grid), liquid, settings, &communicator)?;
         let begin = Instant::now();
-        let report = pressure.solve(&permeability, &porosity, None, None)?;
+        let report = pressure.solve(Medium {
+            conductivity: &conductivity,
+            carried: None,
+            source: None,
+        })?;
         for (cell, gradient) in gradient.iter_mut().enumerate() {
             *gradient = pressure.gradient(cell);
         }

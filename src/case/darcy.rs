@@ -50,6 +50,11 @@ pub struct Darcy {
     #[serde(default = "default_least")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub least_porosity: f64,
+    /// Height of the roughness of the walls of open water [m], for its friction in turbulent flow. Default: the mean diameter of the grains of the
+    /// ground around it; 0 where there are none.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub roughness: Option<f64>,
     /// Whether moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water and in the mean drag,
     /// and a bed that moves as a whole is stopped. Default: true; false with the equations of the paper.
     #[serde(default)]

@@ -11,7 +11,6 @@
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
-pub mod bed_motion;
 pub mod cut_cells;
 pub mod drag;
 pub mod enclosure;
@@ -19,6 +18,8 @@ pub mod grid;
 mod layout;
 pub mod mean_diameter;
 mod multigrid;
+pub mod neighbourhood;
+pub mod open_water;
 pub mod overlap;
 pub mod permeability;
 pub mod porosity;
@@ -26,15 +27,16 @@ pub mod pressure;
 mod reproducible;
 pub mod zones;
 
-pub use bed_motion::{BedMotion, Moving};
 pub use drag::DragLaw;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
-pub use pressure::{Condition, Equations, Liquid, Patch, Pressure, Report, Settings};
+pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
 pub use zones::Zones;
+
+pub(crate) use reproducible::power_above;
 
 /// Why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -44,6 +44,8 @@ pub struct Seepage {
     pub spacing: [f64; 3],
     /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it \[m\].
     pub planes: Vec<([f64; 3], f64)>,
+    /// Faces of the grid that are walls for grains and open water, below and above along each axis.
+    pub walls: [[bool; 2]; 3],
     /// Conditions, in the order of the case.
     pub patches: Vec<Patch>,
     /// Permeabilities and porosities by region, on the grid.
@@ -103,12 +105,19 @@ impl Seepage {
             origin,
             spacing,
             planes,
+            walls: [[false; 2]; 3],
             patches: Vec::new(),
             zones: None,
             solids: (structures.iter().filter(|s| s.stops.water()))
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
         };
+        let (origin, end) = (scene.origin, scene.end());
+        for face in &case.box_walls {
+            let (a, upper) = (face.axis(), usize::from(face.is_max()));
+            let (at, edge) = if face.is_max() { (end[a], grid.size[a]) } else { (origin[a], 0.0) };
+            scene.walls[a][upper] = (at - edge).abs() <= 1e-6 * scene.spacing[a];
+        }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
         scene.zones = scene.zones_of(case, grid, findings);
         scene.check(case, grid, grains, findings);

@@ -314,6 +314,8 @@ pub fn seepage<S: Space>(
         semi_implicit: written.semi_implicit_drag,
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
+        roughness: written.roughness,
+        walls: scene.walls,
     };
     let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
     Ok(Some(match &scene.zones {

@@ -78,6 +78,8 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     semi_implicit: written.semi_implicit_drag,
                     gravity,
                     interval: 1e-6,
+                    roughness: None,
+                    walls: Default::default(),
                 };
                 let mut seepage =
                     Seepage::<Volume>::new(openness, pores, pressure, settings, &communicator);

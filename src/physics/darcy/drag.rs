@@ -37,7 +37,7 @@ family! {
 }
 
 /// A drag law.
-pub trait Law {
+pub trait Law: Sync {
     /// The law in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -59,43 +59,6 @@ pub trait Law {
     fn balances(&self) -> bool {
         false
     }
-
-    /// The drag on a grain from the water in its cells, each with the part of the grain in it.
-    fn drag(&self, grain: &Grain, velocity: [f64; 3], cells: &[(Cell, f64)]) -> Drag {
-        let mut drag = Drag::default();
-        for (here, part) in cells {
-            let past: [f64; 3] = std::array::from_fn(|a| here.flux[a] - here.measure * velocity[a]);
-            let speed = (past.iter().map(|u| u * u).sum::<f64>()).sqrt();
-            let b = part * self.coefficient(&here.bed, grain, speed);
-            for a in 0..3 {
-                drag.pull[a] += b * here.flux[a];
-            }
-            drag.rate += b * here.measure;
-        }
-        drag
-    }
-}
-
-/// The drag on a grain as a function of its velocity v: `pull - rate v`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drag {
-    /// Force on the grain at rest \[N\].
-    pub pull: [f64; 3],
-    /// Force over velocity \[kg/s\].
-    pub rate: f64,
-}
-
-/// The water in a cell as a grain in it meets it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
-    /// Gradient of the pressure \[Pa/m\].
-    pub gradient: [f64; 3],
-    /// Superficial velocity of the water \[m/s\].
-    pub flux: [f64; 3],
-    /// The water and the bed.
-    pub bed: Bed,
-    /// Factor of the grain's velocity beside the flux: the porosity, or 1 in the equations as printed.
-    pub measure: f64,
 }
 
 /// The water and the bed around a grain.
@@ -140,6 +103,19 @@ impl Grain {
     }
 }
 
+/// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the drag is that of a law.
+pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
+    let grain = Grain::new(3, 0.5 * diameter);
+    let bed = Bed {
+        density: liquid.density,
+        viscosity: liquid.viscosity,
+        porosity,
+        solid: 1.0 - porosity,
+        permeability: f64::NAN,
+    };
+    bed.solid / (grain.volume * porosity) * law.coefficient(&bed, &grain, speed)
+}
+
 /// The permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of the reduced pressure
 /// \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
 ///
@@ -152,16 +128,7 @@ pub fn permeability(
     liquid: Liquid,
     gradient: f64,
 ) -> f64 {
-    let grain = Grain::new(3, 0.5 * diameter);
-    let bed = Bed {
-        density: liquid.density,
-        viscosity: liquid.viscosity,
-        porosity,
-        solid: 1.0 - porosity,
-        permeability: f64::NAN,
-    };
-    let per_volume = bed.solid / (grain.volume * porosity);
-    let loss = |q: f64| per_volume * law.coefficient(&bed, &grain, q);
+    let loss = |q: f64| resistance(law, porosity, diameter, liquid, q);
     let at_rest = loss(0.0);
     let mut q = gradient / at_rest;
     // Water at rest, or so slow that no inertia shows.

@@ -10,7 +10,8 @@ pub mod kozeny_carman;
 pub use kozeny_carman::kozeny_carman;
 
 use super::drag::di_felice::DiFelice;
-use super::drag::gidaspow::Gidaspow;
+use super::drag::gidaspow::{Gidaspow, wen_yu};
+use super::drag::{Bed, Grain};
 use super::mean_diameter::MeanDiameter;
 use super::{Equations, Liquid};
 use crate::family::family;
@@ -30,7 +31,7 @@ family! {
 }
 
 /// A law of resistance: the permeability K \[m2\] of a bed.
-pub trait Law {
+pub trait Law: Sync {
     /// The law in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -42,6 +43,15 @@ pub trait Law {
     /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced pressure
     /// \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
+
+    /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed \[m/s\]: `mu/K` there.
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64;
+
+    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of beds that vanishes on a lone grain
+    /// passes over to the law of Wen and Yu there.
+    fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+        wen_yu(bed, grain, speed)
+    }
 
     /// Whether K depends on the gradient: pressure and permeability are then computed in turn until both stay.
     fn depends_on_the_gradient(&self) -> bool {
@@ -87,7 +97,7 @@ pub trait Law {
 }
 
 /// The larger of two numbers; NaN where one is.
-pub(super) fn larger(a: f64, b: f64) -> f64 {
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 

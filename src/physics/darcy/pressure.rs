@@ -9,19 +9,15 @@
 //! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
 //! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
 //!
-//! Where grains move, `q` is the flux past them, and the volume of water and grains together is kept:
+//! Where grains move, the volume of water and grains together is kept. What goes through a cell is a linear function of the gradient
+//! ([`Medium`]; [`crate::coupling::seepage`] derives it):
 //!
 //! ```text
-//! div (q + v) = 0        v: mean velocity of the grains of a cell
+//! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
 //! ```
 //!
-//! which is `div q = -d eps/dt - div(eps v)` with the balance of the grains, `d eps/dt = div((1 - eps) v)`. In half a cell on each side of
-//! a face `q + v` is the same, so that the velocity of a face is that of its two cells, weighted by their resistances. The water of a
-//! cell without grains has next to no resistance: it goes with whatever the bed beside it does.
-//!
-//! A bed that the water stops faster than the interval T between two couplings must not be pushed for the whole interval by the
-//! pressure of its velocity at the start. [`Bed`] therefore states the velocity at the end of the interval as a linear function of the
-//! gradient, `v = v0 - B grad phi`, and B adds to the conductivity.
+//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of its two cells, weighted by
+//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever the bed beside it does.
 //!
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
@@ -111,8 +107,17 @@ pub struct Patch {
     pub condition: Condition,
 }
 
-/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced pressure.
-pub const NUMBERS: usize = 5;
+impl Patch {
+    /// Returns whether the patch covers the face of a cell.
+    fn holds(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
+        let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
+        self.axis == axis && self.upper == upper && (0..3).all(covers)
+    }
+}
+
+/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced pressure, flux of the water, resistance
+/// of open water.
+pub const NUMBERS: usize = 9;
 
 /// How the pressure is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,13 +132,15 @@ pub struct Settings {
     pub iterations: u32,
 }
 
-/// The grains as the pressure meets them: their mean velocity in a cell is `velocity - response grad phi`.
+/// Water and grains of all cells as the pressure meets them: in a cell they move together with `carried - conductivity grad phi`.
 #[derive(Clone, Copy, Debug)]
-pub struct Bed<'a> {
-    /// Velocity without a gradient of the reduced pressure \[m/s\], for each cell.
-    pub velocity: &'a [[f64; 3]],
-    /// What a gradient takes from it [m2/(Pa s)], for each cell.
-    pub response: &'a [f64],
+pub struct Medium<'a> {
+    /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
+    pub conductivity: &'a [f64],
+    /// Volume flux without a gradient \[m/s\], for each cell; none where all grains are at rest.
+    pub carried: Option<&'a [[f64; 3]]>,
+    /// Volume of water that appears per volume inside the walls \[1/s\], for each cell.
+    pub source: Option<&'a [f64]>,
 }
 
 /// What a solution cost and how good it is.
@@ -151,7 +158,7 @@ pub struct Report {
 
 /// Cells that conduct differently along each axis.
 struct Directions {
-    /// Mobility along each axis over that of the cell.
+    /// Conductivity along each axis over that of the cell.
     ratios: Vec<[f64; 3]>,
     /// Conductivity along each axis.
     conductivity: [Vec<f64>; 3],
@@ -178,12 +185,10 @@ pub struct Pressure {
     conductivity: Vec<f64>,
     /// Where cells conduct differently along each axis.
     directions: Option<Box<Directions>>,
-    /// Of the water past the grains.
-    mobility: Vec<f64>,
-    /// Velocity of the grains along each axis \[m/s\].
-    bed: [Vec<f64>; 3],
-    /// Whether there is one.
-    moves: bool,
+    /// What the grains carry along each axis \[m/s\].
+    carried: [Vec<f64>; 3],
+    /// Whether they carry anything.
+    carries: bool,
     matrix: Matrix<f64>,
     multigrid: Multigrid,
     phi: Vec<f64>,
@@ -191,7 +196,7 @@ pub struct Pressure {
     residual: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    /// What the gradient drives through each cell \[m/s\]: the flux past the grains and the response of the bed.
+    /// What the gradient drives through each cell \[m/s\].
     driven: Vec<[f64; 3]>,
     conducts: Vec<bool>,
     /// No pressure has been found or restored yet.
@@ -259,9 +264,8 @@ impl Pressure {
             per_area: std::array::from_fn(|_| vec![0.0; n]),
             conductivity: vec![0.0; n],
             directions: None,
-            mobility: vec![0.0; grid.count()],
-            bed: std::array::from_fn(|_| vec![0.0; n]),
-            moves: false,
+            carried: std::array::from_fn(|_| vec![0.0; n]),
+            carries: false,
             matrix: Matrix::new(&layout),
             multigrid,
             phi: vec![0.0; n],
@@ -351,7 +355,18 @@ impl Pressure {
         self.patches[patch].condition = condition;
     }
 
-    /// States the permeability of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
+    /// Returns the condition that is stated for a face of a cell on the boundary of the grid.
+    #[must_use]
+    pub fn condition(&self, cell: usize, axis: usize, upper: bool) -> Option<Condition> {
+        let place = self.grid.cell(cell);
+        let last = place[axis] + 1 == self.grid.cells[axis];
+        let on_face = if upper { last } else { place[axis] == 0 };
+        let holds = |p: &&Patch| p.holds(axis, upper, place);
+        let patch = self.patches.iter().rev().find(holds);
+        patch.filter(|_| on_face).map(|p| p.condition)
+    }
+
+    /// States the conductivity of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
     pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
         let n = self.layout.len();
         let directions = self.directions.get_or_insert_with(|| {
@@ -363,7 +378,7 @@ impl Pressure {
         directions.ratios.copy_from_slice(ratios);
     }
 
-    /// Permeability of a cell along each axis over the one that was given.
+    /// Conductivity of a cell along each axis over the one that was given.
     #[must_use]
     pub fn direction(&self, cell: usize) -> [f64; 3] {
         let directions = self.directions.as_ref();
@@ -378,19 +393,13 @@ impl Pressure {
         })
     }
 
-    /// Finds the pressure for a permeability \[m2\] and porosity of every cell, a source \[1/s\] per volume inside the walls
-    /// and moving grains, starting from the last pressure. Without source and motion the flow is quasi-steady. Collective.
+    /// Finds the pressure in a medium, starting from the last pressure. Where nothing is carried and there is no source the flow is
+    /// quasi-steady. Collective.
     ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
-    pub fn solve(
-        &mut self,
-        permeability: &[f64],
-        porosity: &[f64],
-        source: Option<&[f64]>,
-        bed: Option<Bed<'_>>,
-    ) -> Result<Report, Error> {
-        self.assemble(permeability, porosity, source, bed)?;
+    pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+        self.assemble(medium)?;
         let (iterations, residual) = self.iterate()?;
         if let Some(gather) = &mut self.gather {
             gather.fill(&mut self.phi);
@@ -404,41 +413,25 @@ impl Pressure {
         })
     }
 
-    fn assemble(
-        &mut self,
-        permeability: &[f64],
-        porosity: &[f64],
-        source: Option<&[f64]>,
-        bed: Option<Bed<'_>>,
-    ) -> Result<(), Error> {
-        let mobility = 1.0 / self.liquid.viscosity;
+    fn assemble(&mut self, medium: Medium<'_>) -> Result<(), Error> {
         let nx = self.grid.cells[0];
         let whole = self.layout.whole();
         let mut bad = false;
         for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
             for (at, cell) in row.zip(first..) {
-                let k = match self.settings.equations {
-                    Equations::Corrected => permeability[cell] * mobility,
-                    Equations::Paper => permeability[cell] * mobility / porosity[cell],
-                };
-                let k = if self.conducts[cell] { k } else { 0.0 };
+                let k = if self.conducts[cell] { medium.conductivity[cell] } else { 0.0 };
                 bad |= !(0.0..f64::MAX).contains(&k);
-                self.mobility[cell] = k;
                 self.conductivity[at] = k;
             }
         }
-        self.moves = bed.is_some();
-        if let Some(bed) = bed {
+        self.carries = medium.carried.is_some();
+        if let Some(carried) = medium.carried {
             for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
                 for (at, cell) in row.zip(first..) {
-                    if self.conducts[cell] {
-                        self.conductivity[at] += bed.response[cell];
-                        for (a, velocity) in bed.velocity[cell].iter().enumerate() {
-                            self.bed[a][at] = *velocity;
-                            bad |= !velocity.is_finite();
-                        }
+                    for (a, carried) in carried[cell].iter().enumerate() {
+                        self.carried[a][at] = if self.conducts[cell] { *carried } else { 0.0 };
+                        bad |= !carried.is_finite();
                     }
-                    bad |= !(0.0..f64::MAX).contains(&self.conductivity[at]);
                 }
             }
         }
@@ -488,7 +481,7 @@ impl Pressure {
                 Condition::NoFlow {} => {}
             }
         }
-        if let Some(source) = source {
+        if let Some(source) = medium.source {
             let volume = self.grid.volume();
             for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
                 for (at, cell) in row.zip(first..) {
@@ -542,8 +535,7 @@ impl Pressure {
             along.copy_from_slice(&self.conductivity);
             for (cell, ratios) in directions.ratios.iter().enumerate() {
                 let at = self.layout.at(self.grid.cell(cell));
-                // The response of the bed is the same along every axis.
-                along[at] += self.mobility[cell] * (ratios[axis] - 1.0);
+                along[at] *= ratios[axis];
                 bad |= !(0.0..f64::MAX).contains(&along[at]);
             }
         }
@@ -552,7 +544,7 @@ impl Pressure {
 
     /// Adds what the grains displace to the right sides.
     fn carry(&mut self) {
-        if !self.moves {
+        if !self.carries {
             return;
         }
         for axis in 0..self.grid.dimension {
@@ -568,7 +560,7 @@ impl Pressure {
         for face in &self.boundary {
             if self.imposed(face).is_some() {
                 let outward = if face.upper { 1.0 } else { -1.0 };
-                self.right[face.at] -= outward * face.area * self.bed[face.axis][face.at];
+                self.right[face.at] -= outward * face.area * self.carried[face.axis][face.at];
             }
         }
     }
@@ -578,10 +570,10 @@ impl Pressure {
         0.5 * self.factor[axis][at] * self.grid.spacing[axis]
     }
 
-    /// Velocity of the grains at the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
+    /// What is carried through the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.layout.stride[axis];
-        let (k, v) = (self.along(axis), &self.bed[axis]);
+        let (k, v) = (self.along(axis), &self.carried[axis]);
         if self.factor[axis][at] > 0.0 {
             (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
         } else {
@@ -618,7 +610,7 @@ impl Pressure {
             Condition::NoFlow {} => 0.0,
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 let inward = if face.upper { -1.0 } else { 1.0 };
-                let carried = inward * face.area * self.bed[face.axis][face.at];
+                let carried = inward * face.area * self.carried[face.axis][face.at];
                 self.imposed(face).map_or(0.0, |phi| {
                     face.conductance * (phi - self.phi[face.at]) + carried
                 })
@@ -647,13 +639,13 @@ impl Pressure {
                 west = east;
             }
         }
-        if self.moves {
+        if self.carries {
             for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
                 for (at, cell) in row.zip(first..) {
                     for axis in 0..self.grid.dimension {
                         let faces = self.face_velocity(axis, at)
                             + self.face_velocity(axis, at + layout.stride[axis]);
-                        self.driven[cell][axis] += 0.5 * faces - self.bed[axis][at];
+                        self.driven[cell][axis] += 0.5 * faces - self.carried[axis][at];
                     }
                 }
             }
@@ -673,22 +665,21 @@ impl Pressure {
         (inflow.value(), outflow.value())
     }
 
-    /// Darcy flux past the grains of a cell \[m/s\]; interstitial velocity in the equations as printed.
+    /// Volume flux of water and grains through a cell \[m/s\].
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
-        if self.moves {
-            let (k, ratios) = (self.mobility[cell], self.direction(cell));
-            let gradient = self.reduced_gradient(cell);
-            std::array::from_fn(|a| -(k * ratios[a]) * gradient[a])
+        if self.carries {
+            let at = self.layout.at(self.grid.cell(cell));
+            std::array::from_fn(|a| self.driven[cell][a] + self.carried[a][at])
         } else {
             self.driven[cell]
         }
     }
 
-    /// K/mu of a cell, or K/(mu eps) in the equations as printed \[m2/(Pa s)\]; 0 outside the walls.
+    /// Flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
-        self.mobility[cell]
+        self.conductivity[self.layout.at(self.grid.cell(cell))]
     }
 
     /// Gradient of the reduced pressure in a cell \[Pa/m\].

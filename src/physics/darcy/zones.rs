@@ -306,20 +306,25 @@ impl Zones {
     pub fn filled(&self, cells: usize) -> Vec<f64> {
         let mut filled = vec![0.0; cells];
         for divided in &self.cells {
-            let ([x, y, z], media) = self.boxes(divided);
-            let mut media = media.iter();
-            for c in z {
-                for b in y {
-                    for a in x {
-                        let fills = media
-                            .next()
-                            .is_some_and(|m| self.media[*m as usize].fills());
-                        filled[divided.cell] += if fills { a * b * c } else { 0.0 };
-                    }
+            filled[divided.cell] = self.part(divided, Medium::fills);
+        }
+        filled
+    }
+
+    /// Returns the part of a cell whose medium is of a kind.
+    fn part(&self, divided: &Divided, kind: impl Fn(&Medium) -> bool) -> f64 {
+        let ([x, y, z], media) = self.boxes(divided);
+        let mut media = media.iter();
+        let mut part = 0.0;
+        for c in z {
+            for b in y {
+                for a in x {
+                    let is = media.next().is_some_and(|m| kind(&self.media[*m as usize]));
+                    part += if is { a * b * c } else { 0.0 };
                 }
             }
         }
-        filled
+        part
     }
 
     /// Whether all that the zones state of the grid is a permeability that needs no grains.
@@ -395,6 +400,10 @@ pub struct Conduct {
     grains: Vec<bool>,
     /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
     bodies: Vec<bool>,
+    /// Whether zones reach a cell that holds grains.
+    ground: Vec<bool>,
+    /// Part of each cell that zones without grains leave to open water.
+    free: Vec<f64>,
     /// Permeability along each axis over that of the cell; empty where no boundary cuts a cell.
     ratios: Vec<[f64; 3]>,
     /// Permeability of the boxes of a cell \[m2\].
@@ -414,6 +423,8 @@ impl Conduct {
             porosity: vec![1.0; zones.cells.len()],
             grains: vec![false; zones.cells.len()],
             bodies: vec![false; cells],
+            ground: vec![false; cells],
+            free: vec![1.0; cells],
             ratios: vec![[1.0; 3]; cut],
             boxes: Vec::with_capacity(most.max().unwrap_or(0)),
             next: vec![0.0; cells],
@@ -435,6 +446,8 @@ impl Conduct {
             let (_, here) = zones.boxes(divided);
             let stands = |medium: &u32| zones.media[*medium as usize].stands();
             self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
+            self.ground[cell] = self.grains[n];
+            self.free[cell] = 1.0 - zones.part(divided, Medium::stands);
             let own = |medium: u32| {
                 let stated = zones.media[medium as usize].porosity(self.grains[n]);
                 stated.unwrap_or(self.porosity[n])
@@ -463,12 +476,25 @@ impl Conduct {
         self.bodies[cell]
     }
 
-    /// Replaces the permeability of the cells by that of the zones, and forms the ratios.
+    /// Returns whether zones state the permeability of the grains of a cell.
+    #[must_use]
+    pub fn is_ground(&self, cell: usize) -> bool {
+        self.ground[cell]
+    }
+
+    /// Returns the part of a cell that zones without grains leave to open water.
+    #[must_use]
+    pub fn free(&self, cell: usize) -> f64 {
+        self.free[cell]
+    }
+
+    /// Replaces the permeability of the cells by that of the zones, and forms the ratios. `open`: permeability of open water along each axis
+    /// of each cell \[m2\].
     pub fn replace(
         &mut self,
         zones: &Zones,
         law: &dyn Law,
-        bed: BedOfCells<'_>,
+        (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &mut [f64],
     ) {
@@ -490,6 +516,14 @@ impl Conduct {
             let mut along = [0.0; 3];
             let mut mean = 1.0;
             for (axis, along) in along.iter_mut().enumerate().take(zones.dimension) {
+                if !self.grains[n] {
+                    // What no zone holds is open water.
+                    for (own, medium) in self.boxes.iter_mut().zip(media) {
+                        if !zones.media[*medium as usize].stands() {
+                            *own = open[cell][axis];
+                        }
+                    }
+                }
                 *along = effective(axis, lengths, &self.boxes);
                 mean *= *along;
             }
@@ -520,14 +554,14 @@ impl Conduct {
         &mut self,
         zones: &Zones,
         law: &dyn Law,
-        bed: BedOfCells<'_>,
+        (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &[f64],
     ) -> f64 {
         let mut next = std::mem::take(&mut self.next);
         self.next_ratios.copy_from_slice(&self.ratios);
         law.fill(bed, liquid, &mut next);
-        self.replace(zones, law, bed, liquid, &mut next);
+        self.replace(zones, law, (bed, open), liquid, &mut next);
         std::mem::swap(&mut self.ratios, &mut self.next_ratios);
         let mut change = 0.0_f64;
         let steepest = bed.steepest();

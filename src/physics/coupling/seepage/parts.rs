@@ -1,5 +1,6 @@
 //! The cells that hold parts of each own grain, found once for a coupling, by threads.
 
+use super::bed::Term;
 use crate::darcy::Pores;
 use crate::dem::particles::View;
 use crate::dem::space::Space;
@@ -16,20 +17,30 @@ pub(super) struct Share {
     first: usize,
     /// Where the parts of each grain end.
     ends: Vec<usize>,
-    parts: Vec<(usize, f64)>,
+    /// Cells that hold a part of a grain, each with the part.
+    pub(super) parts: Vec<(usize, f64)>,
+    /// Drag and motion of each part.
+    pub(super) terms: Vec<Term>,
+    /// Force on each grain \[N\], and whether its drag is that at the end of the interval.
+    pub(super) loads: Vec<([f64; 3], bool)>,
 }
 
 impl Share {
-    /// Its grains.
+    /// Returns its grains.
     pub(super) fn grains(&self) -> Range<usize> {
         self.first..self.first + self.ends.len()
     }
 
-    /// The cells that hold parts of one of its grains, each with the part.
-    pub(super) fn of(&self, grain: usize) -> &[(usize, f64)] {
+    /// Returns where the parts of one of its grains stand.
+    pub(super) fn places(&self, grain: usize) -> Range<usize> {
         let n = grain - self.first;
         let start = n.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.parts[start..self.ends[n]]
+        start..self.ends[n]
+    }
+
+    /// Returns the cells that hold parts of one of its grains, each with the part.
+    pub(super) fn of(&self, grain: usize) -> &[(usize, f64)] {
+        &self.parts[self.places(grain)]
     }
 }
 
@@ -57,7 +68,7 @@ impl Parts {
         });
     }
 
-    /// Every own grain with its parts.
+    /// Returns every own grain with its parts.
     pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
         let shares = self.shares.iter();
         shares.flat_map(|share| share.grains().map(|k| (k, share.of(k))))

@@ -51,6 +51,14 @@ impl permeability::Law for DiFelice {
         super::permeability(self, porosity, diameter, liquid, gradient)
     }
 
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
+        super::resistance(self, porosity, diameter, liquid, speed)
+    }
+
+    fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+        self.coefficient(bed, grain, speed)
+    }
+
     fn depends_on_the_gradient(&self) -> bool {
         true
     }

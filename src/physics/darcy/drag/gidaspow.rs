@@ -7,16 +7,42 @@
 //!             C_d = 24/Re (1 + 0.15 Re^0.687), 0.44 from Re = 1000;  Re = rho eps |u - v| d/mu
 //! ```
 //!
+//! `C_d` is that of L. Schiller and A. Naumann (1933) for a lone sphere. Ergun's law is not that of Wen and Yu at a porosity of 0.8: from
+//! 0.77 to 0.8 the force passes over from one to the other ([`dense_share`]), so that it is continuous in the porosity.
+//!
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and Fluidization, 1994.)
 //! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure. The same law as a
 //! resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen and Yu's drag above.
 
 use super::{Bed, Grain, Law};
+use crate::darcy::open_water::rise;
 use crate::darcy::permeability::ergun::Ergun;
 use crate::darcy::{Equations, Liquid, permeability};
 
-/// Porosity from which the drag is that of Wen and Yu.
-const DILUTE: f64 = 0.8;
+/// Porosities up to which the drag is that of Ergun, and from which it is that of Wen and Yu.
+pub const DENSE: f64 = 0.77;
+/// See [`DENSE`].
+pub const DILUTE: f64 = 0.8;
+
+/// Returns the share of Ergun's law at a porosity: 1 in a bed, 0 in dilute water.
+#[must_use]
+pub fn dense_share(porosity: f64) -> f64 {
+    1.0 - rise((porosity - DENSE) / (DILUTE - DENSE))
+}
+
+/// Returns the force over the superficial speed after Wen and Yu \[kg/s\]; at a porosity of 1 that of Schiller and Naumann on a lone sphere.
+#[must_use]
+pub fn wen_yu(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    let d = grain.diameter;
+    let reynolds = bed.density * speed * d / bed.viscosity;
+    // C_d times the speed, finite at rest.
+    let drag = if reynolds < 1000.0 {
+        24.0 * bed.viscosity / (bed.density * d) * (1.0 + 0.15 * reynolds.powf(0.687))
+    } else {
+        0.44 * speed
+    };
+    grain.volume * 0.75 * drag * bed.density * bed.porosity.powf(-3.65) / d
+}
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,20 +59,17 @@ impl Law for Gidaspow {
 
     fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
         let (eps, d) = (bed.porosity, grain.diameter);
-        let share = if eps < DILUTE {
-            150.0 * (1.0 - eps) * bed.viscosity / (eps * d * d)
-                + 1.75 * bed.density * speed / (eps * d)
-        } else {
-            let reynolds = bed.density * speed * d / bed.viscosity;
-            // C_d times the speed, finite at rest.
-            let drag = if reynolds < 1000.0 {
-                24.0 * bed.viscosity / (bed.density * d) * (1.0 + 0.15 * reynolds.powf(0.687))
-            } else {
-                0.44 * speed
-            };
-            0.75 * drag * bed.density * eps.powf(-2.65) / d
-        };
-        grain.volume * share / eps
+        let dense = dense_share(eps);
+        let mut sum = 0.0;
+        if dense > 0.0 {
+            let viscous = 150.0 * (1.0 - eps) * bed.viscosity / (eps * d * d);
+            let inertial = 1.75 * bed.density * speed / (eps * d);
+            sum += dense * grain.volume * (viscous + inertial) / eps;
+        }
+        if dense < 1.0 {
+            sum += (1.0 - dense) * wen_yu(bed, grain, speed);
+        }
+        sum
     }
 }
 
@@ -60,11 +83,15 @@ impl permeability::Law for Gidaspow {
     }
 
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
-        if porosity < DILUTE {
+        if porosity <= DENSE {
             Ergun.permeability(porosity, diameter, liquid, gradient)
         } else {
             super::permeability(self, porosity, diameter, liquid, gradient)
         }
+    }
+
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
+        Ergun.resistance(porosity, diameter, liquid, speed)
     }
 
     fn depends_on_the_gradient(&self) -> bool {
@@ -109,7 +136,7 @@ mod tests {
             density: 1000.0,
             viscosity: mu,
         };
-        for eps in [0.4, 0.6, 0.79, 0.81, 0.95, 0.9999] {
+        for eps in [0.4, 0.6, 0.775, 0.79, 0.81, 0.95, 0.9999] {
             for speed in [0.0, 1e-9, 1e-3, 0.1, 3.0] {
                 let loss = gradient(&Gidaspow, &bed(eps, mu), d, speed);
                 let k = Gidaspow.permeability(eps, d, liquid, loss);

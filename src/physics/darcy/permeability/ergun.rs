@@ -36,6 +36,13 @@ impl Law for Ergun {
         2.0 * liquid.viscosity / (viscous + (viscous * viscous + 4.0 * inertial * gradient).sqrt())
     }
 
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
+        let (eps, d) = (porosity, diameter);
+        let solid = 1.0 - eps;
+        let viscous = 150.0 * solid * liquid.viscosity / d;
+        solid / (eps * eps * eps * d) * (viscous + 1.75 * liquid.density * speed)
+    }
+
     fn depends_on_the_gradient(&self) -> bool {
         true
     }
@@ -65,6 +72,8 @@ mod tests {
             let gradient = a * q + b * q * q;
             let k = Ergun.permeability(eps, d, WATER, gradient);
             assert!((k * gradient / 1e-3 - q).abs() <= 1e-12 * q);
+            let resistance = Ergun.resistance(eps, d, WATER, q);
+            assert!((resistance * q - gradient).abs() <= 1e-12 * gradient);
         }
         // At rest it is that of Kozeny and Carman with 150 for 180.
         let at_rest = Ergun.permeability(eps, d, WATER, 0.0);

@@ -32,6 +32,10 @@ impl Law for KozenyCarman {
     fn permeability(&self, porosity: f64, diameter: f64, _: Liquid, _: f64) -> f64 {
         kozeny_carman(porosity, diameter)
     }
+
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, _: f64) -> f64 {
+        liquid.viscosity / kozeny_carman(porosity, diameter)
+    }
 }
 
 #[cfg(test)]

@@ -67,11 +67,7 @@ pub(super) fn boundary(
                 if cell[axis] != edge || openness.blocked(index) {
                     continue;
                 }
-                let holds = |p: &Patch| {
-                    p.axis == axis
-                        && p.upper == upper
-                        && (0..3).all(|a| a == axis || (p.from[a]..p.to[a]).contains(&cell[a]))
-                };
+                let holds = |p: &Patch| p.holds(axis, upper, cell);
                 let Some(patch) = patches.iter().rposition(holds) else {
                     continue;
                 };

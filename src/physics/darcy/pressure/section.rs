@@ -41,7 +41,7 @@ impl Pressure {
             if behind && plane > 0 && self.factor[axis][at] > 0.0 {
                 let below = at - self.layout.stride[axis];
                 discharge.add(self.matrix.t[axis][at] * (self.phi[below] - self.phi[at]));
-                if self.moves {
+                if self.carries {
                     discharge.add(self.area(axis, at) * self.face_velocity(axis, at));
                 }
                 area.add(self.area(axis, at));

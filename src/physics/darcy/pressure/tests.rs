@@ -51,6 +51,19 @@ fn solver(
     Pressure::new(&open, patches, WATER, settings, &Communicator::serial())
 }
 
+fn conductivities(permeability: &[f64]) -> Vec<f64> {
+    permeability.iter().map(|k| k / WATER.viscosity).collect()
+}
+
+/// Grains at rest.
+fn still(conductivity: &[f64]) -> Medium<'_> {
+    Medium {
+        conductivity,
+        carried: None,
+        source: None,
+    }
+}
+
 #[test]
 fn flux_of_a_column_along_every_axis() {
     for axis in 0..3 {
@@ -66,7 +79,7 @@ fn flux_of_a_column_along_every_axis() {
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
         let k = kozeny_carman(0.4, 1e-3);
         let report = solver
-            .solve(&vec![k; grid.count()], &vec![0.4; grid.count()], None, None)
+            .solve(still(&conductivities(&vec![k; grid.count()])))
             .unwrap();
         let height = real(cells[axis]) * grid.spacing[axis];
         let q = k * 1000.0 / (WATER.viscosity * height);
@@ -109,7 +122,11 @@ fn layers_in_series_tell_the_two_balances_apart() {
             ..settings(1e-13)
         };
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings).unwrap();
-        solver.solve(&k, &eps, None, None).unwrap();
+        let paper = equations == Equations::Paper;
+        let pores = eps.iter().map(|eps| if paper { *eps } else { 1.0 });
+        let all = conductivities(&k);
+        let all: Vec<f64> = all.iter().zip(pores).map(|(k, eps)| k / eps).collect();
+        solver.solve(still(&all)).unwrap();
         let at = grid.index([1, 1, 9]);
         let above = solver.gradient(at)[2];
         (solver.pressure(at) + above * 0.005, solver.flux(at)[2])
@@ -151,7 +168,7 @@ fn the_tabulated_column() {
             }
         })
         .collect();
-    solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
+    solver.solve(still(&conductivities(&k))).unwrap();
     let (a, b) = (grid.index([0, 0, 9]), grid.index([0, 0, 10]));
     assert!((0.5 * (solver.pressure(a) + solver.pressure(b)) - interface).abs() < 1e-6);
     assert!((solver.flux(a)[2] / flux - 1.0).abs() < 1e-8);
@@ -170,7 +187,7 @@ fn water_at_rest_is_at_rest() {
     let k: Vec<f64> = (0..grid.count())
         .map(|_| 1e-9 * (0.1 + draws.uniform()))
         .collect();
-    solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
+    solver.solve(still(&conductivities(&k))).unwrap();
     for cell in 0..grid.count() {
         let depth = 0.06 - grid.centre(grid.cell(cell))[2];
         assert!((solver.pressure(cell) - 9810.0 * depth).abs() < 1e-9);
@@ -183,7 +200,6 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     let grid = grid([3, 3, 10], [0.01; 3]);
     let gravity = [0.0, 0.0, -9.81];
     let k = vec![1e-10; grid.count()];
-    let eps = vec![0.4; grid.count()];
     let run = |top: Condition| {
         let patches = between(&grid, 2, Condition::Head { value: 0.0 }, top);
         let settings = Settings {
@@ -191,7 +207,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
             ..settings(1e-13)
         };
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings).unwrap();
-        let report = solver.solve(&k, &eps, None, None).unwrap();
+        let report = solver.solve(still(&conductivities(&k))).unwrap();
         (solver.flux(grid.index([1, 1, 5]))[2], report, solver)
     };
     // Head 0.1 m above the outlet's over 0.1 m: gradient 1, so that the pressure is 0 throughout.
@@ -225,7 +241,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     };
     let open = Openness::measure(&grid, &Enclosure::Everything);
     let mut solver = Pressure::new(&open, walls, WATER, settings, &Communicator::serial()).unwrap();
-    let report = solver.solve(&k, &eps, None, None).unwrap();
+    let report = solver.solve(still(&conductivities(&k))).unwrap();
     assert!(report.inflow <= 0.0);
 }
 
@@ -236,7 +252,7 @@ fn a_source_leaves_through_the_outlet() {
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
     let n = grid.count();
     let report = solver
-        .solve(&vec![1e-9; n], &vec![0.4; n], Some(&vec![0.01; n]), None)
+        .solve(Medium { source: Some(&vec![0.01; n]), ..still(&conductivities(&vec![1e-9; n])) })
         .unwrap();
     assert!((report.outflow / (0.01 * 30.0 * 1e-4) - 1.0).abs() < 1e-10);
 }
@@ -305,7 +321,7 @@ fn agrees_with_elimination() {
             Condition::Pressure { value: -50.0 },
         );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-12)).unwrap();
-        let report = solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
+        let report = solver.solve(still(&conductivities(&k))).unwrap();
         let exact = dense(&grid, &k, 700.0, -50.0);
         for (cell, p) in exact.iter().enumerate() {
             assert!(
@@ -316,7 +332,7 @@ fn agrees_with_elimination() {
         assert!((report.inflow / report.outflow - 1.0).abs() < 1e-9);
         assert!(report.iterations < 65, "{report:?}");
         // From the solution there is nothing left to do.
-        let again = solver.solve(&k, &vec![0.4; k.len()], None, None).unwrap();
+        let again = solver.solve(still(&conductivities(&k))).unwrap();
         assert!(again.iterations <= 1, "{again:?}");
     }
 }
@@ -339,7 +355,7 @@ fn iterations_hardly_grow_with_the_grid() {
             .collect();
         counts.push(
             solver
-                .solve(&k, &vec![0.4; k.len()], None, None)
+                .solve(still(&conductivities(&k)))
                 .unwrap()
                 .iterations,
         );
@@ -404,7 +420,7 @@ fn a_wedge_passes_what_enters() {
     let mut solver = solver(&grid, &walls, patches, settings(1e-12)).unwrap();
     let n = grid.count();
     let report = solver
-        .solve(&vec![1e-10; n], &vec![0.4; n], None, None)
+        .solve(still(&conductivities(&vec![1e-10; n])))
         .unwrap();
     assert!(report.inflow > 0.0);
     assert!(
@@ -428,13 +444,13 @@ fn numbers_that_are_not_finite_are_refused() {
     let mut k = vec![1e-9; 64];
     k[7] = f64::NAN;
     assert!(matches!(
-        one.solve(&k, &[0.4; 64], None, None),
+        one.solve(still(&conductivities(&k))),
         Err(Error::NotFinite(_))
     ));
     k[7] = 1e-9;
     let source = [f64::INFINITY; 64];
     assert!(matches!(
-        one.solve(&k, &[0.4; 64], Some(&source), None),
+        one.solve(Medium { source: Some(&source), ..still(&conductivities(&k)) }),
         Err(Error::NotFinite(_))
     ));
     let tight = Settings {
@@ -445,7 +461,7 @@ fn numbers_that_are_not_finite_are_refused() {
     let mut draws = SplitMix::new(2);
     k.iter_mut().for_each(|k| *k *= 0.01 + draws.uniform());
     assert!(matches!(
-        two.solve(&k, &[0.4; 64], None, None),
+        two.solve(still(&conductivities(&k))),
         Err(Error::NotConverged { .. })
     ));
 }
@@ -472,7 +488,7 @@ fn a_box_with_a_small_outlet() {
     let k = kozeny_carman(0.4, 5e-3);
     let n = grid.count();
     let report = solver
-        .solve(&vec![k; n], &vec![0.4; n], None, None)
+        .solve(still(&conductivities(&vec![k; n])))
         .unwrap();
     assert!((report.inflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
     assert!((report.outflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
@@ -559,9 +575,8 @@ fn free_water_beside_soil() {
             Condition::Pressure { value: 1e4 },
         );
         let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-8)).unwrap();
-        let eps = vec![0.4; grid.count()];
         let report = solver
-            .solve(&permeability(ratio), &eps, None, None)
+            .solve(still(&conductivities(&permeability(ratio))))
             .unwrap();
         assert!(
             (report.inflow / report.outflow - 1.0).abs() < 1e-4,

@@ -44,9 +44,10 @@ fn permeabilities(grid: &Grid, zones: &[Zone]) -> Vec<[f64; 3]> {
     };
     let mut permeability = vec![0.0; n];
     law.model().fill(bed, WATER, &mut permeability);
-    room.replace(&zones, law.model(), bed, WATER, &mut permeability);
+    let open = vec![[1e-6; 3]; permeability.len()];
+    room.replace(&zones, law.model(), (bed, &open), WATER, &mut permeability);
     assert_eq!(
-        room.change(&zones, law.model(), bed, WATER, &permeability),
+        room.change(&zones, law.model(), (bed, &open), WATER, &permeability),
         0.0
     );
     let ratio = |cell: usize| room.ratios().map_or([1.0; 3], |ratios| ratios[cell]);
@@ -156,7 +157,8 @@ fn zones_of_grains_end_where_there_are_none() {
         gradient: &gradient,
     };
     let mut permeability = vec![0.0; 12];
-    room.replace(&zones, law.model(), bed, WATER, &mut permeability);
+    let open = vec![[1e-6; 3]; permeability.len()];
+    room.replace(&zones, law.model(), (bed, &open), WATER, &mut permeability);
     assert_eq!(permeability[0], 1e-12);
     assert_eq!(permeability[1], kozeny_carman(0.5, 1e-3));
     assert!(room.ratios().is_none());

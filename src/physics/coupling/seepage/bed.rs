@@ -1,0 +1,345 @@
+//! The grains as the water of each cell meets them: their drag, their motion until the next coupling, and the sums of both.
+//!
+//! See the module above for the equations. A grain that lies in several cells answers in each of them to the water there: the force on it is
+//! the sum over its parts.
+
+use super::medium::Water;
+use super::parts::Share;
+use super::{Settings, components};
+use crate::darcy::drag::{Bed, Grain, Law};
+use crate::darcy::{Equations, permeability};
+use crate::dem::particles::{Kind, View};
+use crate::dem::space::Space;
+use crate::number::real;
+use decomposition::{Communicator, quantise};
+
+/// What the drag in a cell depends on besides the grain and its slip.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ground {
+    /// The water and the bed, with the porosity of the neighbourhood.
+    pub(super) bed: Bed,
+    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations as printed.
+    pub(super) measure: f64,
+    /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
+    pub(super) packing: (f64, f64),
+    /// Drag on the volume of a grain over resistance times flux: porosity over solid fraction.
+    pub(super) factor: f64,
+    /// Resistance \[Pa s/m2\] where a zone states it.
+    pub(super) stated: Option<f64>,
+    /// Solid fraction of the neighbourhood; 0 without grains.
+    pub(super) around: f64,
+    /// Share of the law of a bed; the rest is that of dilute water.
+    pub(super) dense: f64,
+    /// Factor of the drag in dilute water, for the gradient that its reaction does not build up.
+    pub(super) dilute: f64,
+    /// Flux of the water by which the coefficients of drag are taken \[m/s\].
+    pub(super) flux: [f64; 3],
+    /// Drag along each axis over the mean.
+    pub(super) ratios: [f64; 3],
+}
+
+/// The laws that act on the grains.
+#[derive(Clone, Copy)]
+pub(super) struct Laws<'a> {
+    pub(super) drag: &'a dyn Law,
+    pub(super) resistance: &'a dyn permeability::Law,
+    pub(super) settings: &'a Settings,
+}
+
+impl Laws<'_> {
+    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance.
+    pub(super) fn reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> f64 {
+        let mut sum = 0.0;
+        if ground.dense > 0.0 {
+            let (porosity, diameter) = ground.packing;
+            let resistance = ground.stated.unwrap_or_else(|| {
+                self.resistance.resistance(porosity, diameter, self.settings.liquid, speed)
+            });
+            sum += ground.dense * grain.volume * ground.factor * resistance;
+        }
+        if ground.dense < 1.0 {
+            let alone = self.resistance.dilute(&ground.bed, grain, speed);
+            sum += (1.0 - ground.dense) * ground.dilute * alone;
+        }
+        sum
+    }
+
+    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the water.
+    fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> (f64, f64) {
+        let moves = self.settings.moves();
+        if self.drag.balances() && self.settings.equations == Equations::Corrected {
+            let both = self.reaction(ground, grain, speed);
+            (both, both)
+        } else {
+            let own = self.drag.coefficient(&ground.bed, grain, speed);
+            (own, if moves { self.reaction(ground, grain, speed) } else { 0.0 })
+        }
+    }
+}
+
+/// The part of a grain in a cell, between two couplings: its velocity at the end is
+/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Term {
+    /// Force over superficial slip \[kg/s\].
+    pub(super) drag: f64,
+    /// That of its reaction on the water \[kg/s\].
+    pub(super) reaction: f64,
+    /// Part of the interval over the mass of the grain \[s/kg\]; 0 where its velocity counts as it is.
+    pub(super) compliance: f64,
+    /// 1/(1 + compliance drag measure).
+    pub(super) answer: f64,
+    /// Velocity without flux and gradient \[m/s\].
+    pub(super) known: [f64; 3],
+}
+
+impl Term {
+    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a whole \[N\].
+    pub(super) fn drag(&self, volume: f64, measure: f64, flux: [f64; 3], gradient: [f64; 3]) -> [f64; 3] {
+        let b = self.drag * self.answer;
+        let push = self.compliance * volume;
+        std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
+    }
+}
+
+/// What is known of a grain before a coupling.
+enum Start {
+    /// It has met no water yet, and contacts hold it.
+    Held,
+    /// It has met no water yet, and nothing touches it.
+    Free,
+    /// Its load and its velocity at the last coupling are known.
+    Known,
+}
+
+fn is_zero(vector: [f64; 3]) -> bool {
+    vector.iter().all(|x| x.abs() <= 0.0)
+}
+
+fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
+    if !is_zero(components(&particles.fluid[k].force)) {
+        Start::Known
+    } else if is_zero(components(&particles.contact[k].force)) {
+        Start::Free
+    } else {
+        Start::Held
+    }
+}
+
+/// Fills the terms of one thread's grains.
+pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particles: &View<'_, Sp>, share: &mut Share) {
+    let settings = laws.settings;
+    let weight = settings.water_weight();
+    share.terms.clear();
+    for k in share.grains() {
+        let body = &particles.body[k];
+        let grain = Grain::new(Sp::DIMENSION, body.radius);
+        let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+        let start = start(particles, k);
+        // What contacts hold bears the water at first as it is at rest.
+        let free = settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
+        let (before, last) = match start {
+            Start::Known if free => (
+                components(&particles.last_velocity[k]),
+                components(&particles.fluid[k].force),
+            ),
+            _ => (velocity, settings.gravity.map(|g| -body.mass * g)),
+        };
+        for place in share.places(k) {
+            let (cell, _) = share.parts[place];
+            let Some(ground) = &ground[cell] else {
+                share.terms.push(Term::default());
+                continue;
+            };
+            let slip: [f64; 3] = std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
+            let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
+            let (drag, reaction) = laws.coefficients(ground, &grain, speed);
+            // The interval over the time in which drag stops a bed.
+            let ratio = settings.interval * drag / (body.mass * ground.measure);
+            let part = if free && ratio > 1.0 { 1.0 - 1.0 / ratio } else { 0.0 };
+            let compliance = part * settings.interval / body.mass;
+            let known: [f64; 3] = std::array::from_fn(|a| {
+                let pushed = grain.volume * weight[a] + last[a];
+                velocity[a] + part * (velocity[a] - before[a]) - compliance * pushed
+            });
+            share.terms.push(Term {
+                drag,
+                reaction,
+                compliance,
+                answer: 1.0 / (1.0 + compliance * drag * ground.measure),
+                known,
+            });
+        }
+    }
+}
+
+/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the interval. `reacts`: the drag
+/// differs along the axes as the resistance does.
+pub(super) fn load<Sp: Space>(
+    (water, weight, reacts): (&Water, [f64; 3], bool),
+    particles: &View<'_, Sp>,
+    share: &mut Share,
+) {
+    share.loads.clear();
+    for k in share.grains() {
+        let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
+        let (mut force, mut implicit) = ([0.0; 3], false);
+        for place in share.places(k) {
+            let (cell, part) = share.parts[place];
+            let Some(ground) = &water.ground[cell] else {
+                continue;
+            };
+            let (term, gradient) = (&share.terms[place], water.gradient[cell]);
+            let drag = term.drag(volume, ground.measure, water.flux[cell], gradient);
+            for a in 0..3 {
+                let ratio = if reacts { ground.ratios[a] } else { 1.0 };
+                force[a] += part * (ratio * drag[a] - volume * (gradient[a] + weight[a]));
+            }
+            implicit |= term.compliance > 0.0;
+        }
+        share.loads.push((force, implicit));
+    }
+}
+
+/// Numbers that are summed in each cell.
+const NUMBERS: usize = 10;
+/// Kinds of numbers that share a unit, and the unit of each number.
+const UNITS: usize = 6;
+const UNIT_OF: [usize; NUMBERS] = [0, 1, 1, 1, 2, 2, 2, 3, 4, 5];
+
+/// The sums over the parts of grains in a cell, `w` the part:
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum {
+    /// `sum w b`: reaction over flux \[kg/s\].
+    pub(super) drag: f64,
+    /// `sum w b measure known`: reaction of the grains' own velocities \[N\].
+    pub(super) held: [f64; 3],
+    /// `sum w V answer known` \[m4/s\].
+    pub(super) moving: [f64; 3],
+    /// `sum w V compliance drag answer` \[m3\]: volume of grains that goes with the flux.
+    pub(super) with_flux: f64,
+    /// `sum w V^2 compliance answer` [m6 s/kg]: volume of grains that the gradient moves.
+    pub(super) with_gradient: f64,
+    /// `sum w b measure compliance V` \[m3\]: reaction over gradient.
+    pub(super) pushed: f64,
+}
+
+/// The sums of all cells, as integers: they do not depend on the order of grains or ranks.
+#[derive(Debug)]
+pub(super) struct Sums {
+    sums: Vec<[i128; NUMBERS]>,
+    words: Vec<u128>,
+    cells: Vec<Sum>,
+}
+
+impl Sums {
+    /// Sums of a number of cells without grains.
+    pub(super) fn new(cells: usize) -> Self {
+        Self {
+            sums: vec![[0; NUMBERS]; cells],
+            words: vec![0; NUMBERS * cells],
+            cells: vec![Sum::default(); cells],
+        }
+    }
+
+    /// Returns the sums of all cells.
+    pub(super) fn cells(&self) -> &[Sum] {
+        &self.cells
+    }
+
+    /// Sums the terms of all grains over the ranks. Collective.
+    ///
+    /// # Errors
+    /// Where a velocity or a coefficient is not finite, on every rank.
+    pub(super) fn fill<Sp: Space>(
+        &mut self,
+        shares: &[Share],
+        ground: &[Option<Ground>],
+        particles: &View<'_, Sp>,
+        communicator: &Communicator,
+    ) -> Result<(), crate::darcy::Error> {
+        let mut largest = [0.0_f64; UNITS];
+        for_each(shares, ground, particles, |_, numbers| {
+            for (number, unit) in numbers.iter().zip(UNIT_OF) {
+                let size = if number.is_finite() { number.abs() } else { f64::INFINITY };
+                largest[unit] = largest[unit].max(size);
+            }
+        });
+        let mut units = [1.0; UNITS];
+        for (unit, largest) in units.iter_mut().zip(largest) {
+            let most = communicator.all_reduce_max_f64(largest);
+            if !most.is_finite() {
+                return Err(crate::darcy::Error::NotFinite("the drag or the velocity of a grain"));
+            }
+            *unit = crate::darcy::power_above(most.max(f64::MIN_POSITIVE));
+        }
+        self.sums.fill([0; NUMBERS]);
+        let sums = &mut self.sums;
+        for_each(shares, ground, particles, |cell, numbers| {
+            for ((sum, number), unit) in sums[cell].iter_mut().zip(numbers).zip(UNIT_OF) {
+                *sum += i128::from(quantise(number / units[unit]));
+            }
+        });
+        for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
+            *words = sums.map(i128::cast_unsigned);
+        }
+        communicator.all_reduce_sum_u128s(&mut self.words);
+        for (cell, words) in self.cells.iter_mut().zip(self.words.as_chunks::<NUMBERS>().0) {
+            let n: [f64; NUMBERS] = std::array::from_fn(|i| {
+                real(words[i].cast_signed()) * (STEP * units[UNIT_OF[i]])
+            });
+            *cell = Sum {
+                drag: n[0],
+                held: [n[1], n[2], n[3]],
+                moving: [n[4], n[5], n[6]],
+                with_flux: n[7],
+                with_gradient: n[8],
+                pushed: n[9],
+            };
+        }
+        Ok(())
+    }
+}
+
+/// Calls `act` with the cell of each part of a grain and what the part adds to its sums.
+fn for_each<Sp: Space>(
+    shares: &[Share],
+    ground: &[Option<Ground>],
+    particles: &View<'_, Sp>,
+    mut act: impl FnMut(usize, [f64; NUMBERS]),
+) {
+    for share in shares {
+        for k in share.grains() {
+            let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
+            for place in share.places(k) {
+                let (cell, part) = share.parts[place];
+                if let Some(ground) = &ground[cell] {
+                    act(cell, numbers(&share.terms[place], ground.measure, part, volume));
+                }
+            }
+        }
+    }
+}
+
+/// 2^-62.
+const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
+
+/// What the part of a grain adds to the sums of its cell.
+fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
+    let b = part * term.reaction * term.answer;
+    let v = part * volume * term.answer;
+    let held = term.known.map(|x| b * measure * x);
+    let moving = term.known.map(|x| v * x);
+    [
+        b,
+        held[0],
+        held[1],
+        held[2],
+        moving[0],
+        moving[1],
+        moving[2],
+        v * term.compliance * term.drag,
+        v * term.compliance * volume,
+        b * measure * term.compliance * volume,
+    ]
+}
