@@ -187,7 +187,7 @@ enum Command {
         /// Width of the final bracket over its upper end [1].
         #[arg(long, default_value_t = 0.05, value_parser = share)]
         tolerance: f64,
-        /// Minimum outflow counted as erosion: number of grains that leave in the second half of a run.
+        /// Minimum outflow counted as erosion: number of grains that leave in a run.
         #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
         grains: u64,
         /// Folder of the runs [default: results/NAME-OF-THE-CASE].

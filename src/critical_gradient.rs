@@ -1,8 +1,8 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
 //! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
-//! erodes. A run erodes if grains still leave in its second half; loose grains above an opening fall out when the gates open and have left
-//! by then. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report
+//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the first half has eroded as well. Loose
+//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report
 //! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
 //! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
@@ -39,7 +39,7 @@ pub struct Search {
     pub to: f64,
     /// Width of the final interval over its upper end.
     pub tolerance: f64,
-    /// Smallest number of grains that leave in the second half of a run and count as erosion.
+    /// Smallest number of grains that leave in a run and count as erosion.
     pub grains: u64,
     /// Folder of the runs.
     pub output: PathBuf,
@@ -298,8 +298,9 @@ impl Searching<'_> {
     fn find(mut self) -> Result<Critical, Error> {
         let (mut low, mut high) = (self.search.from, self.search.to);
         if self.erodes(low)? {
+            let left: u64 = self.trials.iter().map(|trial| trial.early + trial.late).sum();
             return Err(Error::Usage(format!(
-                "{} already erodes at {low} {}; use a lower --from",
+                "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above {left} if these lay loose in an opening",
                 self.inlet.name, self.inlet.quantity
             )));
         }
@@ -376,10 +377,10 @@ impl Searching<'_> {
             ));
         };
         let (early, late) = (u64::from_le_bytes(early), u64::from_le_bytes(late));
-        let erodes = late >= self.search.grains;
+        let erodes = early + late >= self.search.grains;
         let gradient = self.inlet.gradient(drive);
         self.speaker.note(&format!(
-            "{drive:.6e} {}{}: {early} grains left, then {late}: {}",
+            "{drive:.6e} {}{}: {early} grains left in the first half, {late} in the second: {}",
             self.inlet.quantity,
             gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),
             if erodes { "erodes" } else { "holds" }

@@ -9,6 +9,7 @@ pub(crate) mod critical_step;
 pub mod device;
 pub mod envelope;
 pub mod estimate;
+mod coupling_interval;
 pub mod explicit_drag;
 mod impacts;
 pub mod interval;
@@ -288,7 +289,10 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         let steps = scene
             .seepage
             .as_ref()
-            .map_or(1, |seepage| seepage.coupling_interval(dt));
+            .map_or(1, |seepage| {
+                let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
+                seepage.coupling_interval(dt, longest)
+            });
         (dt * f64::from(steps), steps)
     };
     let total = time.end / time_step;

@@ -67,7 +67,8 @@ pub struct Darcy {
     /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
-    /// Solid steps between two couplings. Default: as many as `accuracy` allows; 100 without `accuracy`.
+    /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those that `accuracy` allows, or 100
+    /// without `accuracy`. A longer interval than they allow is unstable.
     #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]
     pub coupling_interval: Option<u32>,

@@ -63,6 +63,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::impacts::check(scene, &mut margins, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
+    super::coupling_interval::check(scene, clock, &mut margins, findings);
     super::pore_flow::check(scene, findings);
     super::seepage::check(scene, findings);
     let impact = |law: &ContactTable| law.model().impact_speed();

@@ -85,7 +85,7 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
 }
 
 /// The times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each medium of the zones.
-fn stopping_times(
+pub(super) fn stopping_times(
     seepage: &Seepage,
     grain: &Grain,
     mass: f64,

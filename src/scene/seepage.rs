@@ -130,13 +130,16 @@ impl Seepage {
         self.cells.iter().product()
     }
 
-    /// Steps of the grains, each of this time \[s\], between two couplings.
+    /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the longest time between them that is
+    /// known to be right \[s\].
     #[must_use]
-    pub fn coupling_interval(&self, solid_time_step: f64) -> u32 {
-        let chosen = self.coupling_time.map_or(USUAL_INTERVAL, |time| {
+    pub fn coupling_interval(&self, solid_time_step: f64, longest: Option<f64>) -> u32 {
+        let steps = |time: f64| {
             let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
             u32::try_from(steps).unwrap_or(MOST_INTERVAL)
-        });
+        };
+        let wanted = self.coupling_time.map_or(USUAL_INTERVAL, steps);
+        let chosen = longest.map_or(wanted, |time| wanted.min(steps(time)));
         self.written.coupling_interval.unwrap_or(chosen)
     }
 

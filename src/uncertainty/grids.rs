@@ -297,8 +297,8 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
             lbm["relaxation_time"] = flow.relaxation_time.into();
         }
     }
-    if let Some(seepage) = &scene.seepage {
-        let interval = seepage.coupling_interval(plan.clock.solid_time_step);
+    if scene.seepage.is_some() {
+        let interval = plan.clock.solid_steps_per_step;
         tree["fluid"]["darcy"]["coupling_interval"] = interval.into();
     }
     Ok(tree)

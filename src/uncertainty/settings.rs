@@ -144,8 +144,8 @@ fn seepage_through_grains(plan: &Plan) -> Option<&Seepage> {
 }
 
 fn interval(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let seepage = seepage_through_grains(plan)?;
-    let steps = seepage.coupling_interval(plan.clock.solid_time_step);
+    seepage_through_grains(plan)?;
+    let steps = plan.clock.solid_steps_per_step;
     if steps < 2 {
         return None;
     }

@@ -27,15 +27,14 @@
 //! solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as taken up by open water. In a uniform cloud the reaction would
 //! build up a gradient of `n b U/eps`; the drag in dilute water is raised by `(1 - c) (1 - eps)/eps` in its place.
 //!
-//! **The velocity of a grain** counts as that at the end of the interval in part. A grain that drag stops faster than the interval,
-//! `s = T b/(m eps) > 1`, has
+//! **The velocity of a grain** counts as that in the middle of the interval, or later where drag stops the grain faster than that:
 //!
 //! ```text
-//! v* = v + theta [v - v_last + T/m (F - F_last)],     theta = max(0, 1 - 1/s)
+//! v* = v + theta [v - v_last + T/m (F - F_last)],     theta = max(1/2, 1 - 1/s),   s = T b/(m eps)
 //! ```
 //!
-//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it. Without contacts and with
-//! `theta = 1` this is an implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the grains give the
+//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it. Without contacts `theta = 1` is an
+//! implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the grains give the
 //! momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as linear functions of the gradient alone; the
 //! pressure follows from `div j = 0`. A bed and its water are thus solved as one. A grain that lies in several cells has a `v*` in each.
 //! What contacts do to a grain within an interval is not foreseen: the plan limits the interval (`plan::coupling_interval`).
@@ -244,7 +243,7 @@ impl<Sp: Space> Seepage<Sp> {
         &self.balance
     }
 
-    /// Returns what a run needs to go on, the same on every rank: the reduced pressure of every cell, then its porosity at the last coupling, then the
+    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver has it, then its porosity at the last coupling, then the
     /// three components of its gradient, then those of the flux of its water, then the speed by which it has its friction. Nothing before the first
     /// coupling.
     #[must_use]
@@ -253,10 +252,10 @@ impl<Sp: Space> Seepage<Sp> {
             return Vec::new();
         }
         let water = &self.water;
-        let pressures = (0..self.grid().count()).map(|c| self.pressure.reduced(c));
         let gradient = water.gradient.as_flattened().iter().copied();
         let flux = water.flux.as_flattened().iter().copied();
-        pressures
+        self.pressure
+            .saved()
             .chain(self.before.iter().copied())
             .chain(gradient)
             .chain(flux)

@@ -20,9 +20,10 @@
 //! |grad phi| = C rho u^2,    C = 1/(2 L) from one imposed face to another,   C = 3/(2 L) where an end is closed
 //! ```
 //!
-//! A channel between two reservoirs loses one velocity head beside its friction. So does a channel with a closed end that is fed evenly
+//! A channel between two reservoirs (imposed heads) loses one velocity head beside its friction. So does a channel with a closed end that is fed evenly
 //! through its walls: the mean of `u^2` over its length is a third of that at its mouth. No water in them is faster than Bernoulli's equation
-//! allows.
+//! allows. Between two faces with an imposed pressure, which is that of the moving water, a channel loses its friction alone, and one
+//! velocity head where that is more: a passage so short has the losses of its ends at least.
 //!
 //! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that are stated to be walls. A void ends where the
 //! openness of the next cell falls to 0; the openness falls from 1 to 0 while the solid fraction rises from 0.05 to 0.2, so that lengths
@@ -50,8 +51,10 @@ const CLOSED: f64 = 1.5;
 pub enum Face {
     /// A wall: stated by the case.
     Wall,
-    /// Water enters or leaves, or the pressure is imposed.
-    Imposed,
+    /// A reservoir: the head of water at rest is imposed.
+    Reservoir,
+    /// The pressure or the flux of the moving water is imposed.
+    Stream,
     /// Nothing is stated: impermeable.
     #[default]
     Unstated,
@@ -100,6 +103,8 @@ pub struct Duct {
     pub laminar: f64,
     /// Loss of inertia over `rho u^2` \[1/m\].
     pub inertia: f64,
+    /// How far the pressures at both ends are those of the moving water, 0 to 1.
+    pub stream: f64,
 }
 
 impl Duct {
@@ -110,13 +115,16 @@ impl Duct {
             diameter: hydraulic_diameter(a, b),
             laminar: laminar(a, b),
             inertia: 0.0,
+            stream: 0.0,
         }
     }
 
     /// Returns the loss of reduced pressure over the speed \[Pa s/m2\] at a mean `speed` \[m/s\] and a height of the roughness \[m\].
     #[must_use]
     pub fn resistance(&self, liquid: Liquid, roughness: f64, speed: f64) -> f64 {
-        self.friction(liquid, roughness, speed) + self.inertia * liquid.density * speed
+        let friction = self.friction(liquid, roughness, speed);
+        let inertia = self.inertia * liquid.density * speed;
+        friction + inertia - self.stream * friction.min(inertia)
     }
 
     /// Returns the part of the friction.
@@ -143,12 +151,14 @@ pub struct OpenWater {
     grid: Grid,
     /// Openness of each cell, 0 to 1.
     open: Vec<f64>,
+    /// Part of each cell that no solid at rest fills.
+    free: Vec<f64>,
     /// What bounds the lower and the upper boundary face of each cell along each axis; cells inside the grid have no entry.
     faces: Vec<[[Face; 2]; 3]>,
     /// Length over which the void of a cell extends along each axis \[m\].
     lengths: Vec<[f64; 3]>,
-    /// Loss of inertia of a void along each axis over `rho u^2` \[1/m\].
-    losses: Vec<[f64; 3]>,
+    /// Loss of inertia of a void along each axis over `rho u^2` \[1/m\], and how far both its ends are those of a stream.
+    losses: Vec<[(f64, f64); 3]>,
     /// Channels along each axis.
     ducts: Vec<[Duct; 3]>,
     /// A length that no void exceeds \[m\]; stands for an infinite one.
@@ -161,14 +171,15 @@ impl OpenWater {
     pub fn new(grid: Grid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
         let extent = (0..grid.dimension).map(|a| crate::number::real(grid.cells[a]) * grid.spacing[a]);
-        let longest = 10.0 * extent.fold(0.0, |sum: f64, length| sum + length);
+        let longest = extent.fold(0.0, |sum: f64, length| sum + length);
         let of_cell = |cell: usize| std::array::from_fn(|a| [false, true].map(|upper| faces(cell, a, upper)));
         Self {
             grid,
             open: vec![0.0; n],
+            free: vec![1.0; n],
             faces: (0..n).map(of_cell).collect(),
             lengths: vec![[0.0; 3]; n],
-            losses: vec![[0.0; 3]; n],
+            losses: vec![[(0.0, 0.0); 3]; n],
             ducts: vec![[Duct::new(longest, longest); 3]; n],
             longest,
         }
@@ -186,11 +197,12 @@ impl OpenWater {
         self.ducts[cell][axis]
     }
 
-    /// Measures the channels where cells have this `open`ness; returns whether any cell is open.
-    pub fn measure(&mut self, openness: &Openness, open: impl Fn(usize) -> f64) -> bool {
+    /// Measures the channels where a cell has this openness and this part of it that no solid fills; returns whether any cell is open.
+    pub fn measure(&mut self, openness: &Openness, cell: impl Fn(usize) -> (f64, f64)) -> bool {
         let mut any = false;
-        for cell in 0..self.open.len() {
-            self.open[cell] = open(cell);
+        for at in 0..self.open.len() {
+            (self.open[at], self.free[at]) = cell(at);
+            let cell = at;
             any |= self.open[cell] > 0.0;
         }
         if !any {
@@ -207,10 +219,13 @@ impl OpenWater {
             let edge = |a: usize| if a < self.grid.dimension { lengths[a] } else { f64::INFINITY };
             for axis in 0..self.grid.dimension {
                 let (a, b) = (edge((axis + 1) % 3), edge((axis + 2) % 3));
-                // Both infinite: nothing holds the water but a wall that no scene shows.
-                let (a, b) = if a.min(b) > self.longest { (self.longest, b) } else { (a, b) };
+                // Both infinite: nothing beside the water holds it. Walls that it flows towards are as far as the void is long.
+                let longest = self.longest.min(lengths[axis]);
+                let (a, b) = if a.min(b) > self.longest { (longest, b) } else { (a, b) };
+                let (inertia, stream) = self.losses[cell][axis];
                 self.ducts[cell][axis] = Duct {
-                    inertia: self.losses[cell][axis],
+                    inertia,
+                    stream,
                     ..Duct::new(a, b)
                 };
             }
@@ -259,15 +274,18 @@ impl OpenWater {
                 let ends = [self.faces[row[0]][axis][0], self.faces[row[n - 1]][axis][1]];
                 for i in 0..n {
                     let at = row[i];
-                    let own = self.open[at].min(1.0) * step;
+                    let own = self.free[at] * step;
                     let length = own + reach[0][i] + reach[1][i];
                     let to = |end: usize, face: Face| if ends[end] == face { way[end][i] } else { 0.0 };
-                    let mirrored = to(0, Face::Imposed).max(to(1, Face::Imposed));
+                    let imposed = |end: usize| to(end, Face::Reservoir) + to(end, Face::Stream);
+                    let mirrored = imposed(0).max(imposed(1));
                     let unstated = to(0, Face::Unstated) * to(1, Face::Unstated);
-                    let both = to(0, Face::Imposed) * to(1, Face::Imposed);
+                    let both = imposed(0) * imposed(1);
+                    let stream = to(0, Face::Stream) * to(1, Face::Stream);
                     let endless = unstated.max(both);
                     self.lengths[at][axis] = length * (1.0 + mirrored) / (1.0 - endless);
-                    self.losses[at][axis] = (CLOSED + (THROUGH - CLOSED) * both) / length;
+                    let inertia = (CLOSED + (THROUGH - CLOSED) * both) / length;
+                    self.losses[at][axis] = (inertia, stream);
                 }
             }
         }
@@ -299,7 +317,7 @@ mod tests {
     #[test]
     fn turbulent_ducts_have_the_friction_of_colebrook() {
         // A circular pipe of 0.1 m.
-        let pipe = Duct { diameter: 0.1, laminar: 0.01 / 32.0, inertia: 0.0 };
+        let pipe = Duct { diameter: 0.1, laminar: 0.01 / 32.0, inertia: 0.0, stream: 0.0 };
         let friction = |reynolds: f64, rough: f64| {
             let u = reynolds * 1e-6 / 0.1;
             pipe.resistance(WATER, rough * 0.1, u) * u * 0.2 / (1000.0 * u * u)
@@ -333,7 +351,7 @@ mod tests {
             let openness = Openness::measure(&grid, &Enclosure::Everything);
             let mut water = OpenWater::new(grid, |_, _, _| Face::Unstated);
             // Two layers of open water.
-            let open = |cell: usize| f64::from(u8::from((2..4).contains(&grid.cell(cell)[1])));
+            let open = |cell: usize| (f64::from(u8::from((2..4).contains(&grid.cell(cell)[1]))), 1.0);
             assert!(water.measure(&openness, open));
             let slot = water.duct(grid.index([3, 2, 0]), 0);
             assert!((slot.laminar / (4e-4 / 12.0) - 1.0).abs() < 1e-12, "{slot:?}");
@@ -344,20 +362,20 @@ mod tests {
         let mut water = OpenWater::new(grid, |_, _, _| Face::Unstated);
         let inside = |cell: usize| {
             let [_, y, z] = grid.cell(cell);
-            f64::from(u8::from(y == 2 && z == 2))
+            (f64::from(u8::from(y == 2 && z == 2)), 1.0)
         };
         assert!(water.measure(&openness, inside));
         let pipe = water.duct(grid.index([0, 2, 2]), 0);
         assert!((pipe.laminar / laminar(0.01, 0.01) - 1.0).abs() < 1e-12);
         // Without open water there is nothing to measure.
-        assert!(!water.measure(&openness, |_| 0.0));
+        assert!(!water.measure(&openness, |_| (0.0, 1.0)));
     }
 
     #[test]
     fn faces_of_the_grid_bound_a_void_as_the_case_states() {
         let grid = grid(2);
         let openness = Openness::measure(&grid, &Enclosure::Everything);
-        let top = |cell: usize| f64::from(u8::from(grid.cell(cell)[1] == 4));
+        let top = |cell: usize| (f64::from(u8::from(grid.cell(cell)[1] == 4)), 1.0);
         let height = |face: Face| {
             let mut water = OpenWater::new(grid, |_, axis, upper| {
                 if axis == 1 && upper { face } else { Face::Unstated }
@@ -367,7 +385,7 @@ mod tests {
         };
         assert!((height(Face::Wall) - 0.01).abs() < 1e-12);
         assert!((height(Face::Unstated) - 0.01).abs() < 1e-12);
-        assert!((height(Face::Imposed) - 0.02).abs() < 1e-12);
+        assert!((height(Face::Stream) - 0.02).abs() < 1e-12);
     }
 
     #[test]
@@ -377,9 +395,9 @@ mod tests {
         let length = |o: f64| {
             let mut water = OpenWater::new(grid, |_, _, _| Face::Wall);
             water.measure(&openness, |cell| match grid.cell(cell)[1] {
-                2 => 1.0,
-                3 => o,
-                _ => 0.0,
+                2 => (1.0, 1.0),
+                3 => (o, 1.0),
+                _ => (0.0, 1.0),
             });
             water.lengths[grid.index([3, 2, 0])][1]
         };

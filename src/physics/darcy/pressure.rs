@@ -191,7 +191,10 @@ pub struct Pressure {
     carries: bool,
     matrix: Matrix<f64>,
     multigrid: Multigrid,
+    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
     phi: Vec<f64>,
+    /// The middle of the imposed reduced pressures \[Pa\].
+    level: f64,
     right: Vec<f64>,
     residual: Vec<f64>,
     direction: Vec<f64>,
@@ -269,6 +272,7 @@ impl Pressure {
             matrix: Matrix::new(&layout),
             multigrid,
             phi: vec![0.0; n],
+            level: 0.0,
             right: vec![0.0; n],
             residual: vec![0.0; n],
             direction: vec![0.0; n],
@@ -458,6 +462,13 @@ impl Pressure {
                     }
                 });
         }
+        let level = self.middle();
+        if level != self.level {
+            for row in self.layout.rows(&whole) {
+                self.phi[row].iter_mut().for_each(|phi| *phi += self.level - level);
+            }
+            self.level = level;
+        }
         self.ground.clear();
         self.right.fill(0.0);
         for face in &mut self.boundary {
@@ -469,12 +480,12 @@ impl Pressure {
             match self.patches[face.patch].condition {
                 Condition::Pressure { value: p } => {
                     self.ground.push((face.at, face.axis, face.conductance));
-                    self.right[face.at] += face.conductance * (p + face.lift);
+                    self.right[face.at] += face.conductance * (p + face.lift - level);
                 }
                 Condition::Head { value: h } => {
                     let phi = head_pressure(&self.liquid, &self.settings, h);
                     self.ground.push((face.at, face.axis, face.conductance));
-                    self.right[face.at] += face.conductance * phi;
+                    self.right[face.at] += face.conductance * (phi - level);
                 }
                 Condition::Flux { value: q } => self.right[face.at] += q * face.area,
                 Condition::Rain { rate: q } => self.right[face.at] += q * face.area * face.up,
@@ -612,7 +623,7 @@ impl Pressure {
                 let inward = if face.upper { -1.0 } else { 1.0 };
                 let carried = inward * face.area * self.carried[face.axis][face.at];
                 self.imposed(face).map_or(0.0, |phi| {
-                    face.conductance * (phi - self.phi[face.at]) + carried
+                    face.conductance * (phi - self.level - self.phi[face.at]) + carried
                 })
             }
         }
@@ -718,7 +729,12 @@ impl Pressure {
         if !self.conducts[cell] {
             return 0.0;
         }
-        self.phi[self.layout.at(self.grid.cell(cell))]
+        self.level + self.phi[self.layout.at(self.grid.cell(cell))]
+    }
+
+    /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the imposed ones \[Pa\].
+    pub fn saved(&self) -> impl Iterator<Item = f64> {
+        (0..self.grid.count()).map(|index| self.phi[self.layout.at(self.grid.cell(index))])
     }
 
     /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
@@ -745,21 +761,22 @@ impl Pressure {
         self.reduced(cell) + (weight[0] * x[0] + weight[1] * x[1] + weight[2] * x[2])
     }
 
-    /// Takes over the reduced pressures of a saved run as the start of the next iteration.
+    /// Takes over what [`Self::saved`] gave as the start of the next iteration.
     ///
     /// # Errors
     /// If there is not one for each cell.
-    pub fn restore(&mut self, reduced: &[f64]) -> Result<(), Error> {
-        if reduced.len() != self.grid.count() {
+    pub fn restore(&mut self, saved: &[f64]) -> Result<(), Error> {
+        if saved.len() != self.grid.count() {
             return Err(Error::Messages(format!(
                 "{} pressures for {} cells",
-                reduced.len(),
+                saved.len(),
                 self.grid.count()
             )));
         }
-        for (index, phi) in reduced.iter().enumerate() {
+        for (index, phi) in saved.iter().enumerate() {
             self.phi[self.layout.at(self.grid.cell(index))] = *phi;
         }
+        self.level = self.middle();
         self.fresh = false;
         Ok(())
     }

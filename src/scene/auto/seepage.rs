@@ -380,7 +380,7 @@ mod tests {
         assert_eq!(scene(&[&law(10.0)]).chosen.promised, None);
         let often = scene(&["fluid.darcy.coupling_interval=7"]);
         let seepage = often.seepage.as_ref().unwrap();
-        assert_eq!(seepage.coupling_interval(1e-6), 7);
+        assert_eq!(seepage.coupling_interval(1e-6, None), 7);
         assert_eq!(often.chosen.promised, None);
     }
 }

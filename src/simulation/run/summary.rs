@@ -129,6 +129,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     extremes.speed
                 ));
             }
+            if extremes.water > LEAPS * bernoulli && bernoulli > 0.0 {
+                warnings.push(format!(
+                    "the water reached {:.3e} m/s in a cell, and the differences of pressure and height give {bernoulli:.3e} m/s at most \
+                     (Bernoulli): grains that moved pushed it, or a flux that is imposed drives it through a narrow way",
+                    extremes.water
+                ));
+            }
             let most = report.inflow.max(report.outflow);
             summary["inflow"] = report.inflow.into();
             summary["outflow"] = report.outflow.into();
@@ -146,6 +153,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 "largest_closure": extremes.closure,
                 "reynolds": balance.reynolds,
                 "largest_reynolds": extremes.reynolds,
+                "open_water": balance.open_water,
+                "fastest_water": extremes.water,
                 "fastest_grain": grains.then_some(extremes.speed),
                 "bernoulli_speed": bernoulli,
                 "patch_inflows": seepage.pressure().patch_inflows(),

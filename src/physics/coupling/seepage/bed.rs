@@ -3,7 +3,7 @@
 //! See the module above for the equations. A grain that lies in several cells answers in each of them to the water there: the force on it is
 //! the sum over its parts.
 
-use super::medium::Water;
+use super::medium::{Secant, Water};
 use super::parts::Share;
 use super::{Settings, components};
 use crate::darcy::drag::{Bed, Grain, Law};
@@ -28,12 +28,16 @@ pub(super) struct Ground {
     pub(super) stated: Option<f64>,
     /// Solid fraction of the neighbourhood; 0 without grains.
     pub(super) around: f64,
+    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone grain displaces returns beside it.
+    pub(super) displaced: f64,
     /// Share of the law of a bed; the rest is that of dilute water.
     pub(super) dense: f64,
     /// Factor of the drag in dilute water, for the gradient that its reaction does not build up.
     pub(super) dilute: f64,
     /// Flux of the water by which the coefficients of drag are taken \[m/s\].
     pub(super) flux: [f64; 3],
+    /// Iteration towards that flux.
+    pub(super) secant: Secant,
     /// Drag along each axis over the mean.
     pub(super) ratios: [f64; 3],
 }
@@ -91,6 +95,8 @@ pub(super) struct Term {
     pub(super) answer: f64,
     /// Velocity without flux and gradient \[m/s\].
     pub(super) known: [f64; 3],
+    /// `true` if drag stops the grain within the interval, so that its velocity counts later than in the middle.
+    pub(super) late: bool,
 }
 
 impl Term {
@@ -101,6 +107,9 @@ impl Term {
         std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
     }
 }
+
+/// Least part of a change of velocity over the interval that counts: the load is that of the middle of the interval.
+const MIDDLE: f64 = 0.5;
 
 /// What is known of a grain before a coupling.
 enum Start {
@@ -156,7 +165,7 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
             let (drag, reaction) = laws.coefficients(ground, &grain, speed);
             // The interval over the time in which drag stops a bed.
             let ratio = settings.interval * drag / (body.mass * ground.measure);
-            let part = if free && ratio > 1.0 { 1.0 - 1.0 / ratio } else { 0.0 };
+            let part = if free { f64::max(MIDDLE, 1.0 - 1.0 / ratio) } else { 0.0 };
             let compliance = part * settings.interval / body.mass;
             let known: [f64; 3] = std::array::from_fn(|a| {
                 let pushed = grain.volume * weight[a] + last[a];
@@ -168,6 +177,7 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
                 compliance,
                 answer: 1.0 / (1.0 + compliance * drag * ground.measure),
                 known,
+                late: part > MIDDLE,
             });
         }
     }
@@ -195,7 +205,7 @@ pub(super) fn load<Sp: Space>(
                 let ratio = if reacts { ground.ratios[a] } else { 1.0 };
                 force[a] += part * (ratio * drag[a] - volume * (gradient[a] + weight[a]));
             }
-            implicit |= term.compliance > 0.0;
+            implicit |= term.late;
         }
         share.loads.push((force, implicit));
     }

@@ -29,6 +29,8 @@ const CLOUD: f64 = 0.05;
 const LOOSE: f64 = 0.8;
 /// Least part of a cell that counts as pores in the balance of momentum.
 const LEAST_PORES: f64 = 1e-6;
+/// Relative step of a speed below which its response is rounding.
+const NOISE: f64 = 1e-7;
 /// Relative distance of two speeds between which the slope of a law is taken.
 const NEARBY: f64 = 1e-4;
 
@@ -46,6 +48,8 @@ pub(super) struct Water {
     pub(super) still: Vec<[f64; 3]>,
     /// Speed by which the friction of open water is taken \[m/s\].
     pub(super) speed: Vec<f64>,
+    /// Iteration towards that speed.
+    friction: Vec<Secant>,
     /// Size of the gradient \[Pa/m\].
     steepness: Vec<f64>,
     /// How much each cell counts, 0 to 1.
@@ -74,7 +78,8 @@ impl Water {
         let n = grid.count();
         let face = |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {
             Some(Condition::NoFlow {}) => Face::Wall,
-            Some(_) => Face::Imposed,
+            Some(Condition::Head { .. }) => Face::Reservoir,
+            Some(_) => Face::Stream,
             None if walls[axis][usize::from(upper)] => Face::Wall,
             None => Face::Unstated,
         };
@@ -85,6 +90,7 @@ impl Water {
             gradient: vec![[0.0; 3]; n],
             still: vec![[0.0; 3]; n],
             speed: vec![0.0; n],
+            friction: vec![Secant::default(); n],
             steepness: vec![0.0; n],
             weight: vec![1.0; n],
             flow: vec![[(0.0, 0.0); 3]; n],
@@ -121,13 +127,31 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
     }
 }
 
-/// Returns the speed to go on with: where the gradient is given, that which solves `R(u) u = const` to first order; where the flux is, one half
-/// way there or nearer.
-fn next_speed(used: f64, found: f64, slope: f64) -> f64 {
-    if used > 0.0 && found > 0.0 {
-        found * (used / found).powf(slope / (1.0 + slope))
-    } else {
-        found
+/// How the speed that a cell has depends on the speed by which its coefficient is taken: the iteration towards one that is both.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Secant {
+    /// Logarithms of the speed used and the speed found in the last round.
+    last: Option<(f64, f64)>,
+    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where the flux is.
+    response: Option<f64>,
+}
+
+impl Secant {
+    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log R/d log u of the law.
+    fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
+        if used <= 0.0 || found <= 0.0 {
+            return found;
+        }
+        let (used, found) = (used.ln(), found.ln());
+        if let Some((used_before, found_before)) = self.last {
+            let step = used - used_before;
+            if step.abs() > NOISE {
+                self.response = Some((found - found_before) / step);
+            }
+        }
+        self.last = Some((used, found));
+        let response = self.response.unwrap_or(-slope).clamp(-slope, 0.0);
+        ((found - response * used) / (1.0 - response)).exp()
     }
 }
 
@@ -170,11 +194,11 @@ impl<Sp: Space> Seepage<Sp> {
         let zones = self.zones.as_ref();
         let openness_of = |cell: usize| {
             if self.openness.blocked(cell) {
-                return 0.0;
+                return (0.0, 1.0);
             }
             let free = zones.map_or(1.0, |(_, room)| room.free(cell));
             let ground = self.water.ground[cell].as_ref();
-            free.min(openness(ground.map_or(1.0, |ground| ground.around)))
+            (free.min(openness(ground.map_or(1.0, |ground| ground.around))), free)
         };
         self.water.has_open = self.water.channels.measure(&self.openness, openness_of);
         self.water.roughness = self.settings.roughness.unwrap_or_else(|| {
@@ -254,6 +278,7 @@ impl<Sp: Space> Seepage<Sp> {
         let (least, cap) = (settings.permeability.least_porosity, settings.permeability.porosity_cap);
         for cell in 0..porosity.len() {
             self.water.coupled[cell] = 0.0;
+            self.water.friction[cell] = Secant::default();
             self.water.still[cell] = [0.0; 3];
             self.water.ground[cell] = None;
             if self.openness.blocked(cell) {
@@ -292,10 +317,12 @@ impl<Sp: Space> Seepage<Sp> {
                 packing: (self.limited[cell], diameter),
                 factor: pores / solid.max(LEAST_PORES),
                 stated: None,
+                displaced: if solid > around { around / solid } else { 1.0 },
                 around: if solid > 0.0 { around } else { 0.0 },
                 dense,
                 dilute: coupled + (1.0 - coupled) / felt,
                 flux: self.water.flux[cell],
+                secant: Secant::default(),
                 ratios: [1.0; 3],
             });
         }
@@ -373,9 +400,10 @@ impl<Sp: Space> Seepage<Sp> {
                     (0.0, 1.0 / (own + still))
                 };
                 water.flow[cell][a] = (carried, mobility);
-                let with = 1.0 + sum.with_flux / volume;
-                along[a] = with * mobility + sum.with_gradient / volume;
-                water.carried[cell][a] = with * carried + sum.moving[a] / volume;
+                let displaced = ground.displaced / volume;
+                let with = 1.0 + displaced * sum.with_flux;
+                along[a] = with * mobility + displaced * sum.with_gradient;
+                water.carried[cell][a] = with * carried + displaced * sum.moving[a];
                 if !moves {
                     (along[a], water.carried[cell][a]) = (mobility, 0.0);
                 }
@@ -495,7 +523,7 @@ impl<Sp: Space> Seepage<Sp> {
                 let (duct, used) = (self.water.channels.duct(cell, 0), self.water.speed[cell]);
                 let (liquid, rough) = (self.settings.liquid, self.water.roughness);
                 let slope = slope(|speed| duct.resistance(liquid, rough, speed), used);
-                self.water.speed[cell] = next_speed(used, size(found), slope);
+                self.water.speed[cell] = self.water.friction[cell].next(used, size(found), slope);
             }
         }
         self.water.ground = grounds;
@@ -515,7 +543,7 @@ impl<Sp: Space> Seepage<Sp> {
         let laws = self.laws();
         let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
         let slope = slope(|speed| laws.reaction(ground, &grain, speed), used_speed);
-        let next = next_speed(used_speed, new_speed, slope);
+        let next = ground.secant.next(used_speed, new_speed, slope);
         let factor = if new_speed > 0.0 { next / new_speed } else { 0.0 };
         let moved: [f64; 3] = std::array::from_fn(|a| new[a] - used[a]);
         ground.flux = std::array::from_fn(|a| mean[a] + factor * new[a]);

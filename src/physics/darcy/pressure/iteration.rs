@@ -14,22 +14,17 @@ impl Pressure {
     pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
         if self.fresh {
             // So that water that nothing drives is at rest exactly.
-            let middle = self.middle();
-            for index in 0..self.grid.count() {
-                if self.conducts[index] {
-                    self.phi[self.layout.at(self.grid.cell(index))] = middle;
-                }
-            }
+            self.phi.fill(0.0);
             self.fresh = false;
         }
-        let scale = self.scale();
+        let drive = self.size();
         let mut largest = self.first_residual();
-        if !largest.is_finite() || !scale.is_finite() {
+        if !largest.is_finite() || !drive.is_finite() {
             return Err(Error::NotFinite("the first residual"));
         }
         // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
-        let least = 1e-12 * self.size();
-        let mut scale = scale.max(least);
+        let least = 1e-12 * drive.max(self.largest_term());
+        let mut scale = drive.max(least);
         let mut iterations = 0;
         let mut last = 0.0;
         loop {
@@ -129,38 +124,19 @@ impl Pressure {
         self.communicator.all_reduce_max_f64(most)
     }
 
-    /// The largest imbalance at the uniform pressure in the middle of what is imposed: what drives the flow. Over the whole
+    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which drives the flow. Over the whole
     /// grid, so that no message is needed.
-    fn scale(&self) -> f64 {
-        let middle = self.middle();
-        let mut most = 0.0_f64;
-        // Inner faces pass nothing then.
-        let mut imbalance = |at: usize, ground: f64| {
-            most = most.max((self.right[at] - ground * middle).abs());
-        };
-        let mut ground = 0.0;
-        for (k, &(at, _, g)) in self.ground.iter().enumerate() {
-            ground += g;
-            if self.ground.get(k + 1).is_none_or(|next| next.0 != at) {
-                imbalance(at, ground);
-                ground = 0.0;
-            }
-        }
-        for row in self.layout.rows(&self.layout.whole()) {
-            for at in row {
-                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
-                    imbalance(at, 0.0);
-                }
-            }
-        }
-        most
-    }
-
-    /// The largest right side.
     fn size(&self) -> f64 {
         let rows = self.layout.rows(&self.layout.whole());
         rows.flatten()
             .fold(0.0, |most, at| self.right[at].abs().max(most))
+    }
+
+    /// The largest term of the left sides at the pressure where the iteration starts.
+    fn largest_term(&self) -> f64 {
+        let rows = self.layout.rows(&self.layout.whole());
+        rows.flatten()
+            .fold(0.0, |most, at| (self.matrix.diagonal[at] * self.phi[at]).abs().max(most))
     }
 
     fn is_ground(&self, at: usize) -> bool {
