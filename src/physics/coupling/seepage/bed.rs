@@ -7,7 +7,8 @@ use super::medium::{Secant, Water};
 use super::parts::Share;
 use super::{Settings, components};
 use crate::darcy::drag::{Bed, Grain, Law};
-use crate::darcy::{Equations, permeability};
+use crate::darcy::permeability::larger;
+use crate::darcy::{Equations, permeability, power_above};
 use crate::dem::particles::{Kind, View};
 use crate::dem::space::Space;
 use crate::number::real;
@@ -140,6 +141,9 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
     let settings = laws.settings;
     let weight = settings.water_weight();
     share.terms.clear();
+    share.numbers.clear();
+    share.largest = [0.0; UNITS];
+    let moves = settings.moves();
     for k in share.grains() {
         let body = &particles.body[k];
         let grain = Grain::new(Sp::DIMENSION, body.radius);
@@ -155,9 +159,10 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
             _ => (velocity, settings.gravity.map(|g| -body.mass * g)),
         };
         for place in share.places(k) {
-            let (cell, _) = share.parts[place];
+            let (cell, part_of_grain) = share.parts[place];
             let Some(ground) = &ground[cell] else {
                 share.terms.push(Term::default());
+                share.numbers.push([0.0; NUMBERS]);
                 continue;
             };
             let slip: [f64; 3] = std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
@@ -171,14 +176,22 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
                 let pushed = grain.volume * weight[a] + last[a];
                 velocity[a] + part * (velocity[a] - before[a]) - compliance * pushed
             });
-            share.terms.push(Term {
+            let term = Term {
                 drag,
                 reaction,
                 compliance,
                 answer: 1.0 / (1.0 + compliance * drag * ground.measure),
                 known,
                 late: part > MIDDLE,
-            });
+            };
+            share.terms.push(term);
+            if moves {
+                let numbers = numbers(&term, ground.measure, part_of_grain, grain.volume);
+                for (number, unit) in numbers.iter().zip(UNIT_OF) {
+                    share.largest[unit] = larger(share.largest[unit], number.abs());
+                }
+                share.numbers.push(numbers);
+            }
         }
     }
 }
@@ -212,9 +225,9 @@ pub(super) fn load<Sp: Space>(
 }
 
 /// Numbers that are summed in each cell.
-const NUMBERS: usize = 10;
+pub(super) const NUMBERS: usize = 10;
 /// Kinds of numbers that share a unit, and the unit of each number.
-const UNITS: usize = 6;
+pub(super) const UNITS: usize = 6;
 const UNIT_OF: [usize; NUMBERS] = [0, 1, 1, 1, 2, 2, 2, 3, 4, 5];
 
 /// The sums over the parts of grains in a cell, `w` the part:
@@ -261,35 +274,29 @@ impl Sums {
     ///
     /// # Errors
     /// Where a velocity or a coefficient is not finite, on every rank.
-    pub(super) fn fill<Sp: Space>(
-        &mut self,
-        shares: &[Share],
-        ground: &[Option<Ground>],
-        particles: &View<'_, Sp>,
-        communicator: &Communicator,
-    ) -> Result<(), crate::darcy::Error> {
-        let mut largest = [0.0_f64; UNITS];
-        for_each(shares, ground, particles, |_, numbers| {
-            for (number, unit) in numbers.iter().zip(UNIT_OF) {
-                let size = if number.is_finite() { number.abs() } else { f64::INFINITY };
-                largest[unit] = largest[unit].max(size);
-            }
-        });
+    pub(super) fn fill(&mut self, shares: &[Share], communicator: &Communicator) -> Result<(), crate::darcy::Error> {
         let mut units = [1.0; UNITS];
-        for (unit, largest) in units.iter_mut().zip(largest) {
-            let most = communicator.all_reduce_max_f64(largest);
-            if !most.is_finite() {
+        let mut per_unit = [1.0; UNITS];
+        for n in 0..UNITS {
+            let largest = shares.iter().fold(0.0, |most, share| larger(most, share.largest[n]));
+            let most = communicator.all_reduce_max_f64(if largest.is_finite() { largest } else { f64::INFINITY });
+            // The unit and its inverse are powers of two.
+            if !(most < LARGEST) {
                 return Err(crate::darcy::Error::NotFinite("the drag or the velocity of a grain"));
             }
-            *unit = crate::darcy::power_above(most.max(f64::MIN_POSITIVE));
+            units[n] = power_above(most.max(SMALLEST));
+            per_unit[n] = 1.0 / units[n];
         }
+        let scales: [f64; NUMBERS] = std::array::from_fn(|n| per_unit[UNIT_OF[n]]);
         self.sums.fill([0; NUMBERS]);
-        let sums = &mut self.sums;
-        for_each(shares, ground, particles, |cell, numbers| {
-            for ((sum, number), unit) in sums[cell].iter_mut().zip(numbers).zip(UNIT_OF) {
-                *sum += i128::from(quantise(number / units[unit]));
+        for share in shares {
+            for ((cell, _), numbers) in share.parts.iter().zip(&share.numbers) {
+                let sums = &mut self.sums[*cell];
+                for n in 0..NUMBERS {
+                    sums[n] += i128::from(quantise(numbers[n] * scales[n]));
+                }
             }
-        });
+        }
         for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
             *words = sums.map(i128::cast_unsigned);
         }
@@ -311,26 +318,9 @@ impl Sums {
     }
 }
 
-/// Calls `act` with the cell of each part of a grain and what the part adds to its sums.
-fn for_each<Sp: Space>(
-    shares: &[Share],
-    ground: &[Option<Ground>],
-    particles: &View<'_, Sp>,
-    mut act: impl FnMut(usize, [f64; NUMBERS]),
-) {
-    for share in shares {
-        for k in share.grains() {
-            let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
-            for place in share.places(k) {
-                let (cell, part) = share.parts[place];
-                if let Some(ground) = &ground[cell] {
-                    act(cell, numbers(&share.terms[place], ground.measure, part, volume));
-                }
-            }
-        }
-    }
-}
-
+/// Sizes between which a unit and its inverse are finite.
+const LARGEST: f64 = 1e300;
+const SMALLEST: f64 = 1e-300;
 /// 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 

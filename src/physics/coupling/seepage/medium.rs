@@ -15,11 +15,12 @@ use crate::error::Error;
 use crate::thread_pool;
 use std::sync::Arc;
 
-/// Relative change of a coefficient in a round at which it is settled, at least. A larger tolerance of the pressure takes its place.
-const SETTLED: f64 = 1e-9;
+/// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure, and at least.
+const SETTLED: f64 = 100.0;
+const LEAST_SETTLED: f64 = 1e-11;
 /// Rounds after which a change of this size is enough: below it, what is left may be the rounding of a pressure that next to nothing drives.
-const PATIENT: u32 = 20;
-const NEAR: f64 = 1e-6;
+const PATIENT: u32 = 50;
+const NEAR: f64 = 1e-5;
 /// Rounds after which a run ends: the error halves in each or better.
 const MOST_ROUNDS: u32 = 200;
 /// Solid fractions up to which the reaction of grains does not move the water around them, and from which it does.
@@ -46,6 +47,8 @@ pub(super) struct Water {
     pub(super) gradient: Vec<[f64; 3]>,
     /// Resistance of what does not move, walls and zones without grains, along each axis \[Pa s/m2\].
     pub(super) still: Vec<[f64; 3]>,
+    /// The friction of open water in it, for the next round.
+    friction_next: Vec<[f64; 3]>,
     /// Speed by which the friction of open water is taken \[m/s\].
     pub(super) speed: Vec<f64>,
     /// Iteration towards that speed.
@@ -89,6 +92,7 @@ impl Water {
             flux: vec![[0.0; 3]; n],
             gradient: vec![[0.0; 3]; n],
             still: vec![[0.0; 3]; n],
+            friction_next: vec![[0.0; 3]; n],
             speed: vec![0.0; n],
             friction: vec![Secant::default(); n],
             steepness: vec![0.0; n],
@@ -233,7 +237,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Friction of open water along each axis by the present speeds, and what no zone leaves free; returns the largest relative change, weighted.
+    /// Friction of open water along each axis by the present speeds, for the next round; returns the largest relative change, weighted.
     fn resist(&mut self) -> f64 {
         if !self.water.has_open {
             return 0.0;
@@ -255,7 +259,7 @@ impl<Sp: Space> Seepage<Sp> {
                 change = larger(change, weight * (found / before - 1.0).abs());
                 water.open[cell][axis] = liquid.viscosity / found;
                 if !body {
-                    water.still[cell][axis] = open * found;
+                    water.friction_next[cell][axis] = open * found;
                 }
             }
         }
@@ -280,6 +284,7 @@ impl<Sp: Space> Seepage<Sp> {
             self.water.coupled[cell] = 0.0;
             self.water.friction[cell] = Secant::default();
             self.water.still[cell] = [0.0; 3];
+            self.water.friction_next[cell] = [0.0; 3];
             self.water.ground[cell] = None;
             if self.openness.blocked(cell) {
                 continue;
@@ -418,13 +423,18 @@ impl<Sp: Space> Seepage<Sp> {
     fn converge(&mut self, particles: &View<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
         let source = self.settings.transient && !moves && self.has_before;
-        let settled = SETTLED.max(self.pressure.tolerance());
+        let settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
         let law = self.settings.permeability.law.model();
         let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
         let depends = law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
         self.resist();
         let mut iterations = 0;
         for round in 1.. {
+            if self.water.has_open {
+                // The friction by which the pressure was found stays that of its balance of momentum.
+                let water = &mut self.water;
+                water.still.copy_from_slice(&water.friction_next);
+            }
             self.permeate();
             self.sum(particles)?;
             self.conduct();
@@ -445,7 +455,6 @@ impl<Sp: Space> Seepage<Sp> {
                 change = larger(change, self.permeability_change());
             }
             change = larger(change, self.resist());
-            if std::env::var("DBG").is_ok() { eprintln!("round {round} change {change:e} it {} res {:e}", self.report.iterations, self.report.residual); }
             if change <= settled || round >= PATIENT && change <= NEAR {
                 break;
             }
@@ -494,7 +503,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
         self.answer(particles);
         self.sums
-            .fill(&self.parts.shares, &self.water.ground, particles, &self.communicator)
+            .fill(&self.parts.shares, &self.communicator)
             .map_err(failed)
     }
 

@@ -1,6 +1,6 @@
 //! The cells that hold parts of each own grain, found once for a coupling, by threads.
 
-use super::bed::Term;
+use super::bed::{NUMBERS, Term, UNITS};
 use crate::darcy::Pores;
 use crate::dem::particles::View;
 use crate::dem::space::Space;
@@ -21,6 +21,9 @@ pub(super) struct Share {
     pub(super) parts: Vec<(usize, f64)>,
     /// Drag and motion of each part.
     pub(super) terms: Vec<Term>,
+    /// What each part adds to the sums of its cell, and the largest number of each kind.
+    pub(super) numbers: Vec<[f64; NUMBERS]>,
+    pub(super) largest: [f64; UNITS],
     /// Force on each grain \[N\], and whether its drag is that at the end of the interval.
     pub(super) loads: Vec<([f64; 3], bool)>,
 }
