@@ -13,7 +13,8 @@ use std::time::Instant;
 use decomposition::Communicator;
 use solver::darcy::permeability::kozeny_carman;
 use solver::darcy::{
-    Condition, Enclosure, Equations, Error, Grid, Liquid, Medium, Openness, Patch, Pressure, Settings,
+    Condition, Enclosure, Equations, Error, Grid, Liquid, Medium, Openness, Patch, Pressure,
+    Settings,
 };
 
 /// Dynamic viscosity \[Pa s\].

@@ -298,7 +298,11 @@ impl Searching<'_> {
     fn find(mut self) -> Result<Critical, Error> {
         let (mut low, mut high) = (self.search.from, self.search.to);
         if self.erodes(low)? {
-            let left: u64 = self.trials.iter().map(|trial| trial.early + trial.late).sum();
+            let left: u64 = self
+                .trials
+                .iter()
+                .map(|trial| trial.early + trial.late)
+                .sum();
             return Err(Error::Usage(format!(
                 "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above {left} if these lay loose in an opening",
                 self.inlet.name, self.inlet.quantity

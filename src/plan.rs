@@ -5,11 +5,11 @@
 mod added_mass;
 mod bodies;
 pub(crate) mod contacts;
+mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
 pub mod envelope;
 pub mod estimate;
-mod coupling_interval;
 pub mod explicit_drag;
 mod impacts;
 pub mod interval;
@@ -286,13 +286,10 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                     .set("time.solid_time_step", at_most(allowed)),
             );
         }
-        let steps = scene
-            .seepage
-            .as_ref()
-            .map_or(1, |seepage| {
-                let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
-                seepage.coupling_interval(dt, longest)
-            });
+        let steps = scene.seepage.as_ref().map_or(1, |seepage| {
+            let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
+            seepage.coupling_interval(dt, longest)
+        });
         (dt * f64::from(steps), steps)
     };
     let total = time.end / time_step;

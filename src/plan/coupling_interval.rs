@@ -83,7 +83,9 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let (dimension, written) = (scene.grid.dimension, &seepage.written);
     let period = 0.5 * critical_solid_time_step(scene)?.limits.spring;
     let packed = match scene.grains.as_ref().map(|grains| &grains.source) {
-        Some(GrainSource::List(_) | GrainSource::File { .. }) => porosity(scene, seepage).min(PACKED),
+        Some(GrainSource::List(_) | GrainSource::File { .. }) => {
+            porosity(scene, seepage).min(PACKED)
+        }
         _ => CLOSE[dimension - 2],
     };
     let eps = packed.clamp(written.least_porosity, written.porosity_cap());
@@ -102,7 +104,12 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         let of_beds = beds(seepage, (eps, diameter), liquid, 0.0).into_iter();
         let stops = of_beds
             .map(|(_, k)| density * (1.0 - eps) * k / written.viscosity)
-            .chain(stopping_times(seepage, &grain, scene.mass(material, radius), eps))
+            .chain(stopping_times(
+                seepage,
+                &grain,
+                scene.mass(material, radius),
+                eps,
+            ))
             .fold(f64::INFINITY, f64::min);
         let slowest = 2.0 * height * period / (PI * diameter);
         let consolidation = slowest * slowest / stops;
@@ -110,7 +117,11 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         let drag = OF_DRAG * stops;
         let found = Limits {
             // Drag that is taken at the start of the interval is stable no longer than it takes to stop a grain.
-            contact: if written.semi_implicit_drag { contact } else { contact.min(drag) },
+            contact: if written.semi_implicit_drag {
+                contact
+            } else {
+                contact.min(drag)
+            },
             drag,
             damping: (OF_DAMPING * damping(scene, material, radius) * stops * period).sqrt(),
             bed: OF_BED * slowest.max(consolidation),
@@ -146,7 +157,12 @@ fn damping(scene: &Scene, material: usize, radius: f64) -> f64 {
 }
 
 /// Compares the interval with its limits.
-pub(super) fn check(scene: &Scene, clock: &Clock, margins: &mut Vec<Margin>, findings: &mut Findings) {
+pub(super) fn check(
+    scene: &Scene,
+    clock: &Clock,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
     let Some(limits) = limits(scene) else {
         return;
     };
@@ -157,19 +173,29 @@ pub(super) fn check(scene: &Scene, clock: &Clock, margins: &mut Vec<Margin>, fin
     } else {
         &[
             ("coupling interval / stopping time of a bed", limits.drag),
-            ("coupling interval / damping of the contacts", limits.damping),
+            (
+                "coupling interval / damping of the contacts",
+                limits.damping,
+            ),
             ("coupling interval / settling time of the bed", limits.bed),
         ]
     };
     for (limit, allowed) in ways {
-        margins.push(margin(limit, interval, allowed.max(f64::MIN_POSITIVE), PATH));
+        margins.push(margin(
+            limit,
+            interval,
+            allowed.max(f64::MIN_POSITIVE),
+            PATH,
+        ));
     }
     let longest = limits.longest();
     // Coupled in each solid step there is no shorter one.
     if interval <= longest * (1.0 + 1e-9) || clock.solid_steps_per_step <= 1 {
         return;
     }
-    let most = (longest / clock.solid_time_step * (1.0 + 1e-9)).floor().max(1.0);
+    let most = (longest / clock.solid_time_step * (1.0 + 1e-9))
+        .floor()
+        .max(1.0);
     let (name, _) = limits.deciding();
     findings.unstable(
         PATH,
@@ -185,4 +211,96 @@ pub(super) fn check(scene: &Scene, clock: &Clock, margins: &mut Vec<Margin>, fin
         ))
         .set(PATH, most),
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::error::Severity;
+    use crate::plan::Plan;
+    use std::path::Path;
+
+    /// Eight grains of 1 mm on each other in a column of liquid.
+    fn column(
+        viscosity: f64,
+        damping: f64,
+        set: &[&str],
+    ) -> Result<Plan, Vec<crate::error::Problem>> {
+        let grains: Vec<String> = (0..8)
+            .map(|k| {
+                let z = 0.0005 + 0.001 * f64::from(k);
+                format!(r#"{{"position": [0.0005, 0.0005, {z}], "radius": 0.0005}}"#)
+            })
+            .collect();
+        let text = format!(
+            r#"{{
+                "gravity": [0, 0, -9.81],
+                "domain": {{"size": [0.001, 0.001, 0.012], "spacing": 0.001}},
+                "materials": {{"g": {{"density": 2650}}}},
+                "fluid": {{"darcy": {{"density": 1000, "viscosity": {viscosity}, "resistance": "kozeny_carman",
+                    "grid": {{"from": [0, 0, 0], "to": [0.001, 0.001, 0.008], "cells": [1, 1, 8]}},
+                    "boundaries": [{{"name": "top", "face": "z_max", "condition": {{"pressure": {{"value": 0}}}}}}]}}}},
+                "grains": {{"material": "g", "initial": {{"list": [{}]}}}},
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1000}}, "normal_damping_ratio": {damping},
+                    "friction_angle_degrees": 30}}}},
+                "box_walls": ["x_min", "x_max", "y_min", "y_max", "z_min"], "box_wall_material": "g",
+                "time": {{"end": 0.05}}
+            }}"#,
+            grains.join(", ")
+        );
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document = Document::read(&text, &set, Path::new("."))?;
+        Plan::prepare(document)
+    }
+
+    /// 1/w = 3.73e-5 s; in oil of 1 Pa s a bed stops within 3.0e-6 s, in water within 3.0e-3 s; the slowest oscillation takes 8 grains.
+    #[test]
+    fn limits_are_those_of_contacts_drag_and_bed() {
+        let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();
+        let eps = 0.4;
+        let stops = |mu: f64| {
+            2650.0 * (1.0 - eps) * crate::darcy::permeability::kozeny_carman(eps, 1e-3) / mu
+        };
+        for (viscosity, damping) in [(1.0, 0.0), (1e-3, 0.0), (1e-3, 0.2)] {
+            let plan = column(viscosity, damping, &["fluid.darcy.coupling_interval=1"]).unwrap();
+            let found = limits(&plan.scene).unwrap();
+            let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+            close(found.contact, 0.7 * period);
+            close(found.drag, 0.5 * stops(viscosity));
+            let slowest = 16.0 / PI * period;
+            close(
+                found.bed,
+                0.35 * slowest.max(slowest * slowest / stops(viscosity)),
+            );
+            if damping > 0.0 {
+                close(
+                    found.damping,
+                    (40.0 * damping * stops(viscosity) * period).sqrt(),
+                );
+                assert!(found.longest() > found.contact);
+            } else {
+                assert_eq!(found.longest(), found.contact);
+            }
+        }
+    }
+
+    #[test]
+    fn the_default_keeps_the_limits_and_a_stated_interval_beyond_them_is_unstable() {
+        for (viscosity, damping) in [(1.0, 0.0), (0.1, 0.3), (1e-3, 0.0), (1e-3, 0.3)] {
+            let plan = column(viscosity, damping, &[]).unwrap();
+            let longest = limits(&plan.scene).unwrap().longest();
+            assert!(plan.clock.time_step <= longest && plan.clock.solid_steps_per_step >= 3);
+            let mut more = plan.clock.solid_steps_per_step + 2;
+            for interval in [more, 100] {
+                more = interval.max(more);
+                let set = format!("fluid.darcy.coupling_interval={more}");
+                let plan = column(viscosity, damping, &[&set]).unwrap();
+                let said = plan.warnings.iter().find(|finding| finding.path == PATH);
+                let said = said.unwrap_or_else(|| panic!("{viscosity} {damping} {more}"));
+                assert_eq!(said.severity, Severity::Unstable);
+                assert!(said.reason.contains("exploded"), "{}", said.reason);
+            }
+        }
+    }
 }

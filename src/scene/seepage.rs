@@ -115,7 +115,11 @@ impl Seepage {
         let (origin, end) = (scene.origin, scene.end());
         for face in &case.box_walls {
             let (a, upper) = (face.axis(), usize::from(face.is_max()));
-            let (at, edge) = if face.is_max() { (end[a], grid.size[a]) } else { (origin[a], 0.0) };
+            let (at, edge) = if face.is_max() {
+                (end[a], grid.size[a])
+            } else {
+                (origin[a], 0.0)
+            };
             scene.walls[a][upper] = (at - edge).abs() <= 1e-6 * scene.spacing[a];
         }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);

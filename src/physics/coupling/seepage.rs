@@ -63,9 +63,11 @@ mod medium;
 mod parts;
 
 use super::Flow;
-use crate::darcy::zones::Conduct;
 use crate::darcy::pressure::NUMBERS;
-use crate::darcy::{DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones};
+use crate::darcy::zones::Conduct;
+use crate::darcy::{
+    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
+};
 use crate::dem::particles::{Load, Particles};
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -283,8 +285,14 @@ impl<Sp: Space> Seepage<Sp> {
         self.pressure.restore(&state[..n]).map_err(failed)?;
         self.before.copy_from_slice(&state[n..2 * n]);
         let water = &mut self.water;
-        water.gradient.as_flattened_mut().copy_from_slice(&state[2 * n..5 * n]);
-        water.flux.as_flattened_mut().copy_from_slice(&state[5 * n..8 * n]);
+        water
+            .gradient
+            .as_flattened_mut()
+            .copy_from_slice(&state[2 * n..5 * n]);
+        water
+            .flux
+            .as_flattened_mut()
+            .copy_from_slice(&state[5 * n..8 * n]);
         water.speed.copy_from_slice(&state[8 * n..]);
         water.steepen();
         self.has_before = true;

@@ -39,7 +39,9 @@ pub fn solid_fraction(openness: &Openness, porosity: &[f64], cell: usize, diamet
     }
     let middle = grid.cell(cell);
     let reach = beyond.map(|b| whole(b.ceil()));
-    let range = |a: usize| middle[a].saturating_sub(reach[a])..(middle[a] + reach[a] + 1).min(grid.cells[a]);
+    let range = |a: usize| {
+        middle[a].saturating_sub(reach[a])..(middle[a] + reach[a] + 1).min(grid.cells[a])
+    };
     let part = |a: usize, at: usize| {
         let distance = real(at.abs_diff(middle[a]));
         (beyond[a] - distance + 1.0).clamp(0.0, 1.0)
@@ -63,6 +65,7 @@ pub fn solid_fraction(openness: &Openness, porosity: &[f64], cell: usize, diamet
 mod tests {
     use super::*;
     use crate::darcy::{Enclosure, Grid};
+    use std::f64::consts::FRAC_PI_6 as PART;
 
     #[test]
     fn a_lone_grain_is_no_bed_and_a_bed_is_one() {
@@ -75,12 +78,12 @@ mod tests {
         let openness = Openness::measure(&grid, &Enclosure::Everything);
         let middle = grid.index([4, 4, 4]);
         let mut porosity = vec![1.0; grid.count()];
-        porosity[middle] = 1.0 - 0.5236;
+        porosity[middle] = 1.0 - PART;
         // A sphere that touches all faces of its cell: a part of 6 cubed.
         let lone = solid_fraction(&openness, &porosity, middle, 0.005);
-        assert!((lone - 0.5236 / 216.0).abs() < 1e-12, "{lone}");
+        assert!((lone - PART / 216.0).abs() < 1e-12, "{lone}");
         // Small grains in a large cell: the cell.
-        assert!((solid_fraction(&openness, &porosity, middle, 0.0008) - 0.5236).abs() < 1e-15);
+        assert!((solid_fraction(&openness, &porosity, middle, 0.0008) - PART).abs() < 1e-15);
         let bed = vec![0.4; grid.count()];
         assert!((solid_fraction(&openness, &bed, 0, 0.005) - 0.6).abs() < 1e-15);
         // A uniform cloud has its own solid fraction, at the wall too.

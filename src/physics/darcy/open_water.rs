@@ -170,9 +170,11 @@ impl OpenWater {
     #[must_use]
     pub fn new(grid: Grid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
-        let extent = (0..grid.dimension).map(|a| crate::number::real(grid.cells[a]) * grid.spacing[a]);
+        let extent =
+            (0..grid.dimension).map(|a| crate::number::real(grid.cells[a]) * grid.spacing[a]);
         let longest = extent.fold(0.0, |sum: f64, length| sum + length);
-        let of_cell = |cell: usize| std::array::from_fn(|a| [false, true].map(|upper| faces(cell, a, upper)));
+        let of_cell =
+            |cell: usize| std::array::from_fn(|a| [false, true].map(|upper| faces(cell, a, upper)));
         Self {
             grid,
             open: vec![0.0; n],
@@ -216,12 +218,22 @@ impl OpenWater {
                 continue;
             }
             let lengths = self.lengths[cell];
-            let edge = |a: usize| if a < self.grid.dimension { lengths[a] } else { f64::INFINITY };
+            let edge = |a: usize| {
+                if a < self.grid.dimension {
+                    lengths[a]
+                } else {
+                    f64::INFINITY
+                }
+            };
             for axis in 0..self.grid.dimension {
                 let (a, b) = (edge((axis + 1) % 3), edge((axis + 2) % 3));
                 // Both infinite: nothing beside the water holds it. Walls that it flows towards are as far as the void is long.
                 let longest = self.longest.min(lengths[axis]);
-                let (a, b) = if a.min(b) > self.longest { (longest, b) } else { (a, b) };
+                let (a, b) = if a.min(b) > self.longest {
+                    (longest, b)
+                } else {
+                    (a, b)
+                };
                 let (inertia, stream) = self.losses[cell][axis];
                 self.ducts[cell][axis] = Duct {
                     inertia,
@@ -255,17 +267,23 @@ impl OpenWater {
                 let passes = |i: usize| {
                     let mut cell = grid.cell(row[i.min(n - 1)]);
                     cell[axis] = i;
-                    f64::from(u8::from(openness.faces[axis][openness.face(axis, cell)] > 0.5))
+                    f64::from(u8::from(
+                        openness.faces[axis][openness.face(axis, cell)] > 0.5,
+                    ))
                 };
                 for i in 0..n {
-                    let before = if i == 0 { (0.0, passes(0)) } else {
+                    let before = if i == 0 {
+                        (0.0, passes(0))
+                    } else {
                         let o = passes(i) * self.open[row[i - 1]];
                         (o * (step + reach[0][i - 1]), o * way[0][i - 1])
                     };
                     (reach[0][i], way[0][i]) = before;
                 }
                 for i in (0..n).rev() {
-                    let beyond = if i + 1 == n { (0.0, passes(n)) } else {
+                    let beyond = if i + 1 == n {
+                        (0.0, passes(n))
+                    } else {
                         let o = passes(i + 1) * self.open[row[i + 1]];
                         (o * (step + reach[1][i + 1]), o * way[1][i + 1])
                     };
@@ -276,7 +294,8 @@ impl OpenWater {
                     let at = row[i];
                     let own = self.free[at] * step;
                     let length = own + reach[0][i] + reach[1][i];
-                    let to = |end: usize, face: Face| if ends[end] == face { way[end][i] } else { 0.0 };
+                    let to =
+                        |end: usize, face: Face| if ends[end] == face { way[end][i] } else { 0.0 };
                     let imposed = |end: usize| to(end, Face::Reservoir) + to(end, Face::Stream);
                     let mirrored = imposed(0).max(imposed(1));
                     let unstated = to(0, Face::Unstated) * to(1, Face::Unstated);
@@ -305,11 +324,24 @@ mod tests {
     /// Shah and London 1978, table 42: friction factor times Reynolds number of rectangular ducts, Fanning.
     #[test]
     fn laminar_ducts_have_the_published_friction() {
-        for (aspect, fanning) in [(1.0, 14.22708), (0.5, 15.54806), (0.25, 18.23278), (0.1, 21.16888), (0.0, 24.0)] {
-            let b = if aspect > 0.0 { 1.0 / aspect } else { f64::INFINITY };
+        for (aspect, fanning) in [
+            (1.0, 14.22708),
+            (0.5, 15.54806),
+            (0.25, 18.23278),
+            (0.1, 21.16888),
+            (0.0, 24.0),
+        ] {
+            let b = if aspect > 0.0 {
+                1.0 / aspect
+            } else {
+                f64::INFINITY
+            };
             let duct = Duct::new(1.0, b);
             let found = 2.0 * duct.diameter * duct.diameter / duct.laminar / 4.0;
-            assert!((found / fanning - 1.0_f64).abs() < 1e-4, "{aspect}: {found}");
+            assert!(
+                (found / fanning - 1.0_f64).abs() < 1e-4,
+                "{aspect}: {found}"
+            );
         }
     }
 
@@ -317,7 +349,12 @@ mod tests {
     #[test]
     fn turbulent_ducts_have_the_friction_of_colebrook() {
         // A circular pipe of 0.1 m.
-        let pipe = Duct { diameter: 0.1, laminar: 0.01 / 32.0, inertia: 0.0, stream: 0.0 };
+        let pipe = Duct {
+            diameter: 0.1,
+            laminar: 0.01 / 32.0,
+            inertia: 0.0,
+            stream: 0.0,
+        };
         let friction = |reynolds: f64, rough: f64| {
             let u = reynolds * 1e-6 / 0.1;
             pipe.resistance(WATER, rough * 0.1, u) * u * 0.2 / (1000.0 * u * u)
@@ -330,7 +367,10 @@ mod tests {
                     f = (-2.0 * (rough / 3.7 + 2.51 / (reynolds * f.sqrt())).log10()).powi(-2);
                 }
                 let found = friction(reynolds, rough);
-                assert!((found / f - 1.0).abs() < 0.035, "{reynolds} {rough}: {found} {f}");
+                assert!(
+                    (found / f - 1.0).abs() < 0.035,
+                    "{reynolds} {rough}: {found} {f}"
+                );
             }
         }
     }
@@ -351,10 +391,18 @@ mod tests {
             let openness = Openness::measure(&grid, &Enclosure::Everything);
             let mut water = OpenWater::new(grid, |_, _, _| Face::Unstated);
             // Two layers of open water.
-            let open = |cell: usize| (f64::from(u8::from((2..4).contains(&grid.cell(cell)[1]))), 1.0);
+            let open = |cell: usize| {
+                (
+                    f64::from(u8::from((2..4).contains(&grid.cell(cell)[1]))),
+                    1.0,
+                )
+            };
             assert!(water.measure(&openness, open));
             let slot = water.duct(grid.index([3, 2, 0]), 0);
-            assert!((slot.laminar / (4e-4 / 12.0) - 1.0).abs() < 1e-12, "{slot:?}");
+            assert!(
+                (slot.laminar / (4e-4 / 12.0) - 1.0).abs() < 1e-12,
+                "{slot:?}"
+            );
             assert!((slot.diameter / 0.04 - 1.0).abs() < 1e-12);
         }
         let grid = grid(3);
@@ -378,7 +426,11 @@ mod tests {
         let top = |cell: usize| (f64::from(u8::from(grid.cell(cell)[1] == 4)), 1.0);
         let height = |face: Face| {
             let mut water = OpenWater::new(grid, |_, axis, upper| {
-                if axis == 1 && upper { face } else { Face::Unstated }
+                if axis == 1 && upper {
+                    face
+                } else {
+                    Face::Unstated
+                }
             });
             water.measure(&openness, top);
             water.lengths[grid.index([3, 4, 0])][1]

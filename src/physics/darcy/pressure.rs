@@ -423,7 +423,11 @@ impl Pressure {
         let mut bad = false;
         for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
             for (at, cell) in row.zip(first..) {
-                let k = if self.conducts[cell] { medium.conductivity[cell] } else { 0.0 };
+                let k = if self.conducts[cell] {
+                    medium.conductivity[cell]
+                } else {
+                    0.0
+                };
                 bad |= !(0.0..f64::MAX).contains(&k);
                 self.conductivity[at] = k;
             }
@@ -463,9 +467,11 @@ impl Pressure {
                 });
         }
         let level = self.middle();
-        if level != self.level {
+        if level.total_cmp(&self.level).is_ne() {
             for row in self.layout.rows(&whole) {
-                self.phi[row].iter_mut().for_each(|phi| *phi += self.level - level);
+                self.phi[row]
+                    .iter_mut()
+                    .for_each(|phi| *phi += self.level - level);
             }
             self.level = level;
         }

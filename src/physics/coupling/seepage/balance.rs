@@ -1,7 +1,7 @@
 //! The balance of momentum of water and grains, and the extremes of a run.
 
-use super::medium::pores_of;
 use super::Seepage;
+use super::medium::pores_of;
 use crate::dem::space::Space;
 use decomposition::ExactSum;
 
@@ -132,12 +132,23 @@ impl<Sp: Space> Seepage<Sp> {
                 weight.value(),
                 open.value(),
             ];
-            [balance.on_grains[a], balance.pressure[a], balance.weight[a], balance.open_water[a]] = terms;
+            [
+                balance.on_grains[a],
+                balance.pressure[a],
+                balance.weight[a],
+                balance.open_water[a],
+            ] = terms;
             let [force, pressure, weight, open] = terms;
             missing += (force - pressure - weight - open).powi(2);
-            largest = terms.iter().fold(largest, |most, term| most.max(term.abs()));
+            largest = terms
+                .iter()
+                .fold(largest, |most, term| most.max(term.abs()));
         }
-        balance.closure = if largest > 0.0 { missing.sqrt() / largest } else { 0.0 };
+        balance.closure = if largest > 0.0 {
+            missing.sqrt() / largest
+        } else {
+            0.0
+        };
         self.balance = balance;
     }
 }

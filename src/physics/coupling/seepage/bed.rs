@@ -58,7 +58,8 @@ impl Laws<'_> {
         if ground.dense > 0.0 {
             let (porosity, diameter) = ground.packing;
             let resistance = ground.stated.unwrap_or_else(|| {
-                self.resistance.resistance(porosity, diameter, self.settings.liquid, speed)
+                self.resistance
+                    .resistance(porosity, diameter, self.settings.liquid, speed)
             });
             sum += ground.dense * grain.volume * ground.factor * resistance;
         }
@@ -77,7 +78,14 @@ impl Laws<'_> {
             (both, both)
         } else {
             let own = self.drag.coefficient(&ground.bed, grain, speed);
-            (own, if moves { self.reaction(ground, grain, speed) } else { 0.0 })
+            (
+                own,
+                if moves {
+                    self.reaction(ground, grain, speed)
+                } else {
+                    0.0
+                },
+            )
         }
     }
 }
@@ -102,7 +110,13 @@ pub(super) struct Term {
 
 impl Term {
     /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a whole \[N\].
-    pub(super) fn drag(&self, volume: f64, measure: f64, flux: [f64; 3], gradient: [f64; 3]) -> [f64; 3] {
+    pub(super) fn drag(
+        &self,
+        volume: f64,
+        measure: f64,
+        flux: [f64; 3],
+        gradient: [f64; 3],
+    ) -> [f64; 3] {
         let b = self.drag * self.answer;
         let push = self.compliance * volume;
         std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
@@ -137,7 +151,12 @@ fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
 }
 
 /// Fills the terms of one thread's grains.
-pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particles: &View<'_, Sp>, share: &mut Share) {
+pub(super) fn fill<Sp: Space>(
+    laws: Laws<'_>,
+    ground: &[Option<Ground>],
+    particles: &View<'_, Sp>,
+    share: &mut Share,
+) {
     let settings = laws.settings;
     let weight = settings.water_weight();
     share.terms.clear();
@@ -150,7 +169,8 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
         let velocity: [f64; 3] = components(&particles.motion[k].velocity);
         let start = start(particles, k);
         // What contacts hold bears the water at first as it is at rest.
-        let free = settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
+        let free =
+            settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
         let (before, last) = match start {
             Start::Known if free => (
                 components(&particles.last_velocity[k]),
@@ -165,12 +185,17 @@ pub(super) fn fill<Sp: Space>(laws: Laws<'_>, ground: &[Option<Ground>], particl
                 share.numbers.push([0.0; NUMBERS]);
                 continue;
             };
-            let slip: [f64; 3] = std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
+            let slip: [f64; 3] =
+                std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
             let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
             let (drag, reaction) = laws.coefficients(ground, &grain, speed);
             // The interval over the time in which drag stops a bed.
             let ratio = settings.interval * drag / (body.mass * ground.measure);
-            let part = if free { f64::max(MIDDLE, 1.0 - 1.0 / ratio) } else { 0.0 };
+            let part = if free {
+                f64::max(MIDDLE, 1.0 - 1.0 / ratio)
+            } else {
+                0.0
+            };
             let compliance = part * settings.interval / body.mass;
             let known: [f64; 3] = std::array::from_fn(|a| {
                 let pushed = grain.volume * weight[a] + last[a];
@@ -274,15 +299,27 @@ impl Sums {
     ///
     /// # Errors
     /// Where a velocity or a coefficient is not finite, on every rank.
-    pub(super) fn fill(&mut self, shares: &[Share], communicator: &Communicator) -> Result<(), crate::darcy::Error> {
+    pub(super) fn fill(
+        &mut self,
+        shares: &[Share],
+        communicator: &Communicator,
+    ) -> Result<(), crate::darcy::Error> {
         let mut units = [1.0; UNITS];
         let mut per_unit = [1.0; UNITS];
         for n in 0..UNITS {
-            let largest = shares.iter().fold(0.0, |most, share| larger(most, share.largest[n]));
-            let most = communicator.all_reduce_max_f64(if largest.is_finite() { largest } else { f64::INFINITY });
+            let largest = shares
+                .iter()
+                .fold(0.0, |most, share| larger(most, share.largest[n]));
+            let most = communicator.all_reduce_max_f64(if largest.is_finite() {
+                largest
+            } else {
+                f64::INFINITY
+            });
             // The unit and its inverse are powers of two.
-            if !(most < LARGEST) {
-                return Err(crate::darcy::Error::NotFinite("the drag or the velocity of a grain"));
+            if most >= LARGEST {
+                return Err(crate::darcy::Error::NotFinite(
+                    "the drag or the velocity of a grain",
+                ));
             }
             units[n] = power_above(most.max(SMALLEST));
             per_unit[n] = 1.0 / units[n];
@@ -301,10 +338,13 @@ impl Sums {
             *words = sums.map(i128::cast_unsigned);
         }
         communicator.all_reduce_sum_u128s(&mut self.words);
-        for (cell, words) in self.cells.iter_mut().zip(self.words.as_chunks::<NUMBERS>().0) {
-            let n: [f64; NUMBERS] = std::array::from_fn(|i| {
-                real(words[i].cast_signed()) * (STEP * units[UNIT_OF[i]])
-            });
+        for (cell, words) in self
+            .cells
+            .iter_mut()
+            .zip(self.words.as_chunks::<NUMBERS>().0)
+        {
+            let n: [f64; NUMBERS] =
+                std::array::from_fn(|i| real(words[i].cast_signed()) * (STEP * units[UNIT_OF[i]]));
             *cell = Sum {
                 drag: n[0],
                 held: [n[1], n[2], n[3]],

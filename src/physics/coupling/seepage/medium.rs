@@ -79,13 +79,14 @@ impl Water {
     /// Water at rest.
     pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
         let n = grid.count();
-        let face = |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {
-            Some(Condition::NoFlow {}) => Face::Wall,
-            Some(Condition::Head { .. }) => Face::Reservoir,
-            Some(_) => Face::Stream,
-            None if walls[axis][usize::from(upper)] => Face::Wall,
-            None => Face::Unstated,
-        };
+        let face =
+            |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {
+                Some(Condition::NoFlow {}) => Face::Wall,
+                Some(Condition::Head { .. }) => Face::Reservoir,
+                Some(_) => Face::Stream,
+                None if walls[axis][usize::from(upper)] => Face::Wall,
+                None => Face::Unstated,
+            };
         Self {
             ground: vec![None; n],
             coupled: vec![0.0; n],
@@ -202,7 +203,10 @@ impl<Sp: Space> Seepage<Sp> {
             }
             let free = zones.map_or(1.0, |(_, room)| room.free(cell));
             let ground = self.water.ground[cell].as_ref();
-            (free.min(openness(ground.map_or(1.0, |ground| ground.around))), free)
+            (
+                free.min(openness(ground.map_or(1.0, |ground| ground.around))),
+                free,
+            )
         };
         self.water.has_open = self.water.channels.measure(&self.openness, openness_of);
         self.water.roughness = self.settings.roughness.unwrap_or_else(|| {
@@ -225,7 +229,11 @@ impl<Sp: Space> Seepage<Sp> {
         for cell in 0..self.water.flux.len() {
             let (slip, drag) = (size(self.slip(cell)), self.sums.cells()[cell].drag);
             let volume = self.openness.volume(cell);
-            let loss = if drag > 0.0 { drag * slip / volume } else { 0.0 };
+            let loss = if drag > 0.0 {
+                drag * slip / volume
+            } else {
+                0.0
+            };
             steepest = steepest.max(self.water.steepness[cell]).max(loss);
             fastest = fastest.max(size(self.water.flux[cell])).max(slip);
         }
@@ -250,7 +258,10 @@ impl<Sp: Space> Seepage<Sp> {
             if open <= 0.0 {
                 continue;
             }
-            let body = self.zones.as_ref().is_some_and(|(_, room)| room.is_body(cell));
+            let body = self
+                .zones
+                .as_ref()
+                .is_some_and(|(_, room)| room.is_body(cell));
             let weight = water.weight[cell];
             for axis in 0..grid.dimension {
                 let duct = water.channels.duct(cell, axis);
@@ -279,7 +290,10 @@ impl<Sp: Space> Seepage<Sp> {
     fn survey(&mut self) {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
-        let (least, cap) = (settings.permeability.least_porosity, settings.permeability.porosity_cap);
+        let (least, cap) = (
+            settings.permeability.least_porosity,
+            settings.permeability.porosity_cap,
+        );
         for cell in 0..porosity.len() {
             self.water.coupled[cell] = 0.0;
             self.water.friction[cell] = Secant::default();
@@ -291,11 +305,15 @@ impl<Sp: Space> Seepage<Sp> {
             }
             let diameter = self.pores.diameter()[cell];
             let solid = 1.0 - porosity[cell];
-            let zone = self.zones.as_ref().is_some_and(|(_, room)| room.is_ground(cell));
+            let zone = self
+                .zones
+                .as_ref()
+                .is_some_and(|(_, room)| room.is_ground(cell));
             let around = if settings.equations == Equations::Paper || zone || solid <= 0.0 {
                 1.0 - self.limited[cell]
             } else {
-                let around = neighbourhood::solid_fraction(&self.openness, porosity, cell, diameter);
+                let around =
+                    neighbourhood::solid_fraction(&self.openness, porosity, cell, diameter);
                 1.0 - (1.0 - around).clamp(least, cap.max(1.0 - around))
             };
             let felt = 1.0 - around;
@@ -355,14 +373,22 @@ impl<Sp: Space> Seepage<Sp> {
             }
             return;
         };
-        room.replace(zones, law, (bed, &self.water.open), liquid, &mut self.permeability);
+        room.replace(
+            zones,
+            law,
+            (bed, &self.water.open),
+            liquid,
+            &mut self.permeability,
+        );
         for cell in 0..self.permeability.len() {
             let Some(ground) = &mut self.water.ground[cell] else {
                 continue;
             };
             let k = self.permeability[cell];
             ground.bed.permeability = k;
-            ground.ratios = room.ratios().map_or([1.0; 3], |ratios| ratios[cell].map(|r| 1.0 / r));
+            ground.ratios = room
+                .ratios()
+                .map_or([1.0; 3], |ratios| ratios[cell].map(|r| 1.0 / r));
             if room.is_ground(cell) {
                 ground.stated = Some(liquid.viscosity / k);
             }
@@ -415,7 +441,7 @@ impl<Sp: Space> Seepage<Sp> {
             }
             water.conductivity[cell] = along[0];
             water.ratios[cell] = along.map(|k| k / along[0]);
-            water.directed |= along.iter().any(|k| *k != along[0]);
+            water.directed |= along.iter().any(|k| k.total_cmp(&along[0]).is_ne());
         }
     }
 
@@ -426,7 +452,8 @@ impl<Sp: Space> Seepage<Sp> {
         let settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
         let law = self.settings.permeability.law.model();
         let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
-        let depends = law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
+        let depends =
+            law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
         self.resist();
         let mut iterations = 0;
         for round in 1.. {
@@ -483,7 +510,13 @@ impl<Sp: Space> Seepage<Sp> {
             gradient: &self.water.steepness,
         };
         match &mut self.zones {
-            Some((zones, room)) => room.change(zones, law, (bed, &self.water.open), liquid, &self.permeability),
+            Some((zones, room)) => room.change(
+                zones,
+                law,
+                (bed, &self.water.open),
+                liquid,
+                &self.permeability,
+            ),
             None => law.change(bed, liquid, &self.permeability),
         }
     }
@@ -492,7 +525,9 @@ impl<Sp: Space> Seepage<Sp> {
     fn answer(&mut self, particles: &View<'_, Sp>) {
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (laws, ground) = (self.laws(), &self.water.ground);
-        thread_pool::each_item(&mut shares, 1, |_, share| bed::fill(laws, ground, particles, share));
+        thread_pool::each_item(&mut shares, 1, |_, share| {
+            bed::fill(laws, ground, particles, share)
+        });
         self.parts.shares = shares;
     }
 
@@ -516,7 +551,11 @@ impl<Sp: Space> Seepage<Sp> {
             self.water.gradient[cell] = gradient;
             let flow = self.water.flow[cell];
             self.water.flux[cell] = std::array::from_fn(|a| {
-                if a < dimension { flow[a].0 - flow[a].1 * gradient[a] } else { 0.0 }
+                if a < dimension {
+                    flow[a].0 - flow[a].1 * gradient[a]
+                } else {
+                    0.0
+                }
             });
         }
         self.water.steepen();
@@ -545,7 +584,9 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         }
         let sum: &Sum = &self.sums.cells()[cell];
-        let mean = sum.held.map(|held| if sum.drag > 0.0 { held / sum.drag } else { 0.0 });
+        let mean = sum
+            .held
+            .map(|held| if sum.drag > 0.0 { held / sum.drag } else { 0.0 });
         let slip = |flux: [f64; 3]| std::array::from_fn(|a| flux[a] - mean[a]);
         let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
         let (used_speed, new_speed) = (size(used), size(new));
@@ -553,7 +594,11 @@ impl<Sp: Space> Seepage<Sp> {
         let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
         let slope = slope(|speed| laws.reaction(ground, &grain, speed), used_speed);
         let next = ground.secant.next(used_speed, new_speed, slope);
-        let factor = if new_speed > 0.0 { next / new_speed } else { 0.0 };
+        let factor = if new_speed > 0.0 {
+            next / new_speed
+        } else {
+            0.0
+        };
         let moved: [f64; 3] = std::array::from_fn(|a| new[a] - used[a]);
         ground.flux = std::array::from_fn(|a| mean[a] + factor * new[a]);
         let here = laws.reaction(ground, &grain, used_speed);
@@ -575,7 +620,9 @@ impl<Sp: Space> Seepage<Sp> {
     /// What a run says that ends because the coefficients do not settle.
     fn unsettled(&self, change: f64, rounds: u32) -> String {
         let weight = &self.water.weight;
-        let worst = (0..weight.len()).max_by(|a, b| weight[*a].total_cmp(&weight[*b])).unwrap_or(0);
+        let worst = (0..weight.len())
+            .max_by(|a, b| weight[*a].total_cmp(&weight[*b]))
+            .unwrap_or(0);
         let grid = &self.openness.grid;
         let [x, y, z] = grid.centre(grid.cell(worst));
         format!(

@@ -662,7 +662,13 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
         // Its own drag of a lone sphere, after Dallavalle: up to a fifth above that of Schiller and Naumann, half of it in the velocity.
         (Resistance::DiFelice, 0.1),
     ] {
-        for (diameter, moves) in [(1e-2, true), (5e-3, true), (1.25e-3, true), (1e-4, true), (1e-3, false)] {
+        for (diameter, moves) in [
+            (1e-2, true),
+            (5e-3, true),
+            (1.25e-3, true),
+            (1e-4, true),
+            (1e-3, false),
+        ] {
             let terminal = schiller_naumann(diameter, 2650.0, WATER);
             let interval = 0.05 * terminal / (9.81 * 1.65 / 2.65);
             let bench = Bench {
@@ -679,13 +685,20 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
                 position: Vector3::new(0.021, 0.019, 0.031),
                 ..Motion::default()
             };
-            particles.insert(Body::uniform::<Volume>(0, 0.5 * diameter, 2650.0, 0), motion);
+            particles.insert(
+                Body::uniform::<Volume>(0, 0.5 * diameter, 2650.0, 0),
+                motion,
+            );
             for _ in 0..240 {
                 seepage.advance(&mut particles, &alone()).unwrap();
                 let force = particles.fluid[0].force[2];
-                particles.motion[0].velocity[2] += interval * (force / particles.body[0].mass - 9.81);
+                particles.motion[0].velocity[2] +=
+                    interval * (force / particles.body[0].mass - 9.81);
                 let closure = seepage.balance().closure;
-                assert!(!moves || closure < 1e-9, "{resistance:?} {diameter}: {closure}");
+                assert!(
+                    !moves || closure < 1e-9,
+                    "{resistance:?} {diameter}: {closure}"
+                );
             }
             let sinks = -particles.motion[0].velocity[2];
             assert!(
@@ -700,18 +713,30 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
 #[test]
 fn a_cloud_sinks_at_the_velocity_of_its_law() {
     let law = DragLaw::Gidaspow;
-    for (across, radius) in [(4, 5e-4), (4, 1e-3), (8, 5e-4), (8, 1e-3), (16, 6e-4), (16, 1e-3)] {
+    for (across, radius) in [
+        (4, 5e-4),
+        (4, 1e-3),
+        (8, 5e-4),
+        (8, 1e-3),
+        (16, 6e-4),
+        (16, 1e-3),
+    ] {
         let mut particles = Particles::<Volume>::new();
         let step = 0.04 / f64::from(across);
-        let mut id = 0;
-        for n in 0..across * across * across * 3 / 2 {
+        for (id, n) in (0..across * across * across * 3 / 2).enumerate() {
             let at = |k: i32| (f64::from(k) + 0.5) * step;
             let motion = Motion {
-                position: Vector3::new(at(n % across), at(n / across % across), at(n / (across * across))),
+                position: Vector3::new(
+                    at(n % across),
+                    at(n / across % across),
+                    at(n / (across * across)),
+                ),
                 ..Motion::default()
             };
-            particles.insert(Body::uniform::<Volume>(id, radius, 2650.0, 0), motion);
-            id += 1;
+            particles.insert(
+                Body::uniform::<Volume>(id as u64, radius, 2650.0, 0),
+                motion,
+            );
         }
         let solid = Volume::measure(radius) / step.powi(3);
         let eps = 1.0 - solid;
@@ -728,7 +753,11 @@ fn a_cloud_sinks_at_the_velocity_of_its_law() {
         for _ in 0..100 {
             let v = 0.5 * (low + high);
             let carried = law.model().coefficient(&bed, &grain, v) * v / eps;
-            if carried < grain.volume * 1650.0 * 9.81 { low = v } else { high = v }
+            if carried < grain.volume * 1650.0 * 9.81 {
+                low = v
+            } else {
+                high = v
+            }
         }
         let interval = 0.02 * low / (9.81 * 1.65 / 2.65);
         let bench = Bench {
@@ -749,6 +778,9 @@ fn a_cloud_sinks_at_the_velocity_of_its_law() {
             assert!(seepage.balance().closure < 1e-9, "{:?}", seepage.balance());
         }
         let sinks = -particles.motion[particles.owned() / 2].velocity[2];
-        assert!((sinks / low - 1.0).abs() < 0.01, "solid fraction {solid}: {sinks} {low}");
+        assert!(
+            (sinks / low - 1.0).abs() < 0.01,
+            "solid fraction {solid}: {sinks} {low}"
+        );
     }
 }

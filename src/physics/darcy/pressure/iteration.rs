@@ -135,8 +135,9 @@ impl Pressure {
     /// The largest term of the left sides at the pressure where the iteration starts.
     fn largest_term(&self) -> f64 {
         let rows = self.layout.rows(&self.layout.whole());
-        rows.flatten()
-            .fold(0.0, |most, at| (self.matrix.diagonal[at] * self.phi[at]).abs().max(most))
+        rows.flatten().fold(0.0, |most, at| {
+            (self.matrix.diagonal[at] * self.phi[at]).abs().max(most)
+        })
     }
 
     fn is_ground(&self, at: usize) -> bool {

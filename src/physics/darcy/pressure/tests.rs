@@ -252,7 +252,10 @@ fn a_source_leaves_through_the_outlet() {
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-13)).unwrap();
     let n = grid.count();
     let report = solver
-        .solve(Medium { source: Some(&vec![0.01; n]), ..still(&conductivities(&vec![1e-9; n])) })
+        .solve(Medium {
+            source: Some(&vec![0.01; n]),
+            ..still(&conductivities(&vec![1e-9; n]))
+        })
         .unwrap();
     assert!((report.outflow / (0.01 * 30.0 * 1e-4) - 1.0).abs() < 1e-10);
 }
@@ -353,12 +356,7 @@ fn iterations_hardly_grow_with_the_grid() {
         let k: Vec<f64> = (0..grid.count())
             .map(|_| kozeny_carman(0.3 + 0.4 * draws.uniform(), 1e-3))
             .collect();
-        counts.push(
-            solver
-                .solve(still(&conductivities(&k)))
-                .unwrap()
-                .iterations,
-        );
+        counts.push(solver.solve(still(&conductivities(&k))).unwrap().iterations);
     }
     println!("iterations {counts:?}");
     assert!(counts[3] <= 2 * counts[0] && counts[3] < 40, "{counts:?}");
@@ -450,7 +448,10 @@ fn numbers_that_are_not_finite_are_refused() {
     k[7] = 1e-9;
     let source = [f64::INFINITY; 64];
     assert!(matches!(
-        one.solve(Medium { source: Some(&source), ..still(&conductivities(&k)) }),
+        one.solve(Medium {
+            source: Some(&source),
+            ..still(&conductivities(&k))
+        }),
         Err(Error::NotFinite(_))
     ));
     let tight = Settings {
@@ -487,9 +488,7 @@ fn a_box_with_a_small_outlet() {
     let mut solver = solver(&grid, &Enclosure::Everything, patches, settings(1e-12)).unwrap();
     let k = kozeny_carman(0.4, 5e-3);
     let n = grid.count();
-    let report = solver
-        .solve(still(&conductivities(&vec![k; n])))
-        .unwrap();
+    let report = solver.solve(still(&conductivities(&vec![k; n]))).unwrap();
     assert!((report.inflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
     assert!((report.outflow / FLOW - 1.0).abs() < 1e-9, "{report:?}");
 
