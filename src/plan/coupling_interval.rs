@@ -14,13 +14,13 @@
 //! T <= 0.7/w,    or    T <= tau/2  and  T² <= 40 zeta tau/w  and  T <= 0.35 max(1/w_1, t_1)
 //! ```
 //!
-//! with the damping ratio zeta of the contacts. The factors are measured ([`benches/accuracy`](../../benches/accuracy/coupling_interval.py)): within them the
+//! with the damping ratio zeta of the contacts. The factors are measured (`jobs/verification/coupling-interval`): within them the
 //! settlement of columns and beds differs from that of an interval of one step by at most 2 % at any time; from about twice as much on
 //! beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at most 0.5/(w_i T) of what it takes from a slow one; the
 //! dashpots take `zeta w_i²/w`, which is least beside it at `w_i T = 4.5`.
 
 use super::Clock;
-use super::critical_step::{critical_solid_time_step, moving};
+use super::critical_step::moving;
 use super::explicit_drag::{beds, porosity, stopping_times};
 use super::margin::{Margin, margin};
 use crate::darcy::Liquid;
@@ -81,7 +81,7 @@ impl Limits {
 pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let seepage = scene.seepage.as_ref()?;
     let (dimension, written) = (scene.grid.dimension, &seepage.written);
-    let period = 0.5 * critical_solid_time_step(scene)?.limits.spring;
+    let law = scene.contact.as_ref()?.model();
     let packed = match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::List(_) | GrainSource::File { .. }) => {
             porosity(scene, seepage).min(PACKED)
@@ -99,7 +99,12 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         if material >= scene.materials.len() || radius <= 0.0 {
             continue;
         }
-        let (density, diameter) = (scene.density(material), 2.0 * radius);
+        let (density, diameter, mass) = (
+            scene.density(material),
+            2.0 * radius,
+            scene.mass(material, radius),
+        );
+        let period = 0.5 * law.time_limits(to_u32(material), radius, mass).spring;
         let grain = Grain::new(dimension, radius);
         let of_beds = beds(seepage, (eps, diameter), liquid, 0.0).into_iter();
         let stops = of_beds

@@ -18,7 +18,7 @@
 //! ```
 //!
 //! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux `R_bed(|U|)` of the law of resistance, in
-//! dilute water the drag of a grain alone ([`permeability::Law::dilute`]), and between them one passes over into the other
+//! dilute water the drag of a grain alone ([`crate::darcy::permeability::Law::dilute`]), and between them one passes over into the other
 //! ([`dense_share`](crate::darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
 //! neighbourhood ([`crate::darcy::neighbourhood`]): a lone grain falls like one, however small its cell. `R` is the resistance of open
 //! water ([`crate::darcy::open_water`]) and of zones without grains.
@@ -45,7 +45,8 @@
 //! `u = -K/(mu eps) grad p`, there is no buoyancy, and open water has the resistance of the largest porosity.
 //!
 //! **Rounds.** Coefficients and pressure are computed in turn until they stay. A round takes the coefficients at the speed that solves
-//! the law of its cell for the present gradient to first order. Where the flux is given instead of the gradient, the error at least halves.
+//! the law of its cell for the present gradient to first order, or, from the second round on, that which the answer of the cell to the last one
+//! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
 //!
 //! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
 //! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8 to 0.95 the drag passes over to

@@ -15,6 +15,8 @@ use crate::error::Error;
 use crate::thread_pool;
 use std::sync::Arc;
 
+/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where grains move meanwhile.
+const GOES_ON: f64 = 2e-3;
 /// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure, and at least.
 const SETTLED: f64 = 100.0;
 const LEAST_SETTLED: f64 = 1e-11;
@@ -449,7 +451,11 @@ impl<Sp: Space> Seepage<Sp> {
     fn converge(&mut self, particles: &View<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
         let source = self.settings.transient && !moves && self.has_before;
-        let settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
+        let mut settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
+        let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
+        if moves && self.has_before && grains > 0 {
+            settled = settled.max(GOES_ON);
+        }
         let law = self.settings.permeability.law.model();
         let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
         let depends =
