@@ -62,6 +62,7 @@ mod balance;
 mod bed;
 mod medium;
 mod parts;
+mod water;
 
 use super::Flow;
 use crate::darcy::pressure::NUMBERS;
@@ -76,10 +77,10 @@ use crate::thread_pool;
 pub use balance::{Balance, Extremes};
 use bed::Sums;
 use decomposition::{Communicator, Domain, ExactSum};
-use medium::Water;
 use parts::Parts;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use water::Water;
 
 /// Closure of momentum from which a run warns.
 const OPEN: f64 = 0.1;

@@ -2,6 +2,7 @@
 
 use super::Seepage;
 use super::medium::pores_of;
+use super::water::size;
 use crate::dem::space::Space;
 use decomposition::ExactSum;
 
@@ -151,8 +152,4 @@ impl<Sp: Space> Seepage<Sp> {
         };
         self.balance = balance;
     }
-}
-
-fn size(vector: [f64; 3]) -> f64 {
-    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

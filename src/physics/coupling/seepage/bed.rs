@@ -3,45 +3,16 @@
 //! See the module above for the equations. A grain that lies in several cells answers in each of them to the water there: the force on it is
 //! the sum over its parts.
 
-use super::medium::{Secant, Water};
-use super::parts::Share;
+use super::parts::{NUMBERS, Share, Term, UNITS};
+use super::water::{Ground, Water};
 use super::{Settings, components};
-use crate::darcy::drag::{Bed, Grain, Law};
+use crate::darcy::drag::{Grain, Law};
 use crate::darcy::permeability::larger;
 use crate::darcy::{Equations, permeability, power_above};
 use crate::dem::particles::{Kind, View};
 use crate::dem::space::Space;
 use crate::number::real;
 use decomposition::{Communicator, quantise};
-
-/// What the drag in a cell depends on besides the grain and its slip.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ground {
-    /// The water and the bed, with the porosity of the neighbourhood.
-    pub(super) bed: Bed,
-    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations as printed.
-    pub(super) measure: f64,
-    /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
-    pub(super) packing: (f64, f64),
-    /// Drag on the volume of a grain over resistance times flux: porosity over solid fraction.
-    pub(super) factor: f64,
-    /// Resistance \[Pa s/m2\] where a zone states it.
-    pub(super) stated: Option<f64>,
-    /// Solid fraction of the neighbourhood; 0 without grains.
-    pub(super) around: f64,
-    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone grain displaces returns beside it.
-    pub(super) displaced: f64,
-    /// Share of the law of a bed; the rest is that of dilute water.
-    pub(super) dense: f64,
-    /// Factor of the drag in dilute water, for the gradient that its reaction does not build up.
-    pub(super) dilute: f64,
-    /// Flux of the water by which the coefficients of drag are taken \[m/s\].
-    pub(super) flux: [f64; 3],
-    /// Iteration towards that flux.
-    pub(super) secant: Secant,
-    /// Drag along each axis over the mean.
-    pub(super) ratios: [f64; 3],
-}
 
 /// The laws that act on the grains.
 #[derive(Clone, Copy)]
@@ -87,39 +58,6 @@ impl Laws<'_> {
                 },
             )
         }
-    }
-}
-
-/// The part of a grain in a cell, between two couplings: its velocity at the end is
-/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Term {
-    /// Force over superficial slip \[kg/s\].
-    pub(super) drag: f64,
-    /// That of its reaction on the water \[kg/s\].
-    pub(super) reaction: f64,
-    /// Part of the interval over the mass of the grain \[s/kg\]; 0 where its velocity counts as it is.
-    pub(super) compliance: f64,
-    /// 1/(1 + compliance drag measure).
-    pub(super) answer: f64,
-    /// Velocity without flux and gradient \[m/s\].
-    pub(super) known: [f64; 3],
-    /// `true` if drag stops the grain within the interval, so that its velocity counts later than in the middle.
-    pub(super) late: bool,
-}
-
-impl Term {
-    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a whole \[N\].
-    pub(super) fn drag(
-        &self,
-        volume: f64,
-        measure: f64,
-        flux: [f64; 3],
-        gradient: [f64; 3],
-    ) -> [f64; 3] {
-        let b = self.drag * self.answer;
-        let push = self.compliance * volume;
-        std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
     }
 }
 
@@ -249,10 +187,6 @@ pub(super) fn load<Sp: Space>(
     }
 }
 
-/// Numbers that are summed in each cell.
-pub(super) const NUMBERS: usize = 10;
-/// Kinds of numbers that share a unit, and the unit of each number.
-pub(super) const UNITS: usize = 6;
 const UNIT_OF: [usize; NUMBERS] = [0, 1, 1, 1, 2, 2, 2, 3, 4, 5];
 
 /// The sums over the parts of grains in a cell, `w` the part:

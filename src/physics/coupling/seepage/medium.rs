@@ -1,14 +1,15 @@
 //! Porosity, permeability and pressure for the grains where they are: see the module above for the equations.
 
-use super::bed::{self, Ground, Laws, Sum};
+use super::bed::{self, Laws, Sum};
+use super::water::{Ground, Secant, size};
 use super::{FILLED, Seepage, components, failed};
 use crate::darcy::drag::gidaspow::dense_share;
 use crate::darcy::drag::{self, Grain};
-use crate::darcy::open_water::{Face, OpenWater, openness, rise};
+use crate::darcy::open_water::{openness, rise};
 use crate::darcy::permeability::{BedOfCells, larger};
 use crate::darcy::pressure::Medium;
 use crate::darcy::zones::Conduct;
-use crate::darcy::{Condition, Equations, Grid, Openness, Pressure, Zones, neighbourhood};
+use crate::darcy::{Equations, Openness, Zones, neighbourhood};
 use crate::dem::particles::View;
 use crate::dem::space::Space;
 use crate::error::Error;
@@ -32,97 +33,8 @@ const CLOUD: f64 = 0.05;
 const LOOSE: f64 = 0.8;
 /// Least part of a cell that counts as pores in the balance of momentum.
 const LEAST_PORES: f64 = 1e-6;
-/// Relative step of a speed below which its response is rounding.
-const NOISE: f64 = 1e-7;
 /// Relative distance of two speeds between which the slope of a law is taken.
 const NEARBY: f64 = 1e-4;
-
-/// The water of all cells.
-pub(super) struct Water {
-    /// Laws and porosities of the cells; none where a cell is outside the walls.
-    pub(super) ground: Vec<Option<Ground>>,
-    /// How much of the reaction of the grains of a cell moves its water, 0 to 1.
-    pub(super) coupled: Vec<f64>,
-    /// Flux of the water \[m/s\].
-    pub(super) flux: Vec<[f64; 3]>,
-    /// Gradient of the reduced pressure \[Pa/m\].
-    pub(super) gradient: Vec<[f64; 3]>,
-    /// Resistance of what does not move, walls and zones without grains, along each axis \[Pa s/m2\].
-    pub(super) still: Vec<[f64; 3]>,
-    /// The friction of open water in it, for the next round.
-    friction_next: Vec<[f64; 3]>,
-    /// Speed by which the friction of open water is taken \[m/s\].
-    pub(super) speed: Vec<f64>,
-    /// Iteration towards that speed.
-    friction: Vec<Secant>,
-    /// Size of the gradient \[Pa/m\].
-    steepness: Vec<f64>,
-    /// How much each cell counts, 0 to 1.
-    weight: Vec<f64>,
-    /// Flux of the water without a gradient \[m/s\], and what a gradient takes from it [m2/(Pa s)], along each axis.
-    flow: Vec<[(f64, f64); 3]>,
-    /// The same of water and grains together: conductivity, its ratios along the axes, and what the grains carry.
-    conductivity: Vec<f64>,
-    ratios: Vec<[f64; 3]>,
-    carried: Vec<[f64; 3]>,
-    /// Some cell conducts differently along its axes.
-    directed: bool,
-    /// Channels of open water.
-    channels: OpenWater,
-    /// Permeability of open water along each axis \[m2\].
-    open: Vec<[f64; 3]>,
-    /// Height of the roughness of channels \[m\].
-    roughness: f64,
-    /// There is open water.
-    has_open: bool,
-}
-
-impl Water {
-    /// Water at rest.
-    pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
-        let n = grid.count();
-        let face =
-            |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {
-                Some(Condition::NoFlow {}) => Face::Wall,
-                Some(Condition::Head { .. }) => Face::Reservoir,
-                Some(_) => Face::Stream,
-                None if walls[axis][usize::from(upper)] => Face::Wall,
-                None => Face::Unstated,
-            };
-        Self {
-            ground: vec![None; n],
-            coupled: vec![0.0; n],
-            flux: vec![[0.0; 3]; n],
-            gradient: vec![[0.0; 3]; n],
-            still: vec![[0.0; 3]; n],
-            friction_next: vec![[0.0; 3]; n],
-            speed: vec![0.0; n],
-            friction: vec![Secant::default(); n],
-            steepness: vec![0.0; n],
-            weight: vec![1.0; n],
-            flow: vec![[(0.0, 0.0); 3]; n],
-            conductivity: vec![0.0; n],
-            ratios: vec![[1.0; 3]; n],
-            carried: vec![[0.0; 3]; n],
-            directed: false,
-            channels: OpenWater::new(grid, face),
-            open: vec![[1.0; 3]; n],
-            roughness: 0.0,
-            has_open: false,
-        }
-    }
-
-    /// Takes over the gradients of a saved run.
-    pub(super) fn steepen(&mut self) {
-        for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
-            *steepness = size(*gradient);
-        }
-    }
-}
-
-fn size(vector: [f64; 3]) -> f64 {
-    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
 
 /// Returns d log R/d log u of a resistance at a speed.
 fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
@@ -131,34 +43,6 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
         ((resistance(speed * (1.0 + NEARBY)) / here - 1.0) / NEARBY).clamp(0.0, 4.0)
     } else {
         0.0
-    }
-}
-
-/// How the speed that a cell has depends on the speed by which its coefficient is taken: the iteration towards one that is both.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Secant {
-    /// Logarithms of the speed used and the speed found in the last round.
-    last: Option<(f64, f64)>,
-    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where the flux is.
-    response: Option<f64>,
-}
-
-impl Secant {
-    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log R/d log u of the law.
-    fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
-        if used <= 0.0 || found <= 0.0 {
-            return found;
-        }
-        let (used, found) = (used.ln(), found.ln());
-        if let Some((used_before, found_before)) = self.last {
-            let step = used - used_before;
-            if step.abs() > NOISE {
-                self.response = Some((found - found_before) / step);
-            }
-        }
-        self.last = Some((used, found));
-        let response = self.response.unwrap_or(-slope).clamp(-slope, 0.0);
-        ((found - response * used) / (1.0 - response)).exp()
     }
 }
 

@@ -1,6 +1,5 @@
 //! The cells that hold parts of each own grain, found once for a coupling, by threads.
 
-use super::bed::{NUMBERS, Term, UNITS};
 use crate::darcy::Pores;
 use crate::dem::particles::View;
 use crate::dem::space::Space;
@@ -9,6 +8,44 @@ use std::ops::Range;
 
 /// Grains from which a thread pays.
 const PER_THREAD: usize = 100;
+
+/// Numbers that are summed in each cell.
+pub(super) const NUMBERS: usize = 10;
+/// Kinds of numbers that share a unit, and the unit of each number.
+pub(super) const UNITS: usize = 6;
+
+/// The part of a grain in a cell, between two couplings: its velocity at the end is
+/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Term {
+    /// Force over superficial slip \[kg/s\].
+    pub(super) drag: f64,
+    /// That of its reaction on the water \[kg/s\].
+    pub(super) reaction: f64,
+    /// Part of the interval over the mass of the grain \[s/kg\]; 0 where its velocity counts as it is.
+    pub(super) compliance: f64,
+    /// 1/(1 + compliance drag measure).
+    pub(super) answer: f64,
+    /// Velocity without flux and gradient \[m/s\].
+    pub(super) known: [f64; 3],
+    /// `true` if drag stops the grain within the interval, so that its velocity counts later than in the middle.
+    pub(super) late: bool,
+}
+
+impl Term {
+    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a whole \[N\].
+    pub(super) fn drag(
+        &self,
+        volume: f64,
+        measure: f64,
+        flux: [f64; 3],
+        gradient: [f64; 3],
+    ) -> [f64; 3] {
+        let b = self.drag * self.answer;
+        let push = self.compliance * volume;
+        std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
+    }
+}
 
 /// What one thread found.
 #[derive(Debug, Default)]
