@@ -41,7 +41,8 @@ pub struct Darcy {
     /// Law of flow resistance. Default: `gidaspow`; `kozeny_carman` with the equations of the paper.
     #[serde(default)]
     pub resistance: Option<Resistance>,
-    /// Largest porosity in the permeability [1]: cells above it keep the permeability at this value. Default: 0.9999; 0.7 with the
+    /// Largest porosity in the permeability [1]: open water has at least the resistance of a bed at this porosity. Default: 0.9999, which leaves it the
+    /// friction and the inertia of its channel; 0.7 with the
     /// equations of the paper.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]

@@ -88,7 +88,10 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         }
         _ => CLOSE[dimension - 2],
     };
-    let eps = packed.clamp(written.least_porosity, written.porosity_cap());
+    // Crossed limits are a finding of their own.
+    let eps = packed
+        .max(written.least_porosity)
+        .min(written.porosity_cap());
     let liquid = Liquid {
         density: written.density,
         viscosity: written.viscosity,

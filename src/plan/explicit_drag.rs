@@ -92,7 +92,9 @@ pub(super) fn stopping_times(
     porosity: f64,
 ) -> impl Iterator<Item = f64> {
     let written = &seepage.written;
-    let porosity = porosity.clamp(written.least_porosity, written.porosity_cap());
+    let porosity = porosity
+        .max(written.least_porosity)
+        .min(written.porosity_cap());
     let liquid = Liquid {
         density: written.density,
         viscosity: written.viscosity,

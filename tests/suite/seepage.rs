@@ -48,8 +48,7 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
                     "enclosure": {"planes": [{"point": [0.008, 0, 0.004], "normal": [0.056, 0, 0.0084]},
                         {"point": [0.016, 0, 0.004], "normal": [-0.056, 0, 0.0084]}]},
                     "boundaries": [{"name": "rain", "face": "z_max", "condition": {"pressure": {"value": 5000}}},
-                        {"name": "point", "face": "z_min", "condition": {"pressure": {"value": 0}}}],
-                    "coupling_interval": 20}}"#,
+                        {"name": "point", "face": "z_min", "condition": {"pressure": {"value": 0}}}]}}"#,
             ),
             // Soft springs: long time steps.
             ("contact.contact_bond.normal_stiffness.absolute", "1000"),

@@ -31,6 +31,8 @@ const LONE: f64 = 0.02;
 const CLOUD: f64 = 0.05;
 /// Porosity from which the permeability of a zone passes over to that of its grains.
 const LOOSE: f64 = 0.8;
+/// Largest porosity of the permeability from which open water has the resistance of its channel alone.
+const FREE: f64 = 0.9999;
 /// Least part of a cell that counts as pores in the balance of momentum.
 const LEAST_PORES: f64 = 1e-6;
 /// Relative distance of two speeds between which the slope of a law is taken.
@@ -137,6 +139,8 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         }
         let (liquid, grid) = (self.settings.liquid, self.openness.grid);
+        let permeability = &self.settings.permeability;
+        let (law, cap) = (permeability.law.model(), permeability.porosity_cap);
         let water = &mut self.water;
         let mut change = 0.0_f64;
         for cell in 0..water.still.len() {
@@ -151,7 +155,12 @@ impl<Sp: Space> Seepage<Sp> {
             let weight = water.weight[cell];
             for axis in 0..grid.dimension {
                 let duct = water.channels.duct(cell, axis);
-                let found = duct.resistance(liquid, water.roughness, water.speed[cell]);
+                let mut found = duct.resistance(liquid, water.roughness, water.speed[cell]);
+                if cap < FREE {
+                    // The case gives open water the resistance of a bed at least.
+                    let diameter = self.pores.diameter()[cell];
+                    found += law.resistance(cap, diameter, liquid, water.speed[cell]);
+                }
                 let before = liquid.viscosity / water.open[cell][axis];
                 change = larger(change, weight * (found / before - 1.0).abs());
                 water.open[cell][axis] = liquid.viscosity / found;
