@@ -129,8 +129,13 @@ pub(super) fn fill<Sp: Space>(
             let (drag, reaction) = laws.coefficients(ground, &grain, speed);
             // The interval over the time in which drag stops a bed.
             let ratio = settings.interval * drag / (body.mass * ground.measure);
+            let least = if matches!(start, Start::Known) {
+                MIDDLE
+            } else {
+                0.0
+            };
             let part = if free {
-                f64::max(MIDDLE, 1.0 - 1.0 / ratio)
+                f64::max(least, 1.0 - 1.0 / ratio)
             } else {
                 0.0
             };
