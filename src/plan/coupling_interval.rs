@@ -217,7 +217,7 @@ pub(super) fn check(
             "use at most {} solid steps per interval, or omit `coupling_interval`",
             number(most)
         ))
-        .set(PATH, crate::number::to_u32(crate::number::whole(most))),
+        .set(PATH, to_u32(crate::number::whole(most))),
     );
 }
 

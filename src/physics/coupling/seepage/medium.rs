@@ -296,6 +296,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// What goes through each cell as a function of the gradient.
     fn conduct(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
+        let dimension = self.openness.grid.dimension;
         let moves = settings.moves();
         let water = &mut self.water;
         for cell in 0..water.flow.len() {
@@ -310,7 +311,7 @@ impl<Sp: Space> Seepage<Sp> {
             let (sum, coupled) = (&self.sums.cells()[cell], water.coupled[cell]);
             let weight = coupled * f64::from(u8::from(moves));
             let mut along = [0.0; 3];
-            for a in 0..3 {
+            for a in 0..dimension {
                 let still = water.still[cell][a];
                 let ratio = ground.ratios[a];
                 let (carried, mobility) = if moves {
@@ -334,6 +335,9 @@ impl<Sp: Space> Seepage<Sp> {
                     (along[a], water.carried[cell][a]) = (mobility, 0.0);
                 }
             }
+            // Nothing crosses an axis that a scene in 2-D lacks.
+            let first = along[0];
+            along[dimension..].fill(first);
             water.conductivity[cell] = along[0];
             water.ratios[cell] = along.map(|k| k / along[0]);
             water.directed |= along.iter().any(|k| k.total_cmp(&along[0]).is_ne());
