@@ -366,10 +366,9 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         let grains = particles.view();
         self.seep(&grains)?;
         let mut shares = std::mem::take(&mut self.parts.shares);
-        let reacts = self.settings.drag.model().balances();
         let (water, weight) = (&self.water, self.pressure.weight());
         thread_pool::each_item(&mut shares, 1, |_, share| {
-            bed::load((water, weight, reacts), &grains, share);
+            bed::load((water, weight), &grains, share);
         });
         self.parts.shares = shares;
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());

@@ -80,8 +80,9 @@ impl<Sp: Space> Seepage<Sp> {
     /// Returns the flux past the grains of a cell \[m/s\].
     pub(super) fn slip(&self, cell: usize) -> [f64; 3] {
         let (flux, sum) = (self.water.flux[cell], &self.sums.cells()[cell]);
-        if self.settings.moves() && sum.drag > 0.0 {
-            std::array::from_fn(|a| flux[a] - sum.held[a] / sum.drag)
+        if self.settings.moves() {
+            let mean = sum.mean();
+            std::array::from_fn(|a| flux[a] - mean[a])
         } else {
             flux
         }
@@ -93,16 +94,16 @@ impl<Sp: Space> Seepage<Sp> {
         let flux = water.flux[cell][axis];
         let pores = pores_of(&self.openness, self.pores.porosity(), cell);
         let friction = pores * water.still[cell][axis] * flux;
-        let Some(ground) = &water.ground[cell] else {
+        if water.ground[cell].is_none() {
             return 0.0;
-        };
+        }
         if !self.settings.moves() {
             return -friction;
         }
         let sum = &self.sums.cells()[cell];
         let gradient = water.gradient[cell][axis];
-        let drag = sum.drag * flux - sum.held[axis] + sum.pushed * gradient;
-        (1.0 - water.coupled[cell]) * ground.ratios[axis] * drag - friction
+        let drag = sum.drag[axis] * flux - sum.held[axis] + sum.pushed[axis] * gradient;
+        (1.0 - water.coupled[cell]) * drag - friction
     }
 
     /// Balances momentum. Collective.

@@ -23,41 +23,54 @@ pub(super) struct Laws<'a> {
 }
 
 impl Laws<'_> {
-    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance.
+    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean over the axes.
     pub(super) fn reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> f64 {
-        let mut sum = 0.0;
+        let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
+        bed + alone
+    }
+
+    /// Returns the part of a bed and the part of dilute water in [`Self::reaction`].
+    fn parts_of_reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> [f64; 2] {
+        let mut parts = [0.0; 2];
         if ground.dense > 0.0 {
             let (porosity, diameter) = ground.packing;
             let resistance = ground.stated.unwrap_or_else(|| {
+                let liquid = self.settings.liquid;
                 self.resistance
-                    .resistance(porosity, diameter, self.settings.liquid, speed)
+                    .resistance(porosity, diameter, liquid, speed)
             });
-            sum += ground.dense * grain.volume * ground.factor * resistance;
+            parts[0] = ground.dense * grain.volume * ground.factor * resistance;
         }
         if ground.dense < 1.0 {
             let alone = self.resistance.dilute(&ground.bed, grain, speed);
-            sum += (1.0 - ground.dense) * ground.dilute * alone;
+            parts[1] = (1.0 - ground.dense) * ground.dilute * alone;
         }
-        sum
+        parts
     }
 
-    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the water.
-    fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> (f64, f64) {
-        let moves = self.settings.moves();
-        if self.drag.balances() && self.settings.equations == Equations::Corrected {
-            let both = self.reaction(ground, grain, speed);
-            (both, both)
-        } else {
-            let own = self.drag.coefficient(&ground.bed, grain, speed);
-            (
-                own,
-                if moves {
-                    self.reaction(ground, grain, speed)
-                } else {
-                    0.0
-                },
-            )
+    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the water, along each axis. A bed that a boundary
+    /// of zones cuts differs along the axes; dilute water does not.
+    fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> [[f64; 3]; 2] {
+        let reaction = || {
+            let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
+            ground.ratios.map(|ratio| bed * ratio + alone)
+        };
+        let balances = self.drag.balances();
+        if balances && self.settings.equations == Equations::Corrected {
+            return [reaction(); 2];
         }
+        let own = self.drag.coefficient(&ground.bed, grain, speed);
+        let own = ground
+            .ratios
+            .map(|ratio| if balances { ratio * own } else { own });
+        [
+            own,
+            if self.settings.moves() {
+                reaction()
+            } else {
+                [0.0; 3]
+            },
+        ]
     }
 }
 
@@ -126,9 +139,10 @@ pub(super) fn fill<Sp: Space>(
             let slip: [f64; 3] =
                 std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
             let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
-            let (drag, reaction) = laws.coefficients(ground, &grain, speed);
+            let [drag, reaction] = laws.coefficients(ground, &grain, speed);
             // The interval over the time in which drag stops a bed.
-            let ratio = settings.interval * drag / (body.mass * ground.measure);
+            let strongest = drag.iter().copied().fold(0.0, f64::max);
+            let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
                 MIDDLE
             } else {
@@ -148,15 +162,17 @@ pub(super) fn fill<Sp: Space>(
                 drag,
                 reaction,
                 compliance,
-                answer: 1.0 / (1.0 + compliance * drag * ground.measure),
+                answer: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
                 known,
                 late: part > MIDDLE,
             };
             share.terms.push(term);
             if moves {
                 let numbers = numbers(&term, ground.measure, part_of_grain, grain.volume);
-                for (number, unit) in numbers.iter().zip(UNIT_OF) {
-                    share.largest[unit] = larger(share.largest[unit], number.abs());
+                for (largest, numbers) in share.largest.iter_mut().zip(numbers.as_chunks::<3>().0) {
+                    *largest = numbers
+                        .iter()
+                        .fold(*largest, |most, n| larger(most, n.abs()));
                 }
                 share.numbers.push(numbers);
             }
@@ -164,10 +180,10 @@ pub(super) fn fill<Sp: Space>(
     }
 }
 
-/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the interval. `reacts`: the drag
-/// differs along the axes as the resistance does.
+/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the interval. `weight`: that of the
+/// water per volume \[N/m3\].
 pub(super) fn load<Sp: Space>(
-    (water, weight, reacts): (&Water, [f64; 3], bool),
+    (water, weight): (&Water, [f64; 3]),
     particles: &View<'_, Sp>,
     share: &mut Share,
 ) {
@@ -183,8 +199,7 @@ pub(super) fn load<Sp: Space>(
             let (term, gradient) = (&share.terms[place], water.gradient[cell]);
             let drag = term.drag(volume, ground.measure, water.flux[cell], gradient);
             for a in 0..3 {
-                let ratio = if reacts { ground.ratios[a] } else { 1.0 };
-                force[a] += part * (ratio * drag[a] - volume * (gradient[a] + weight[a]));
+                force[a] += part * (drag[a] - volume * (gradient[a] + weight[a]));
             }
             implicit |= term.late;
         }
@@ -192,23 +207,34 @@ pub(super) fn load<Sp: Space>(
     }
 }
 
-const UNIT_OF: [usize; NUMBERS] = [0, 1, 1, 1, 2, 2, 2, 3, 4, 5];
-
-/// The sums over the parts of grains in a cell, `w` the part:
+/// Sums over the parts of grains in a cell, along each axis; `w` is the part, `b` reaction times answer.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
     /// `sum w b`: reaction over flux \[kg/s\].
-    pub(super) drag: f64,
+    pub(super) drag: [f64; 3],
     /// `sum w b measure known`: reaction of the grains' own velocities \[N\].
     pub(super) held: [f64; 3],
     /// `sum w V answer known` \[m4/s\].
     pub(super) moving: [f64; 3],
     /// `sum w V compliance drag answer` \[m3\]: volume of grains that goes with the flux.
-    pub(super) with_flux: f64,
+    pub(super) with_flux: [f64; 3],
     /// `sum w V^2 compliance answer` [m6 s/kg]: volume of grains that the gradient moves.
-    pub(super) with_gradient: f64,
+    pub(super) with_gradient: [f64; 3],
     /// `sum w b measure compliance V` \[m3\]: reaction over gradient.
-    pub(super) pushed: f64,
+    pub(super) pushed: [f64; 3],
+}
+
+impl Sum {
+    /// Returns the velocity of the water at which the reaction vanishes without a gradient, along each axis \[m/s\].
+    pub(super) fn mean(&self) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if self.drag[a] > 0.0 {
+                self.held[a] / self.drag[a]
+            } else {
+                0.0
+            }
+        })
+    }
 }
 
 /// The sums of all cells, as integers: they do not depend on the order of grains or ranks.
@@ -263,7 +289,7 @@ impl Sums {
             units[n] = power_above(most.max(SMALLEST));
             per_unit[n] = 1.0 / units[n];
         }
-        let scales: [f64; NUMBERS] = std::array::from_fn(|n| per_unit[UNIT_OF[n]]);
+        let scales: [f64; NUMBERS] = std::array::from_fn(|n| per_unit[n / 3]);
         self.sums.fill([0; NUMBERS]);
         for share in shares {
             for ((cell, _), numbers) in share.parts.iter().zip(&share.numbers) {
@@ -282,15 +308,18 @@ impl Sums {
             .iter_mut()
             .zip(self.words.as_chunks::<NUMBERS>().0)
         {
-            let n: [f64; NUMBERS] =
-                std::array::from_fn(|i| real(words[i].cast_signed()) * (STEP * units[UNIT_OF[i]]));
+            let kind = |kind: usize| -> [f64; 3] {
+                std::array::from_fn(|a| {
+                    real(words[3 * kind + a].cast_signed()) * (STEP * units[kind])
+                })
+            };
             *cell = Sum {
-                drag: n[0],
-                held: [n[1], n[2], n[3]],
-                moving: [n[4], n[5], n[6]],
-                with_flux: n[7],
-                with_gradient: n[8],
-                pushed: n[9],
+                drag: kind(0),
+                held: kind(1),
+                moving: kind(2),
+                with_flux: kind(3),
+                with_gradient: kind(4),
+                pushed: kind(5),
             };
         }
         Ok(())
@@ -303,22 +332,23 @@ const SMALLEST: f64 = 1e-300;
 /// 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 
-/// What the part of a grain adds to the sums of its cell.
+/// Returns the contribution of the part of a grain to the sums of its cell, in the order of [`Sum`].
 fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
-    let b = part * term.reaction * term.answer;
-    let v = part * volume * term.answer;
-    let held = term.known.map(|x| b * measure * x);
-    let moving = term.known.map(|x| v * x);
-    [
-        b,
-        held[0],
-        held[1],
-        held[2],
-        moving[0],
-        moving[1],
-        moving[2],
-        v * term.compliance * term.drag,
-        v * term.compliance * volume,
-        b * measure * term.compliance * volume,
-    ]
+    let mut all = [0.0; NUMBERS];
+    for a in 0..3 {
+        let b = part * term.reaction[a] * term.answer[a];
+        let v = part * volume * term.answer[a];
+        let kinds = [
+            b,
+            b * measure * term.known[a],
+            v * term.known[a],
+            v * term.compliance * term.drag[a],
+            v * term.compliance * volume,
+            b * measure * term.compliance * volume,
+        ];
+        for (kind, number) in kinds.into_iter().enumerate() {
+            all[3 * kind + a] = number;
+        }
+    }
+    all
 }

@@ -115,7 +115,7 @@ impl<Sp: Space> Seepage<Sp> {
     fn weigh(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
-            let (slip, drag) = (size(self.slip(cell)), self.sums.cells()[cell].drag);
+            let (slip, drag) = (size(self.slip(cell)), self.sums.cells()[cell].drag[0]);
             let volume = self.openness.volume(cell);
             let loss = if drag > 0.0 {
                 drag * slip / volume
@@ -229,6 +229,8 @@ impl<Sp: Space> Seepage<Sp> {
                     permeability: self.permeability[cell],
                 },
                 measure: match settings.equations {
+                    // A zone states a porosity of the law; that of the balances remains that of the grains.
+                    Equations::Corrected if zone => settings.permeability.limited(porosity[cell]),
                     Equations::Corrected => felt,
                     Equations::Paper => 1.0,
                 },
@@ -315,9 +317,9 @@ impl<Sp: Space> Seepage<Sp> {
                 let still = water.still[cell][a];
                 let ratio = ground.ratios[a];
                 let (carried, mobility) = if moves {
-                    let drag = weight * ratio * sum.drag + pores * still;
-                    let free = pores + weight * ratio * sum.pushed;
-                    (weight * ratio * sum.held[a] / drag, free / drag)
+                    let drag = weight * sum.drag[a] + pores * still;
+                    let free = pores + weight * sum.pushed[a];
+                    (weight * sum.held[a] / drag, free / drag)
                 } else {
                     let own = liquid.viscosity / self.permeability[cell] * ratio;
                     let own = match settings.equations {
@@ -328,8 +330,8 @@ impl<Sp: Space> Seepage<Sp> {
                 };
                 water.flow[cell][a] = (carried, mobility);
                 let displaced = ground.displaced / volume;
-                let with = 1.0 + displaced * sum.with_flux;
-                along[a] = with * mobility + displaced * sum.with_gradient;
+                let with = 1.0 + displaced * sum.with_flux[a];
+                along[a] = with * mobility + displaced * sum.with_gradient[a];
                 water.carried[cell][a] = with * carried + displaced * sum.moving[a];
                 if !moves {
                     (along[a], water.carried[cell][a]) = (mobility, 0.0);
@@ -487,9 +489,7 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         }
         let sum: &Sum = &self.sums.cells()[cell];
-        let mean = sum
-            .held
-            .map(|held| if sum.drag > 0.0 { held / sum.drag } else { 0.0 });
+        let mean = sum.mean();
         let slip = |flux: [f64; 3]| std::array::from_fn(|a| flux[a] - mean[a]);
         let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
         let (used_speed, new_speed) = (size(used), size(new));

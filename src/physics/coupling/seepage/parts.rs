@@ -9,23 +9,23 @@ use std::ops::Range;
 /// Grains from which a thread pays.
 const PER_THREAD: usize = 100;
 
-/// Numbers that are summed in each cell.
-pub(super) const NUMBERS: usize = 10;
-/// Kinds of numbers that share a unit, and the unit of each number.
+/// Kinds of numbers that are summed in each cell; each kind shares a unit.
 pub(super) const UNITS: usize = 6;
+/// Numbers that are summed in each cell: each kind along each axis.
+pub(super) const NUMBERS: usize = 3 * UNITS;
 
 /// The part of a grain in a cell, between two couplings: its velocity at the end is
 /// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Term {
-    /// Force over superficial slip \[kg/s\].
-    pub(super) drag: f64,
-    /// That of its reaction on the water \[kg/s\].
-    pub(super) reaction: f64,
+    /// Force over superficial slip along each axis \[kg/s\].
+    pub(super) drag: [f64; 3],
+    /// Reaction on the water over superficial slip along each axis \[kg/s\].
+    pub(super) reaction: [f64; 3],
     /// Part of the interval over the mass of the grain \[s/kg\]; 0 where its velocity counts as it is.
     pub(super) compliance: f64,
-    /// 1/(1 + compliance drag measure).
-    pub(super) answer: f64,
+    /// 1/(1 + compliance drag measure) along each axis.
+    pub(super) answer: [f64; 3],
     /// Velocity without flux and gradient \[m/s\].
     pub(super) known: [f64; 3],
     /// `true` if drag stops the grain within the interval, so that its velocity counts later than in the middle.
@@ -41,9 +41,11 @@ impl Term {
         flux: [f64; 3],
         gradient: [f64; 3],
     ) -> [f64; 3] {
-        let b = self.drag * self.answer;
         let push = self.compliance * volume;
-        std::array::from_fn(|a| b * (flux[a] - measure * (self.known[a] - push * gradient[a])))
+        std::array::from_fn(|a| {
+            let slip = flux[a] - measure * (self.known[a] - push * gradient[a]);
+            self.drag[a] * self.answer[a] * slip
+        })
     }
 }
 
