@@ -1,8 +1,11 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
 //! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
-//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the first half has eroded as well. Loose
-//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the difference of head between the inlet and the lowest outlet, over the distance of their centres. The report
+//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the
+//! first half has eroded as well. Loose
+//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the
+//! difference of head between the inlet and the lowest outlet, over the distance of their centres. The
+//! report
 //! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
 //! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
@@ -304,7 +307,8 @@ impl Searching<'_> {
                 .map(|trial| trial.early + trial.late)
                 .sum();
             return Err(Error::Usage(format!(
-                "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above {left} if these lay loose in an opening",
+                "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above \
+                 {left} if these lay loose in an opening",
                 self.inlet.name, self.inlet.quantity
             )));
         }

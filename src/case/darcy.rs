@@ -41,7 +41,8 @@ pub struct Darcy {
     /// Law of flow resistance. Default: `gidaspow`; `kozeny_carman` with the equations of the paper.
     #[serde(default)]
     pub resistance: Option<Resistance>,
-    /// Largest porosity in the permeability [1]: open water has at least the resistance of a bed at this porosity. Default: 0.9999, which leaves it the
+    /// Largest porosity in the permeability [1]: open water has at least the resistance of a bed at this
+    /// porosity. Default: 0.9999, which leaves it the
     /// friction and the inertia of its channel; 0.7 with the
     /// equations of the paper.
     #[serde(default)]
@@ -51,7 +52,8 @@ pub struct Darcy {
     #[serde(default = "default_least")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub least_porosity: f64,
-    /// Height of the roughness of the walls of open water [m], for its friction in turbulent flow. Default: the mean diameter of the grains of the
+    /// Height of the roughness of the walls of open water [m], for its friction in turbulent flow. Default:
+    /// the mean diameter of the grains of the
     /// ground around it; 0 where there are none.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
@@ -68,7 +70,8 @@ pub struct Darcy {
     /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
-    /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those that `accuracy` allows, or 100
+    /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those
+    /// that `accuracy` allows, or 100
     /// without `accuracy`. A longer interval than they allow is unstable.
     #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]

@@ -1,22 +1,28 @@
 //! The longest coupling interval of a seepage: how long the load of the water on a bed may stay constant.
 //!
-//! The load foresees what drag does to a grain within the interval T, but not what its contacts do ([`crate::coupling::seepage`]). Where the
-//! interval resolves the contacts that does not matter. Where it does not, the drag of an outdated velocity pumps energy into the
-//! contacts, slowly if it is weak, and dashpots have to take it out. Four times of a bed of grains of diameter d, density rho_s and springs k,
+//! The load foresees what drag does to a grain within the interval T, but not what its contacts do
+//! ([`crate::coupling::seepage`]). Where the
+//! interval resolves the contacts that does not matter. Where it does not, the drag of an outdated velocity
+//! pumps energy into the
+//! contacts, slowly if it is weak, and dashpots have to take it out. Four times of a bed of grains of
+//! diameter d, density rho_s and springs k,
 //! of the height H, decide:
 //!
 //! ```text
 //! contact        1/w = (m/k)^½
 //! drag           tau = rho_s (1 - eps) K/mu           the water stops a bed that moves through it
 //! bed            1/w_1 = 2 H/(pi w d)                 its slowest elastic oscillation
-//! consolidation  t_1 = 1/(w_1² tau)                   decay of the pressure of the pores (K. Terzaghi 1943: 4 H²/(pi² c_v))
+//! consolidation  t_1 = 1/(w_1² tau)                   decay of the pressure of the pores (4 H²/(pi² c_v))
 //!
 //! T <= 0.7/w,    or    T <= tau/2  and  T² <= 40 zeta tau/w  and  T <= 0.35 max(1/w_1, t_1)
 //! ```
 //!
-//! with the damping ratio zeta of the contacts. The factors are measured (`jobs/verification/coupling-interval`): within them the
-//! settlement of columns and beds differs from that of an interval of one step by at most 2 % at any time; from about twice as much on
-//! beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at most 0.5/(w_i T) of what it takes from a slow one; the
+//! with the damping ratio zeta of the contacts. The factors are measured
+//! (`jobs/verification/coupling-interval`): within them the
+//! settlement of columns and beds differs from that of an interval of one step by at most 2 % at any time;
+//! from about twice as much on
+//! beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at most 0.5/(w_i T) of
+//! what it takes from a slow one; the
 //! dashpots take `zeta w_i²/w`, which is least beside it at `w_i T = 4.5`.
 
 use super::Clock;
@@ -208,8 +214,8 @@ pub(super) fn check(
     findings.unstable(
         PATH,
         format!(
-            "the load of the water stays constant for {} s, longer than the {} s that {name} allow: in runs beds oscillated, settled by a wrong \
-             amount or exploded",
+            "the load of the water stays constant for {} s, longer than the {} s by {name}: in runs beds oscillated, \
+             settled by a wrong amount or exploded",
             number(interval),
             number(longest)
         ),
@@ -262,7 +268,8 @@ mod tests {
         Plan::prepare(document)
     }
 
-    /// 1/w = 3.73e-5 s; in oil of 1 Pa s a bed stops within 3.0e-6 s, in water within 3.0e-3 s; the slowest oscillation takes 8 grains.
+    /// 1/w = 3.73e-5 s; in oil of 1 Pa s a bed stops within 3.0e-6 s, in water within 3.0e-3 s; the slowest
+    /// oscillation takes 8 grains.
     #[test]
     fn limits_are_those_of_contacts_drag_and_bed() {
         let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();

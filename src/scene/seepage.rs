@@ -134,7 +134,8 @@ impl Seepage {
         self.cells.iter().product()
     }
 
-    /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the longest time between them that is
+    /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the
+    /// longest time between them that is
     /// known to be right \[s\].
     #[must_use]
     pub fn coupling_interval(&self, solid_time_step: f64, longest: Option<f64>) -> u32 {

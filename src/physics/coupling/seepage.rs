@@ -1,61 +1,86 @@
 //! Darcy seepage with drag on grains.
 //!
-//! A coupling computes the porosity and the mean diameter of the cells from the grains, then the pressure, the flux of the water and the load
+//! A coupling computes the porosity and the mean diameter of the cells from the grains, then the pressure,
+//! the flux of the water and the load
 //! of every grain. The load stays constant over the solid steps of the interval T:
 //!
 //! ```text
 //! F = sum over cells of w { -V grad p + b [q - eps v*] }      w: the part of the grain in the cell
 //! ```
 //!
-//! `q` is the superficial velocity of the water in the cell and `eps v*` that of the grain, so that `U = q - eps v` is the superficial slip. The
-//! coefficient `b(|U|)` of the drag law is taken at the slip of each grain. With the pressure of the whole water `-V grad p` contains
+//! `q` is the superficial velocity of the water in the cell and `eps v*` that of the grain, so that `U = q -
+//! eps v` is the superficial slip. The
+//! coefficient `b(|U|)` of the drag law is taken at the slip of each grain. With the pressure of the whole
+//! water `-V grad p` contains
 //! buoyancy.
 //!
-//! **Resistance is the reaction.** The water of a cell of volume `V_c` loses what its grains gain, and what still walls and solids take:
+//! **Resistance is the reaction.** The water of a cell of volume `V_c` loses what its grains gain, and what
+//! still walls and solids take:
 //!
 //! ```text
 //! -eps V_c grad phi = c sum of w b_r [q - eps v*] + eps V_c R q
 //! ```
 //!
-//! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux `R_bed(|U|)` of the law of resistance, in
-//! dilute water the drag of a grain alone ([`crate::darcy::permeability::Law::dilute`]), and between them one passes over into the other
-//! ([`dense_share`](crate::darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
-//! neighbourhood ([`crate::darcy::neighbourhood`]): a lone grain falls like one, however small its cell. `R` is the resistance of open
+//! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux
+//! `R_bed(|U|)` of the law of resistance, in
+//! dilute water the drag of a grain alone ([`crate::darcy::permeability::Law::dilute`]), and between them
+//! one passes over into the other
+//! ([`dense_share`](crate::darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is
+//! that of the
+//! neighbourhood ([`crate::darcy::neighbourhood`]): a lone grain falls like one, however small its cell. `R`
+//! is the resistance of open
 //! water ([`crate::darcy::open_water`]) and of zones without grains.
 //!
-//! **Dilute water.** A few grains do not move the water around them: its inertia and the walls hold it. The factor `c` falls from 1 at a
-//! solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as taken up by open water. In a uniform cloud the reaction would
+//! **Dilute water.** A few grains do not move the water around them: its inertia and the walls hold it. The
+//! factor `c` falls from 1 at a
+//! solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as taken up by open water. In a
+//! uniform cloud the reaction would
 //! build up a gradient of `n b U/eps`; the drag in dilute water is raised by `(1 - c) (1 - eps)/eps` in its place.
 //!
-//! **The velocity of a grain** counts as that in the middle of the interval, or later where drag stops the grain faster than that:
+//! **The velocity of a grain** counts as that in the middle of the interval, or later where drag stops the
+//! grain faster than that:
 //!
 //! ```text
 //! v* = v + theta [v - v_last + T/m (F - F_last)],     theta = max(1/2, 1 - 1/s),   s = T b/(m eps)
 //! ```
 //!
-//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it. Without contacts `theta = 1` is an
+//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it.
+//! Without contacts `theta = 1` is an
 //! implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the grains give the
-//! momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as linear functions of the gradient alone; the
-//! pressure follows from `div j = 0`. A bed and its water are thus solved as one. A grain that lies in several cells has a `v*` in each.
-//! What contacts do to a grain within an interval is not foreseen: the plan limits the interval (`plan::coupling_interval`).
+//! momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as linear
+//! functions of the gradient alone; the
+//! pressure follows from `div j = 0`. A bed and its water are thus solved as one. A grain that lies in
+//! several cells has a `v*` in each.
+//! The forces of contacts within an interval are not foreseen: the plan limits the interval
+//! (`plan::coupling_interval`).
 //!
-//! A grain that meets the water for the first time counts by its present velocity if contacts hold it, and as falling freely otherwise.
-//! Without `transient_porosity` the bed counts as at rest in the momentum and in the volume of the water, whose permeability is that of the
-//! law at the gradient. So it does in the equations as printed in the fissure paper, where both velocities are interstitial, `b (u - v)` with
+//! A grain that meets the water for the first time counts by its present velocity if contacts hold it, and
+//! as falling freely otherwise.
+//! Without `transient_porosity` the bed counts as at rest in the momentum and in the volume of the water,
+//! whose permeability is that of the
+//! law at the gradient. So it does in the equations as printed in the fissure paper, where both velocities
+//! are interstitial, `b (u - v)` with
 //! `u = -K/(mu eps) grad p`, there is no buoyancy, and open water has the resistance of the largest porosity.
 //!
-//! **Rounds.** Coefficients and pressure are computed in turn until they stay. A round takes the coefficients at the speed that solves
-//! the law of its cell for the present gradient to first order, or, from the second round on, that which the answer of the cell to the last one
+//! **Rounds.** Coefficients and pressure are computed in turn until they stay. A round takes the
+//! coefficients at the speed that solves
+//! the law of its cell for the present gradient to first order, or, from the second round on, that which the
+//! answer of the cell to the last one
 //! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
 //!
 //! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
-//! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8 to 0.95 the drag passes over to
-//! that of the grains, and a cell without grains is open water. A cell that a boundary of zones cuts has a permeability along each axis; so
+//! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8
+//! to 0.95 the drag passes over to
+//! that of the grains, and a cell without grains is open water. A cell that a boundary of zones cuts has a
+//! permeability along each axis; so
 //! has its drag.
 //!
-//! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the water` and what open water takes up, over
-//! the volume inside the walls of the cells that hold grains. The difference, relative to the largest term, is reported at every coupling.
-//! Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of the resistance, and the
+//! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the
+//! water` and what open water takes up, over
+//! the volume inside the walls of the cells that hold grains. The difference, relative to the largest term,
+//! is reported at every coupling.
+//! Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of
+//! the resistance, and the
 //! mismatch between drag law and resistance otherwise.
 
 mod balance;
@@ -247,8 +272,10 @@ impl<Sp: Space> Seepage<Sp> {
         &self.balance
     }
 
-    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver has it, then its porosity at the last coupling, then the
-    /// three components of its gradient, then those of the flux of its water, then the speed by which it has its friction. Nothing before the first
+    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver
+    /// has it, then its porosity at the last coupling, then the
+    /// three components of its gradient, then those of the flux of its water, then the speed by which it has
+    /// its friction. Nothing before the first
     /// coupling.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
@@ -374,15 +401,13 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
         let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
         let (mut implicit, mut fastest) = (0, 0.0_f64);
         let loads = self.parts.shares.iter().flat_map(|share| &share.loads);
-        for ((k, parts), (force, at_the_end)) in self.parts.each().zip(loads) {
-            let bodies = parts.iter().filter(|(cell, _)| self.is_body(*cell));
-            let counts = 1.0 - bodies.map(|(_, part)| part).sum::<f64>();
+        for ((k, _), own) in self.parts.each().zip(loads) {
             let mut load = Load::<Sp>::default();
-            for (a, force) in force.iter().enumerate().take(Sp::DIMENSION) {
-                load.force.set(a, *force);
-                sums[a].add(counts * force);
+            for a in 0..Sp::DIMENSION {
+                load.force.set(a, own.force[a]);
+                sums[a].add(own.counted[a]);
             }
-            implicit += u64::from(*at_the_end);
+            implicit += u64::from(own.implicit);
             let velocity: [f64; 3] = components(&particles.motion[k].velocity);
             fastest = fastest.max(velocity.iter().map(|v| v * v).sum());
             particles.fluid[k] = load;

@@ -103,7 +103,8 @@ impl Grain {
     }
 }
 
-/// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the drag is that of a law.
+/// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the
+/// drag is that of a law.
 pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
     let grain = Grain::new(3, 0.5 * diameter);
     let bed = Bed {

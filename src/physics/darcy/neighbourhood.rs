@@ -1,6 +1,7 @@
 //! Solid fraction of the neighbourhood of a cell, by which the drag in dilute water counts the grains.
 //!
-//! A lone grain that fills a good part of a small cell is no bed. In dilute water the solid fraction is therefore the mean over a box of
+//! A lone grain that fills a good part of a small cell is no bed. In dilute water the solid fraction is
+//! therefore the mean over a box of
 //! [`WIDTH`] mean diameters about the middle of the cell, where that is larger than the cell:
 //!
 //! ```text
@@ -21,7 +22,8 @@ const FARTHEST: f64 = 3.0;
 const DILUTE: f64 = 0.1;
 const DENSE: f64 = 0.2;
 
-/// Returns the solid fraction that the drag on grains of a mean `diameter` \[m\] in a cell meets; `porosity` is that of all cells.
+/// Returns the solid fraction that the drag on grains of a mean `diameter` \[m\] in a cell meets; `porosity`
+/// is that of all cells.
 #[must_use]
 pub fn solid_fraction(openness: &Openness, porosity: &[f64], cell: usize, diameter: f64) -> f64 {
     let grid = &openness.grid;

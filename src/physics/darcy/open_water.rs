@@ -1,35 +1,48 @@
 //! Resistance of open water: cells and voids that hold no grains.
 //!
-//! The water of a void moves between the walls of its channel. Along an axis the cross-section of the channel at a cell is the rectangle
-//! of the two lengths over which the void extends through this cell along the other axes, and the loss is that of a duct:
+//! The water of a void moves between the walls of its channel. Along an axis the cross-section of the
+//! channel at a cell is the rectangle
+//! of the two lengths over which the void extends through this cell along the other axes, and the loss is
+//! that of a duct:
 //!
 //! ```text
 //! |grad phi| = f rho u^2/(2 D),     D = 2 a b/(a + b),     K = mu u/|grad phi|
-//! laminar:   K = h^2/12 [1 - (192/pi^5) (h/w) sum over odd n of tanh(n pi w/(2 h))/n^5]     h = min(a, b), w = max(a, b)
+//! laminar:   K = h^2/12 [1 - (192/pi^5) (h/w) sum over odd n of tanh(n pi w/(2 h))/n^5]
+//!            h = min(a, b), w = max(a, b)
 //! any flow:  f = 8 [(P/(8 Re))^12 + (A + B)^-1.5]^(1/12),  P = 2 D^2/K,  Re = rho u D/mu
 //!            A = [2.457 ln(1/((7/Re)^0.9 + 0.27 k/D))]^16,  B = (37530/Re)^16
 //! ```
 //!
-//! (R. K. Shah and A. L. London, Laminar Flow Forced Convection in Ducts, 1978; S. W. Churchill, Chem. Eng. 84 (1977) 91, with the
-//! laminar friction of the duct in place of 64/Re.) `k` is the height of the roughness. A slot has the loss of plane Poiseuille flow.
+//! (R. K. Shah and A. L. London, Laminar Flow Forced Convection in Ducts, 1978; S. W. Churchill, Chem. Eng.
+//! 84 (1977) 91, with the
+//! laminar friction of the duct in place of 64/Re.) `k` is the height of the roughness. A slot has the loss
+//! of plane Poiseuille flow.
 //!
-//! **Inertia.** Water that enters a void gains its velocity head there, and loses it where it leaves. The loss is spread over the length L of
+//! **Inertia.** Water that enters a void gains its velocity head there, and loses it where it leaves. The
+//! loss is spread over the length L of
 //! the void along the axis:
 //!
 //! ```text
 //! |grad phi| = C rho u^2,    C = 1/(2 L) from one imposed face to another,   C = 3/(2 L) where an end is closed
 //! ```
 //!
-//! A channel between two reservoirs (imposed heads) loses one velocity head beside its friction. So does a channel with a closed end that is fed evenly
-//! through its walls: the mean of `u^2` over its length is a third of that at its mouth. No water in them is faster than Bernoulli's equation
-//! allows. Between two faces with an imposed pressure, which is that of the moving water, a channel loses its friction alone, and one
+//! A channel between two reservoirs (imposed heads) loses one velocity head beside its friction. So does a
+//! channel with a closed end that is fed evenly
+//! through its walls: the mean of `u^2` over its length is a third of that at its mouth. No water in them is
+//! faster than Bernoulli's equation
+//! allows. Between two faces with an imposed pressure, which is that of the moving water, a channel loses
+//! its friction alone, and one
 //! velocity head where that is more: a passage so short has the losses of its ends at least.
 //!
-//! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that are stated to be walls. A void ends where the
-//! openness of the next cell falls to 0; the openness falls from 1 to 0 while the solid fraction rises from 0.05 to 0.2, so that lengths
-//! and losses are continuous in the porosity. A face of the grid with an imposed condition is a surface without friction: the channel is
-//! mirrored there. So are two opposite faces of the grid between which the void extends from end to end and of which nothing is
-//! stated: the scene is then a slice of one that goes on. A face of which nothing is stated is a wall otherwise.
+//! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that are stated to be
+//! walls. A void ends where the
+//! openness of the next cell falls to 0; the openness falls from 1 to 0 while the solid fraction rises from
+//! 0.05 to 0.2, so that lengths
+//! and losses are continuous in the porosity. A face of the grid with an imposed condition is a surface
+//! without friction: the channel is
+//! mirrored there. So are two opposite faces of the grid between which the void extends from end to end and
+//! of which nothing is
+//! stated: the scene is then a slice of one that goes on. Any other face without a statement is a wall.
 
 use super::Liquid;
 use super::enclosure::Openness;
@@ -39,14 +52,15 @@ use std::f64::consts::PI;
 /// Solid fractions up to which a cell is open water, and from which it is soil.
 const OPEN: f64 = 0.05;
 const SOIL: f64 = 0.2;
-/// Largest height of the roughness over the hydraulic diameter: the friction of a duct whose roughness fills it is not known.
+/// Largest height of the roughness over the hydraulic diameter: the friction of a duct whose roughness fills
+/// it is not known.
 const ROUGHEST: f64 = 0.2;
 
 /// Loss of inertia over a void: length times C, between two imposed faces and with a closed end.
 const THROUGH: f64 = 0.5;
 const CLOSED: f64 = 1.5;
 
-/// What bounds open water at a face of a boundary cell.
+/// Boundary of open water at a face of a boundary cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Face {
     /// A wall: stated by the case.
@@ -103,12 +117,13 @@ pub struct Duct {
     pub laminar: f64,
     /// Loss of inertia over `rho u^2` \[1/m\].
     pub inertia: f64,
-    /// How far the pressures at both ends are those of the moving water, 0 to 1.
+    /// Degree to which the pressures at both ends are those of the moving water, 0 to 1.
     pub stream: f64,
 }
 
 impl Duct {
-    /// A channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one may be infinite.
+    /// A channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one
+    /// may be infinite.
     #[must_use]
     pub fn new(a: f64, b: f64) -> Self {
         Self {
@@ -119,7 +134,8 @@ impl Duct {
         }
     }
 
-    /// Returns the loss of reduced pressure over the speed \[Pa s/m2\] at a mean `speed` \[m/s\] and a height of the roughness \[m\].
+    /// Returns the loss of reduced pressure over the speed \[Pa s/m2\] at a mean `speed` \[m/s\] and a
+    /// height of the roughness \[m\].
     #[must_use]
     pub fn resistance(&self, liquid: Liquid, roughness: f64, speed: f64) -> f64 {
         let friction = self.friction(liquid, roughness, speed);
@@ -153,11 +169,12 @@ pub struct OpenWater {
     open: Vec<f64>,
     /// Part of each cell that no solid at rest fills.
     free: Vec<f64>,
-    /// What bounds the lower and the upper boundary face of each cell along each axis; cells inside the grid have no entry.
+    /// Boundaries of open water at the lower and the upper face of each cell along each axis.
     faces: Vec<[[Face; 2]; 3]>,
     /// Length over which the void of a cell extends along each axis \[m\].
     lengths: Vec<[f64; 3]>,
-    /// Loss of inertia of a void along each axis over `rho u^2` \[1/m\], and how far both its ends are those of a stream.
+    /// Loss of inertia of a void along each axis over `rho u^2` \[1/m\], and how far both its ends are those
+    /// of a stream.
     losses: Vec<[(f64, f64); 3]>,
     /// Channels along each axis.
     ducts: Vec<[Duct; 3]>,
@@ -199,7 +216,8 @@ impl OpenWater {
         self.ducts[cell][axis]
     }
 
-    /// Measures the channels where a cell has this openness and this part of it that no solid fills; returns whether any cell is open.
+    /// Measures the channels where a cell has this openness and this part of it that no solid fills; returns
+    /// whether any cell is open.
     pub fn measure(&mut self, openness: &Openness, cell: impl Fn(usize) -> (f64, f64)) -> bool {
         let mut any = false;
         for at in 0..self.open.len() {
@@ -227,7 +245,8 @@ impl OpenWater {
             };
             for axis in 0..self.grid.dimension {
                 let (a, b) = (edge((axis + 1) % 3), edge((axis + 2) % 3));
-                // Both infinite: nothing beside the water holds it. Walls that it flows towards are as far as the void is long.
+                // Both infinite: nothing beside the water holds it. Walls that it flows towards are as far
+                // as the void is long.
                 let longest = self.longest.min(lengths[axis]);
                 let (a, b) = if a.min(b) > self.longest {
                     (longest, b)
@@ -250,7 +269,8 @@ impl OpenWater {
         let (grid, step) = (self.grid, self.grid.spacing[axis]);
         let (others, n) = ([(axis + 1) % 3, (axis + 2) % 3], grid.cells[axis]);
         let mut row = vec![0; n];
-        // Lengths below and above each cell of a row, and the parts of the way that are open to the two ends of the row.
+        // Lengths below and above each cell of a row, and the parts of the way that are open to the two ends
+        // of the row.
         let mut reach = [vec![0.0; n], vec![0.0; n]];
         let mut way = [vec![0.0; n], vec![0.0; n]];
         for j in 0..grid.cells[others[0]] {
@@ -263,7 +283,7 @@ impl OpenWater {
                 if row.iter().all(|at| self.open[*at] <= 0.0) {
                     continue;
                 }
-                // How much of the void goes on through the face below cell i of the row.
+                // Openness of the face below cell i of the row: 1 or 0.
                 let passes = |i: usize| {
                     let mut cell = grid.cell(row[i.min(n - 1)]);
                     cell[axis] = i;

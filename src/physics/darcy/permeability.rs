@@ -44,10 +44,12 @@ pub trait Law: Sync {
     /// \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
 
-    /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed \[m/s\]: `mu/K` there.
+    /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed
+    /// \[m/s\]: `mu/K` there.
     fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64;
 
-    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of beds that vanishes on a lone grain
+    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of
+    /// beds that vanishes on a lone grain
     /// passes over to the law of Wen and Yu there.
     fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
         wen_yu(bed, grain, speed)

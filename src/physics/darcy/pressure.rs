@@ -9,15 +9,18 @@
 //! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
 //! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
 //!
-//! Where grains move, the volume of water and grains together is kept. What goes through a cell is a linear function of the gradient
+//! Moving grains and their water keep their volume together. The flux through a cell is a linear
+//! function of the gradient
 //! ([`Medium`]; [`crate::coupling::seepage`] derives it):
 //!
 //! ```text
 //! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
 //! ```
 //!
-//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of its two cells, weighted by
-//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever the bed beside it does.
+//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of
+//! its two cells, weighted by
+//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever
+//! the bed beside it does.
 //!
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
@@ -115,7 +118,8 @@ impl Patch {
     }
 }
 
-/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced pressure, flux of the water, resistance
+/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced
+/// pressure, flux of the water, resistance
 /// of open water.
 pub const NUMBERS: usize = 9;
 
@@ -132,7 +136,8 @@ pub struct Settings {
     pub iterations: u32,
 }
 
-/// Water and grains of all cells as the pressure meets them: in a cell they move together with `carried - conductivity grad phi`.
+/// Water and grains of all cells as the pressure meets them: in a cell they move together with `carried -
+/// conductivity grad phi`.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium<'a> {
     /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
@@ -185,9 +190,9 @@ pub struct Pressure {
     conductivity: Vec<f64>,
     /// Where cells conduct differently along each axis.
     directions: Option<Box<Directions>>,
-    /// What the grains carry along each axis \[m/s\].
+    /// Flux that the grains carry along each axis \[m/s\].
     carried: [Vec<f64>; 3],
-    /// Whether they carry anything.
+    /// `true` if they carry anything.
     carries: bool,
     matrix: Matrix<f64>,
     multigrid: Multigrid,
@@ -199,7 +204,7 @@ pub struct Pressure {
     residual: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    /// What the gradient drives through each cell \[m/s\].
+    /// Flux that the gradient drives through each cell \[m/s\].
     driven: Vec<[f64; 3]>,
     conducts: Vec<bool>,
     /// No pressure has been found or restored yet.
@@ -397,7 +402,8 @@ impl Pressure {
         })
     }
 
-    /// Finds the pressure in a medium, starting from the last pressure. Where nothing is carried and there is no source the flow is
+    /// Finds the pressure in a medium, starting from the last pressure. Where nothing is carried and there
+    /// is no source the flow is
     /// quasi-steady. Collective.
     ///
     /// # Errors
@@ -587,7 +593,8 @@ impl Pressure {
         0.5 * self.factor[axis][at] * self.grid.spacing[axis]
     }
 
-    /// What is carried through the face below a cell \[m/s\]: that of the two cells, weighted by their resistances; 0 at a closed face.
+    /// Returns the flux that is carried through the face below a cell \[m/s\]: that of the two cells,
+    /// weighted by their resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.layout.stride[axis];
         let (k, v) = (self.along(axis), &self.carried[axis]);
@@ -738,7 +745,8 @@ impl Pressure {
         self.level + self.phi[self.layout.at(self.grid.cell(cell))]
     }
 
-    /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the imposed ones \[Pa\].
+    /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the
+    /// imposed ones \[Pa\].
     pub fn saved(&self) -> impl Iterator<Item = f64> {
         (0..self.grid.count()).map(|index| self.phi[self.layout.at(self.grid.cell(index))])
     }

@@ -400,7 +400,7 @@ pub struct Conduct {
     grains: Vec<bool>,
     /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
     bodies: Vec<bool>,
-    /// Whether zones reach a cell that holds grains.
+    /// `true` if zones reach a cell that holds grains.
     ground: Vec<bool>,
     /// Part of each cell that zones without grains leave to open water.
     free: Vec<f64>,
@@ -488,7 +488,8 @@ impl Conduct {
         self.free[cell]
     }
 
-    /// Replaces the permeability of the cells by that of the zones, and forms the ratios. `open`: permeability of open water along each axis
+    /// Replaces the permeability of the cells by that of the zones, and forms the ratios. `open`:
+    /// permeability of open water along each axis
     /// of each cell \[m2\].
     pub fn replace(
         &mut self,

@@ -131,8 +131,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             }
             if extremes.water > LEAPS * bernoulli && bernoulli > 0.0 {
                 warnings.push(format!(
-                    "the water reached {:.3e} m/s in a cell, and the differences of pressure and height give {bernoulli:.3e} m/s at most \
-                     (Bernoulli): grains that moved pushed it, or a flux that is imposed drives it through a narrow way",
+                    "the water reached {:.3e} m/s in a cell, and the differences of pressure and height give \
+                     {bernoulli:.3e} m/s at most (Bernoulli): grains that moved pushed it, or a flux that is imposed \
+                     drives it through a narrow way",
                     extremes.water
                 ));
             }

@@ -15,7 +15,8 @@ pub struct Balance {
     pub pressure: [f64; 3],
     /// Weight of the water in those cells \[N\].
     pub weight: [f64; 3],
-    /// Reaction of grains in dilute water and friction of open water in those cells, which walls and inertia take up \[N\].
+    /// Reaction of grains in dilute water and friction of open water in those cells, which walls and inertia
+    /// take up \[N\].
     pub open_water: [f64; 3],
     /// Size of what is missing over the largest of the four.
     pub closure: f64,
@@ -34,7 +35,7 @@ pub struct Extremes {
     pub reynolds: f64,
     /// The largest speed of a grain of this rank \[m/s\].
     pub speed: f64,
-    /// The same at the first coupling \[m/s\].
+    /// Largest speed of a grain of this rank at the first coupling \[m/s\].
     pub first_speed: f64,
     /// The largest difference of the reduced pressure \[Pa\].
     pub pressure: f64,
@@ -72,7 +73,7 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Whether the cell holds grains whose forces are part of the balance.
+    /// Returns whether the cell holds grains whose forces are part of the balance.
     fn counts(&self, cell: usize) -> bool {
         self.pores.solid_volume(cell) > 0.0 && !self.is_body(cell)
     }

@@ -1,9 +1,11 @@
-//! The grains as the water of each cell meets them: their drag, their motion until the next coupling, and the sums of both.
+//! The grains as the water of each cell meets them: their drag, their motion until the next coupling, and
+//! the sums of both.
 //!
-//! See the module above for the equations. A grain that lies in several cells answers in each of them to the water there: the force on it is
+//! See the module above for the equations. A grain that lies in several cells answers in each of them to the
+//! water there: the force on it is
 //! the sum over its parts.
 
-use super::parts::{NUMBERS, Share, Term, UNITS};
+use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
 use super::water::{Ground, Water};
 use super::{Settings, components};
 use crate::darcy::drag::{Grain, Law};
@@ -23,7 +25,8 @@ pub(super) struct Laws<'a> {
 }
 
 impl Laws<'_> {
-    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean over the axes.
+    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean
+    /// over the axes.
     pub(super) fn reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> f64 {
         let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
         bed + alone
@@ -48,7 +51,8 @@ impl Laws<'_> {
         parts
     }
 
-    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the water, along each axis. A bed that a boundary
+    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the
+    /// water, along each axis. A bed that a boundary
     /// of zones cuts differs along the axes; dilute water does not.
     fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> [[f64; 3]; 2] {
         let reaction = || {
@@ -77,7 +81,7 @@ impl Laws<'_> {
 /// Least part of a change of velocity over the interval that counts: the load is that of the middle of the interval.
 const MIDDLE: f64 = 0.5;
 
-/// What is known of a grain before a coupling.
+/// Knowledge of a grain before a coupling.
 enum Start {
     /// It has met no water yet, and contacts hold it.
     Held,
@@ -180,7 +184,8 @@ pub(super) fn fill<Sp: Space>(
     }
 }
 
-/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the interval. `weight`: that of the
+/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the
+/// interval. `weight`: that of the
 /// water per volume \[N/m3\].
 pub(super) fn load<Sp: Space>(
     (water, weight): (&Water, [f64; 3]),
@@ -190,7 +195,7 @@ pub(super) fn load<Sp: Space>(
     share.loads.clear();
     for k in share.grains() {
         let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
-        let (mut force, mut implicit) = ([0.0; 3], false);
+        let (mut force, mut counted, mut implicit) = ([0.0; 3], [0.0; 3], false);
         for place in share.places(k) {
             let (cell, part) = share.parts[place];
             let Some(ground) = &water.ground[cell] else {
@@ -199,11 +204,17 @@ pub(super) fn load<Sp: Space>(
             let (term, gradient) = (&share.terms[place], water.gradient[cell]);
             let drag = term.drag(volume, ground.measure, water.flux[cell], gradient);
             for a in 0..3 {
-                force[a] += part * (drag[a] - volume * (gradient[a] + weight[a]));
+                let own = part * (drag[a] - volume * (gradient[a] + weight[a]));
+                force[a] += own;
+                counted[a] += if ground.counts { own } else { 0.0 };
             }
             implicit |= term.late;
         }
-        share.loads.push((force, implicit));
+        share.loads.push(GrainLoad {
+            force,
+            counted,
+            implicit,
+        });
     }
 }
 
@@ -263,7 +274,7 @@ impl Sums {
     /// Sums the terms of all grains over the ranks. Collective.
     ///
     /// # Errors
-    /// Where a velocity or a coefficient is not finite, on every rank.
+    /// If a velocity or a coefficient is not finite; the same on every rank.
     pub(super) fn fill(
         &mut self,
         shares: &[Share],

@@ -16,12 +16,15 @@ use crate::error::Error;
 use crate::thread_pool;
 use std::sync::Arc;
 
-/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where grains move meanwhile.
+/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where
+/// grains move meanwhile.
 const GOES_ON: f64 = 2e-3;
-/// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure, and at least.
+/// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure,
+/// and at least.
 const SETTLED: f64 = 100.0;
 const LEAST_SETTLED: f64 = 1e-11;
-/// Rounds after which a change of this size is enough: below it, what is left may be the rounding of a pressure that next to nothing drives.
+/// Rounds after which a change of this size is enough: below it, what is left may be the rounding of a
+/// pressure that next to nothing drives.
 const PATIENT: u32 = 50;
 const NEAR: f64 = 1e-5;
 /// Rounds after which a run ends: the error halves in each or better.
@@ -110,7 +113,8 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Weighs the cells: by the gradient, with the drag on the grains, and the speed of the water over the largest of all cells. A coefficient counts as
+    /// Weighs the cells: by the gradient, with the drag on the grains, and the speed of the water over the
+    /// largest of all cells. A coefficient counts as
     /// much as it can change the flow; in water at rest nothing depends on it.
     fn weigh(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
@@ -133,7 +137,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Friction of open water along each axis by the present speeds, for the next round; returns the largest relative change, weighted.
+    /// Friction of open water along each axis by the present speeds, for the next round; returns the largest
+    /// relative change, weighted.
     fn resist(&mut self) -> f64 {
         if !self.water.has_open {
             return 0.0;
@@ -238,6 +243,7 @@ impl<Sp: Space> Seepage<Sp> {
                 factor: pores / solid.max(LEAST_PORES),
                 stated: None,
                 displaced: if solid > around { around / solid } else { 1.0 },
+                counts: !self.is_body(cell),
                 around: if solid > 0.0 { around } else { 0.0 },
                 dense,
                 dilute: coupled + (1.0 - coupled) / felt,
@@ -248,7 +254,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Permeability of the cells whose resistance is not a sum over grains: those of zones, and all where the bed counts as at rest.
+    /// Permeability of the cells whose resistance is not a sum over grains: those of zones, and all where
+    /// the bed counts as at rest.
     fn permeate(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let moves = settings.moves();
@@ -295,7 +302,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// What goes through each cell as a function of the gradient.
+    /// Finds the flux through each cell as a linear function of the gradient.
     fn conduct(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let dimension = self.openness.grid.dimension;
@@ -447,7 +454,8 @@ impl<Sp: Space> Seepage<Sp> {
             .map_err(failed)
     }
 
-    /// Flux of the water at the pressure found, and the flux and speed to go on with; returns the largest relative change of a coefficient,
+    /// Flux of the water at the pressure found, and the flux and speed to go on with; returns the largest
+    /// relative change of a coefficient,
     /// weighted by the gradient or the speed of its cell over the largest.
     fn follow(&mut self) -> f64 {
         let dimension = self.openness.grid.dimension;
@@ -520,7 +528,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.settings.liquid.viscosity * ground.factor * grain.volume / b
     }
 
-    /// What a run says that ends because the coefficients do not settle.
+    /// Returns the message of a run that ends because the coefficients do not settle.
     fn unsettled(&self, change: f64, rounds: u32) -> String {
         let weight = &self.water.weight;
         let worst = (0..weight.len())
@@ -529,9 +537,9 @@ impl<Sp: Space> Seepage<Sp> {
         let grid = &self.openness.grid;
         let [x, y, z] = grid.centre(grid.cell(worst));
         format!(
-            "the resistance of the water still changes by {change:.1e} after {rounds} solutions of the pressure; the water is fastest in the cell at \
-             ({x:.6}, {y:.6}, {z:.6}) m, with {:.3e} m/s at a porosity of {:.3}. Use a larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a \
-             smaller `fluid.darcy.coupling_interval`",
+            "the resistance of the water still changes by {change:.1e} after {rounds} solutions of the pressure; the \
+             water is fastest in the cell at ({x:.6}, {y:.6}, {z:.6}) m, with {:.3e} m/s at a porosity of {:.3}. Use a \
+             larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a smaller `fluid.darcy.coupling_interval`",
             size(self.water.flux[worst]),
             self.pores.porosity()[worst]
         )

@@ -15,7 +15,8 @@ pub(super) const UNITS: usize = 6;
 pub(super) const NUMBERS: usize = 3 * UNITS;
 
 /// The part of a grain in a cell, between two couplings: its velocity at the end is
-/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
+/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) -
+/// V grad p`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Term {
     /// Force over superficial slip along each axis \[kg/s\].
@@ -33,7 +34,8 @@ pub(super) struct Term {
 }
 
 impl Term {
-    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a whole \[N\].
+    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a
+    /// whole \[N\].
     pub(super) fn drag(
         &self,
         volume: f64,
@@ -49,7 +51,18 @@ impl Term {
     }
 }
 
-/// What one thread found.
+/// Load of the water on a grain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GrainLoad {
+    /// Force \[N\].
+    pub(super) force: [f64; 3],
+    /// Part of the force that the balance of momentum counts \[N\].
+    pub(super) counted: [f64; 3],
+    /// `true` if the drag stops the grain within the interval.
+    pub(super) implicit: bool,
+}
+
+/// Parts of the grains of one thread.
 #[derive(Debug, Default)]
 pub(super) struct Share {
     /// Its first grain.
@@ -60,11 +73,11 @@ pub(super) struct Share {
     pub(super) parts: Vec<(usize, f64)>,
     /// Drag and motion of each part.
     pub(super) terms: Vec<Term>,
-    /// What each part adds to the sums of its cell, and the largest number of each kind.
+    /// Contribution of each part to the sums of its cell, and the largest number of each kind.
     pub(super) numbers: Vec<[f64; NUMBERS]>,
     pub(super) largest: [f64; UNITS],
-    /// Force on each grain \[N\], and whether its drag is that at the end of the interval.
-    pub(super) loads: Vec<([f64; 3], bool)>,
+    /// Load of each grain.
+    pub(super) loads: Vec<GrainLoad>,
 }
 
 impl Share {

@@ -629,7 +629,8 @@ fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
     assert!((0.9 * fine..1.01 * fine).contains(&speed), "{speed} {fine}");
 }
 
-/// Terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged weight, by bisection.
+/// Terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged
+/// weight, by bisection.
 fn schiller_naumann(diameter: f64, density: f64, liquid: Liquid) -> f64 {
     let weight = Volume::measure(0.5 * diameter) * (density - liquid.density) * 9.81;
     let area = 0.25 * std::f64::consts::PI * diameter * diameter;
@@ -651,7 +652,8 @@ fn schiller_naumann(diameter: f64, density: f64, liquid: Liquid) -> f64 {
     low
 }
 
-/// A lone grain in water at rest, with each resistance whose drag is the reaction, in cells of one to eight diameters: it sinks as a lone
+/// A lone grain in water at rest, with each resistance whose drag is the reaction, in cells of one to eight
+/// diameters: it sinks as a lone
 /// sphere does, and momentum is balanced.
 #[test]
 fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
@@ -659,7 +661,8 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
         (Resistance::Gidaspow, 0.015),
         (Resistance::KozenyCarman, 0.015),
         (Resistance::Ergun, 0.015),
-        // Its own drag of a lone sphere, after Dallavalle: up to a fifth above that of Schiller and Naumann, half of it in the velocity.
+        // Its own drag of a lone sphere, after Dallavalle: up to a fifth above that of Schiller and Naumann,
+        // half of it in the velocity.
         (Resistance::DiFelice, 0.1),
     ] {
         for (diameter, moves) in [
@@ -709,7 +712,8 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
     }
 }
 
-/// A uniform cloud in a closed shaft: water streams up as its grains sink down, and each grain sinks as the law says for its solid fraction.
+/// A uniform cloud in a closed shaft: water streams up as its grains sink down, and each grain sinks as the
+/// law says for its solid fraction.
 #[test]
 fn a_cloud_sinks_at_the_velocity_of_its_law() {
     let law = DragLaw::Gidaspow;

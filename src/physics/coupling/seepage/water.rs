@@ -1,4 +1,4 @@
-//! The water of all cells: what the drag in each depends on, what goes through it, and the iteration towards both.
+//! The water of all cells: laws of the drag, flux, and the iteration towards both.
 
 use crate::darcy::drag::Bed;
 use crate::darcy::open_water::{Face, OpenWater};
@@ -6,12 +6,13 @@ use crate::darcy::{Condition, Grid, Pressure};
 
 /// Relative step of a speed below which its response is rounding.
 const NOISE: f64 = 1e-7;
-/// What the drag in a cell depends on besides the grain and its slip.
+/// Properties of a cell by which the drag follows from a grain and its slip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ground {
     /// The water and the bed, with the porosity of the neighbourhood.
     pub(super) bed: Bed,
-    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations as printed.
+    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations
+    /// as printed.
     pub(super) measure: f64,
     /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
     pub(super) packing: (f64, f64),
@@ -19,9 +20,12 @@ pub(super) struct Ground {
     pub(super) factor: f64,
     /// Resistance \[Pa s/m2\] where a zone states it.
     pub(super) stated: Option<f64>,
+    /// `true` if the forces on the grains of the cell are part of the balance of momentum.
+    pub(super) counts: bool,
     /// Solid fraction of the neighbourhood; 0 without grains.
     pub(super) around: f64,
-    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone grain displaces returns beside it.
+    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone
+    /// grain displaces returns beside it.
     pub(super) displaced: f64,
     /// Share of the law of a bed; the rest is that of dilute water.
     pub(super) dense: f64,
@@ -39,7 +43,7 @@ pub(super) struct Ground {
 pub(super) struct Water {
     /// Laws and porosities of the cells; none where a cell is outside the walls.
     pub(super) ground: Vec<Option<Ground>>,
-    /// How much of the reaction of the grains of a cell moves its water, 0 to 1.
+    /// Part of the reaction of the grains of a cell that moves its water, 0 to 1.
     pub(super) coupled: Vec<f64>,
     /// Flux of the water \[m/s\].
     pub(super) flux: Vec<[f64; 3]>,
@@ -55,11 +59,11 @@ pub(super) struct Water {
     pub(super) friction: Vec<Secant>,
     /// Size of the gradient \[Pa/m\].
     pub(super) steepness: Vec<f64>,
-    /// How much each cell counts, 0 to 1.
+    /// Weight of each cell in the change of a round, 0 to 1.
     pub(super) weight: Vec<f64>,
     /// Flux of the water without a gradient \[m/s\], and what a gradient takes from it [m2/(Pa s)], along each axis.
     pub(super) flow: Vec<[(f64, f64); 3]>,
-    /// The same of water and grains together: conductivity, its ratios along the axes, and what the grains carry.
+    /// Conductivity of water and grains together, its ratios along the axes, and the flux that the grains carry.
     pub(super) conductivity: Vec<f64>,
     pub(super) ratios: Vec<[f64; 3]>,
     pub(super) carried: Vec<[f64; 3]>,
@@ -118,17 +122,19 @@ impl Water {
     }
 }
 
-/// How the speed that a cell has depends on the speed by which its coefficient is taken: the iteration towards one that is both.
+/// Secant iteration towards the speed of a cell by which its coefficient is taken and which it has with it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Secant {
     /// Logarithms of the speed used and the speed found in the last round.
     last: Option<(f64, f64)>,
-    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where the flux is.
+    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where
+    /// the flux is.
     response: Option<f64>,
 }
 
 impl Secant {
-    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log R/d log u of the law.
+    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log
+    /// R/d log u of the law.
     pub(super) fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
         if used <= 0.0 || found <= 0.0 {
             return found;

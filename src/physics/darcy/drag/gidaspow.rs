@@ -7,8 +7,10 @@
 //!             C_d = 24/Re (1 + 0.15 Re^0.687), 0.44 from Re = 1000;  Re = rho eps |u - v| d/mu
 //! ```
 //!
-//! `C_d` is that of L. Schiller and A. Naumann (1933) for a lone sphere. Ergun's law is not that of Wen and Yu at a porosity of 0.8: from
-//! 0.77 to 0.8 the force passes over from one to the other ([`dense_share`]), so that it is continuous in the porosity.
+//! `C_d` is that of L. Schiller and A. Naumann (1933) for a lone sphere. Ergun's law is not that of Wen and
+//! Yu at a porosity of 0.8: from
+//! 0.77 to 0.8 the force passes over from one to the other ([`dense_share`]), so that it is continuous in
+//! the porosity.
 //!
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and Fluidization, 1994.)
 //! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure. The same law as a
@@ -30,7 +32,8 @@ pub fn dense_share(porosity: f64) -> f64 {
     1.0 - rise((porosity - DENSE) / (DILUTE - DENSE))
 }
 
-/// Returns the force over the superficial speed after Wen and Yu \[kg/s\]; at a porosity of 1 that of Schiller and Naumann on a lone sphere.
+/// Returns the force over the superficial speed after Wen and Yu \[kg/s\]; at a porosity of 1 that of
+/// Schiller and Naumann on a lone sphere.
 #[must_use]
 pub fn wen_yu(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
     let d = grain.diameter;

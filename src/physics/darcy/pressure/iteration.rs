@@ -124,7 +124,8 @@ impl Pressure {
         self.communicator.all_reduce_max_f64(most)
     }
 
-    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which drives the flow. Over the whole
+    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
+    /// drives the flow. Over the whole
     /// grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.layout.rows(&self.layout.whole());
