@@ -43,7 +43,7 @@ const STUDIES: [Study; 3] = [
     Study {
         name: "interval",
         knob: "solid steps per coupling",
-        values: &["1000", "100", "10", "1"],
+        values: &["8", "4", "2", "1"],
         reference: "1",
     },
     Study {
