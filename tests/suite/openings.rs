@@ -1,5 +1,6 @@
 //! What the plan says of openings whose ends lie between the faces of cells, of grains that nothing stops, and of packed spheres.
 
+use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
 use solver::case::Document;
 use solver::case::coupling::Coupling;
@@ -15,26 +16,92 @@ fn warned(plan: &Plan, words: &str) -> bool {
     plan.warnings.iter().any(|w| w.to_string().contains(words))
 }
 
+/// An outlet is as wide as its cells, which the plan says; what an inlet imposes is weighted by area in the cells that its ends cut.
 #[test]
 fn an_opening_that_cells_move_is_named() {
-    let pool = |from: f64, to: f64| {
+    let pool = |from: f64, to: f64, condition: Value| {
         json!({
             "domain": {"size": [0.4, 0.16], "spacing": 0.004},
             "fluid": {"lattice_boltzmann": {
                 "density": 1000, "kinematic_viscosity": 1e-3, "reference_velocity": 1.5, "lattice_velocity": 0.05,
                 "boundaries": [
-                    {"name": "jet", "face": "y_max", "patch": {"from": [from, 0], "to": [to, 0.16]}, "condition": {"velocity": {"profile": {"uniform": [0, -1.5]}}}},
+                    {"name": "jet", "face": "y_max", "patch": {"from": [from, 0], "to": [to, 0.16]}, "condition": condition},
                     {"name": "side", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
             "time": {"end": 0.1}
         })
     };
-    let between = plan(&pool(0.19, 0.21));
-    assert!(warned(
-        &between,
-        "`jet` is as wide as its cells: along x it reaches from 0.188 to 0.208 m instead of from 0.19 to 0.21 m"
-    ));
-    let on_faces = plan(&pool(0.188, 0.212));
+    let words = "`jet` is as wide as its cells: along x it reaches from 0.188 to 0.208 m instead of from 0.19 to 0.21 m";
+    let out = json!({"pressure": {"value": 100}});
+    assert!(warned(&plan(&pool(0.19, 0.21, out.clone())), words));
+    let on_faces = plan(&pool(0.188, 0.212, out));
     assert!(!warned(&on_faces, "as wide as its cells"));
+    let jet = json!({"velocity": {"profile": {"uniform": [0, -1.5]}, "ramp_time": 0.05}});
+    assert!(!warned(
+        &plan(&pool(0.19, 0.21, jet)),
+        "as wide as its cells"
+    ));
+}
+
+/// The discharge that enters in a step is the one that is stated, whatever the profile, the patch and the number of ranks.
+#[test]
+fn openings_let_the_stated_discharge_in() {
+    let _beside = beside_others();
+    let profiles = |dimension: usize| {
+        let uniform = if dimension == 2 {
+            json!([0.3, 0])
+        } else {
+            json!([0.3, 0, 0])
+        };
+        [
+            (json!({"uniform": uniform}), 0.3),
+            (
+                json!({"parabolic": {"peak": 0.3}}),
+                if dimension == 2 { 0.2 } else { 0.3 * 4.0 / 9.0 },
+            ),
+            (json!({"power_law": {"mean": 0.3}}), 0.3),
+            (json!({"log_law": {"mean": 0.3, "roughness": 0.002}}), 0.3),
+        ]
+    };
+    // Ends of the patch across the face; none for the whole face.
+    let patches: [Option<[[f64; 2]; 2]>; 3] = [
+        None,
+        Some([[0.0137, 0.0611], [0.02, 0.0733]]),
+        Some([[0.0, 0.0451], [0.031, 0.09]]),
+    ];
+    for dimension in [2, 3] {
+        for (profile, mean) in profiles(dimension) {
+            for patch in patches {
+                let mut inlet = json!({"name": "in", "face": "x_min", "condition": {"velocity": {"profile": profile}}});
+                let sides = patch.unwrap_or([[0.0, 0.09]; 2]);
+                if patch.is_some() {
+                    let corner = |n: usize| {
+                        let all = [0.0, sides[0][n], sides[1][n]];
+                        json!(all[..dimension])
+                    };
+                    inlet["patch"] = json!({"from": corner(0), "to": corner(1)});
+                }
+                let area: f64 = sides[..dimension - 1].iter().map(|[a, b]| b - a).product();
+                let size = &[0.15, 0.09, 0.09][..dimension];
+                let case = json!({
+                    "domain": {"size": size, "spacing": 0.006},
+                    "fluid": {"lattice_boltzmann": {
+                        "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 2e-4,
+                        "boundaries": [inlet, {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+                    "time": {"end": 0.002}, "output": {}
+                });
+                let study = Study::new(&case.to_string());
+                study.run("one", 1, 1, &[]);
+                study.run("two", 2, 1, &[]);
+                study.same("one", "two");
+                let inflow = study.summary("one")["inflow"].as_f64().unwrap();
+                let stated = mean * area;
+                assert!(
+                    (inflow / stated - 1.0).abs() < 1e-3,
+                    "{dimension}-D {profile} {patch:?}: {inflow} instead of {stated}"
+                );
+            }
+        }
+    }
 }
 
 fn flume(more: &[(&str, Value)]) -> Value {

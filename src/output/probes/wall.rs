@@ -175,7 +175,8 @@ fn nature(condition: Option<&Condition>) -> Nature {
 mod tests {
     use super::*;
     use crate::case::Document;
-    use crate::lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, outflow, pressure};
+    use crate::lbm::boundary::convective_outflow::{Carried, Links};
+    use crate::lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, pressure};
     use crate::lbm::collision::{Operator, bgk};
     use crate::lbm::fluid::{Fluid, Force, Setup};
     use crate::lbm::lattice::VelocitySet;
@@ -230,7 +231,7 @@ mod tests {
     fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
         match patch {
             "in" => Box::new(pressure::Links::new(0, Ramp::constant(deviation))),
-            "out" => Box::<outflow::Links>::default(),
+            "out" => Box::new(Links::new((0, true), Carried::Whole)),
             "top" => Box::<free_slip::Links>::default(),
             _ => Box::new(no_slip::Links),
         }

@@ -206,6 +206,9 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         }
         // The links bounce here.
         self.fluid.fetch().map_err(Error::Internal)?;
+        let map = &self.map;
+        self.fluid
+            .close_openings(|cell| map.body_at(cell).is_some());
         self.loads.resize(particles.len(), [0; 6]);
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);

@@ -46,7 +46,7 @@ pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
 pub use model::{ImposedPressure, ImposedSpeed, Model};
 pub use nature::{Inflow, Nature, Strength, Surface};
 pub use rule::{Giver, Moment, Rule};
-pub use site::{Opening, Place, Site};
+pub use site::{Opening, Place, Sides, Site};
 pub use sound::{Sound, Sums};
 
 use super::block::Block;
@@ -253,7 +253,8 @@ fn around(
     })
 }
 
-/// The patch of a link that crosses a face between those of the cells `beside`, and the part of these that imposes a velocity.
+/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of these that imposes a
+/// velocity.
 ///
 /// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
 /// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
@@ -261,19 +262,19 @@ fn around(
 fn on_border<S: Stored>(
     patches: &[Patch<S>],
     middle: [f64; 3],
-    beside: impl Iterator<Item = usize>,
+    beside: impl Iterator<Item = (usize, [f64; 3])>,
 ) -> (usize, f64) {
     let strength = |p: usize| patches[p].rule.nature().strength;
     let (mut strongest, mut imposing) = (None, None);
     let (mut count, mut imposed) = (0.0, 0.0);
-    for p in beside {
+    for (p, centre) in beside {
         if strongest.is_none_or(|q| (strength(p), p) > (strength(q), q)) {
             strongest = Some(p);
         }
         count += 1.0;
         let rule = &patches[p].rule;
         if rule.nature().surface != Surface::Wall && rule.velocity(middle).is_some() {
-            imposed += 1.0;
+            imposed += rule.part(centre);
             imposing = imposing.max(Some(p));
         }
     }
@@ -373,7 +374,8 @@ impl<S: Stored> Boundaries<S> {
                         let default = defaults + 2 * axis + usize::from(upper);
                         let beside = around(frame, c, outside, middle);
                         let beside = beside.map(|point| {
-                            holder(&patches[..defaults], axis, upper, point).unwrap_or(default)
+                            let holder = holder(&patches[..defaults], axis, upper, point);
+                            (holder.unwrap_or(default), point)
                         });
                         on_border(&patches, middle, beside)
                     })
@@ -381,7 +383,7 @@ impl<S: Stored> Boundaries<S> {
                     .unwrap_or((defaults, 1.0));
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
-                    open.add(cell, link);
+                    open.add((cell, local), link);
                 }
                 let crossing = Crossing {
                     populations,
@@ -505,6 +507,16 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
+    /// Lets the stated discharges in: at the rim of an opening some links belong to walls. Collective.
+    pub(super) fn balance(&mut self, communicator: &Communicator) {
+        let given = self.patches.iter().map(|patch| patch.rule.given());
+        let mut given: Vec<u128> = given.map(i128::cast_unsigned).collect();
+        communicator.all_reduce_sum_u128s(&mut given);
+        for (patch, given) in self.patches.iter_mut().zip(given) {
+            patch.rule.balance(given.cast_signed());
+        }
+    }
+
     /// Sums over all ranks for the rules that need them. Collective.
     pub fn measure(
         &mut self,
@@ -554,10 +566,11 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell.
+    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell, by its position within
+    /// an array and by its place in the slab.
     pub fn close_covered(
         &self,
-        fraction: impl Fn(usize) -> f64 + Sync,
+        fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,
         populations: &mut Populations<S>,
     ) {
         self.open.close(fraction, populations);

@@ -152,13 +152,14 @@ impl<S: Stored> Fluid<S> {
         };
         let threads = thread_pool::threads();
         let tau = setup.relaxation_time;
-        let boundaries = Boundaries::new(
+        let mut boundaries = Boundaries::new(
             &populations,
             &frame,
             patches,
             // Structures may cover them as well.
             true,
         );
+        boundaries.balance(domain.communicator());
         let cover = setup.saturation.map(|method| {
             let antisymmetric = setup.operator.model().antisymmetric_rate();
             let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
@@ -361,16 +362,23 @@ impl<S: Stored> Fluid<S> {
             unfollowed(planes, if early { threads } else { 0 }),
         );
         if let Some(cover) = &self.cover {
-            let fraction = |cell: usize| cover.fraction(cell);
+            let fraction = |cell: usize, _: [usize; 3]| cover.fraction(cell);
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
         }
         if !self.closed.is_empty() {
-            let fraction = |cell: usize| f64::from(u8::from(self.closed[cell]));
+            let fraction = |cell: usize, _: [usize; 3]| f64::from(u8::from(self.closed[cell]));
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
         }
         self.complete_velocities(unfollowed(planes, threads));
+    }
+
+    /// Closes openings before cells of the slab that bodies hold, after a step: no water enters a body.
+    pub fn close_openings(&mut self, held: impl Fn([usize; 3]) -> bool + Sync) {
+        let fraction = |_: usize, local: [usize; 3]| f64::from(u8::from(held(local)));
+        self.boundaries
+            .close_covered(fraction, &mut self.populations);
     }
 
     /// Fills the ghosts of the velocities that follow from the cells of some planes.

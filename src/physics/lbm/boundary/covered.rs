@@ -18,6 +18,8 @@ const CELLS_PER_THREAD: usize = 1000;
 #[derive(Clone, Copy, Debug)]
 struct OpenCell {
     cell: usize,
+    /// The cell in the slab.
+    local: [usize; 3],
     first: usize,
     count: usize,
 }
@@ -31,11 +33,12 @@ pub(super) struct OpenCells {
 
 impl OpenCells {
     /// One more link; those of one cell come one after another.
-    pub(super) fn add(&mut self, cell: usize, link: Link) {
+    pub(super) fn add(&mut self, (cell, local): (usize, [usize; 3]), link: Link) {
         match self.cells.last_mut() {
             Some(last) if last.cell == cell => last.count += 1,
             _ => self.cells.push(OpenCell {
                 cell,
+                local,
                 first: self.links.len(),
                 count: 1,
             }),
@@ -43,17 +46,18 @@ impl OpenCells {
         self.links.push(link);
     }
 
-    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell.
+    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an array and by its place in
+    /// the slab.
     pub(super) fn close<S: Stored>(
         &self,
-        fraction: impl Fn(usize) -> f64 + Sync,
+        fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,
         populations: &mut Populations<S>,
     ) {
         let parity = populations.parity();
         let count = self.cells.len();
         each_part(count, CELLS_PER_THREAD, populations, |part, numbers| {
             for open in &self.cells[part] {
-                let fraction = fraction(open.cell);
+                let fraction = fraction(open.cell, open.local);
                 if fraction > 0.0 {
                     for link in &self.links[open.first..][..open.count] {
                         // SAFETY: positions in the slab, of this link alone.

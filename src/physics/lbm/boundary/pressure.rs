@@ -17,7 +17,8 @@
 )]
 
 use super::links::{LINKS_PER_THREAD, each_part, sums};
-use super::sound::{Forecast, PlaneWave};
+use super::convective_outflow::{self, Carried};
+use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
     Place, Ramp, Rule, Sound, Strength, Sums, Surface, quanta,
@@ -46,6 +47,21 @@ pub struct Pressure {
     /// only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
+    /// Where the pressure holds over the face. `mean`: on the mean; eddies leave, and the pressure differs over the face as they want it.
+    /// `each_cell`: in each cell, with no velocity along the face. Default: `mean` where this is the only opening besides imposed
+    /// velocities, else `each_cell`.
+    #[serde(default)]
+    pub held: Option<Held>,
+}
+
+/// Where a pressure holds over the face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Held {
+    /// In each cell.
+    EachCell,
+    /// On the mean over the face.
+    Mean,
 }
 
 /// A linear change in time.
@@ -67,21 +83,32 @@ const NATURE: Nature = Nature {
 };
 
 impl Pressure {
-    /// What it does with sound among the openings of the domain. Between two imposed pressures an opening that absorbs would add to the
-    /// inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel that.
+    /// Returns `true` if this is the only opening besides imposed velocities.
+    fn is_the_outlet(openings: &[Opening]) -> bool {
+        let imposing = |strength| {
+            let alike = openings.iter().filter(|o| o.strength == strength);
+            alike.count()
+        };
+        let (pressures, velocities) = (imposing(Strength::Pressure), imposing(Strength::Velocity));
+        pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
+    }
+
+    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that absorbs would add
+    /// to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel that.
     fn sound(&self, openings: &[Opening]) -> Sound {
-        self.sound.unwrap_or_else(|| {
-            let imposing = |strength| {
-                let alike = openings.iter().filter(|o| o.strength == strength);
-                alike.count()
-            };
-            let (pressures, velocities) =
-                (imposing(Strength::Pressure), imposing(Strength::Velocity));
-            if pressures == 1 && velocities > 0 && openings.len() == pressures + velocities {
-                Sound::Absorb
-            } else {
-                Sound::Reflect
-            }
+        self.sound.unwrap_or(if Self::is_the_outlet(openings) {
+            Sound::Absorb
+        } else {
+            Sound::Reflect
+        })
+    }
+
+    /// Returns where it holds among the openings of the domain.
+    fn held(&self, openings: &[Opening]) -> Held {
+        self.held.unwrap_or(if Self::is_the_outlet(openings) {
+            Held::Mean
+        } else {
+            Held::EachCell
         })
     }
 
@@ -119,37 +146,27 @@ impl Model for Pressure {
             end: units.pressure_to_density_deviation(imposed.end),
             steps: units.time_to_lattice(imposed.ramp_time),
         };
-        let axis = place.site.face.axis();
+        let face = place.site.face;
+        let axis = face.axis();
+        let absorbs = self.sound(place.openings) == Sound::Absorb;
+        let length = real(place.site.cells[axis]);
+        if self.held(place.openings) == Held::Mean {
+            let (wave, forecast) = if absorbs {
+                (PlaneWave::at_pressure(length), forecast(place, units))
+            } else {
+                (PlaneWave::reflected(), None)
+            };
+            let links = convective_outflow::Links::new((axis, face.is_max()), Carried::Local);
+            return Ok(Box::new(
+                links.of_nature(NATURE).holding(wave, ramp, forecast),
+            ));
+        }
         let mut links = Links::new(axis, ramp);
-        if self.sound(place.openings) == Sound::Absorb {
-            let wave = PlaneWave::at_pressure(real(place.site.cells[axis]));
-            links = links.absorbing(wave, forecast(place, units));
+        if absorbs {
+            links = links.absorbing(PlaneWave::at_pressure(length), forecast(place, units));
         }
         Ok(Box::new(links))
     }
-}
-
-/// The mean velocity out of the domain that imposed velocities bring about; none where other openings let through what they will.
-fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
-    let mut inflows = Vec::new();
-    let mut free = 0;
-    for opening in place.openings {
-        match opening.inflow {
-            Inflow::None => {}
-            Inflow::Any => free += 1,
-            Inflow::Mean(speed) => {
-                let share = real(opening.cells) / real(place.count());
-                inflows.push(Ramp {
-                    start: 0.0,
-                    end: units.velocity_to_lattice(speed) * share,
-                    steps: units.time_to_lattice(opening.ramp_time),
-                });
-            }
-        }
-    }
-    (free == 1).then(|| -> Forecast {
-        Box::new(move |step| inflows.iter().map(|inflow| inflow.at(step)).sum())
-    })
 }
 
 /// Cells from which a thread pays.

@@ -33,6 +33,25 @@ pub enum VelocityProfile {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
     },
+    /// A power law from the walls at the ends of the patch, along the inward normal: u grows as the distance from the nearest wall to the
+    /// exponent, and has the stated mean. Turbulent flow in ducts and channels.
+    PowerLaw {
+        /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
+        mean: f64,
+        /// The exponent [1]; a seventh in smooth ducts at Reynolds numbers near 1e5 (Schlichting 1979).
+        #[serde(default = "seventh")]
+        #[schemars(range(min = 0, max = 1))]
+        exponent: f64,
+    },
+    /// The law of the rough wall, along the inward normal: u grows as ln(1 + 30 y/k) with the distance y from the nearest wall at the ends of
+    /// the patch and the roughness k (Nikuradse 1933), and has the stated mean. Rivers, canals and rough ducts.
+    LogLaw {
+        /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
+        mean: f64,
+        /// Equivalent sand roughness k [m].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        roughness: f64,
+    },
     /// From a table.
     File {
         /// CSV file with a header, relative to the case: tangential coordinates [m], then velocity components [m/s]. Values are
@@ -57,7 +76,7 @@ impl VelocityProfile {
                 let path = format!("{path}.uniform.velocity");
                 velocity.resolve(site.dimension, &path, report);
             }
-            Self::Parabolic { .. } => {}
+            Self::Parabolic { .. } | Self::PowerLaw { .. } | Self::LogLaw { .. } => {}
             Self::File { path: file, table } => match read(file) {
                 Ok(rows) => *table = Some(rows),
                 Err(reason) => report.error(
@@ -80,6 +99,12 @@ impl VelocityProfile {
                 )
             }
             Self::Parabolic { peak } => ("profile.parabolic.peak", peak.abs()),
+            // The largest over the mean in a square duct, where it is largest.
+            Self::PowerLaw { mean, exponent } => (
+                "profile.power_law.mean",
+                mean.abs() * 0.5 * (1.0 + exponent) * (2.0 + exponent),
+            ),
+            Self::LogLaw { mean, .. } => ("profile.log_law.mean", LARGEST_OF_LOG * mean.abs()),
             Self::File { table, .. } => {
                 let fastest = table.as_ref().map_or(0.0, Table::fastest);
                 ("profile.file.path", fastest)
@@ -101,6 +126,7 @@ impl VelocityProfile {
                     .filter(|bounded| *bounded)
                     .fold(*peak, |mean, _| mean * 2.0 / 3.0),
             ),
+            Self::PowerLaw { mean, .. } | Self::LogLaw { mean, .. } => Some(*mean),
             Self::File { .. } => None,
         }
     }
@@ -124,6 +150,16 @@ impl VelocityProfile {
                 Box::new(move |_| u)
             }
             Self::Parabolic { peak } => parabola(place, units.velocity_to_lattice(*peak)),
+            Self::PowerLaw { mean, exponent } => {
+                let exponent = *exponent;
+                let law = move |distance: f64| distance.powf(exponent);
+                from_walls(place, units.velocity_to_lattice(*mean), law)
+            }
+            Self::LogLaw { mean, roughness } => {
+                let part = 30.0 * units.spacing / roughness;
+                let law = move |distance: f64| (part * distance).ln_1p();
+                from_walls(place, units.velocity_to_lattice(*mean), law)
+            }
             Self::File { table, .. } => {
                 let none = || Table::new(place.site.dimension, Vec::new());
                 of_table(table.clone().unwrap_or_else(none), place, *units)
@@ -131,6 +167,13 @@ impl VelocityProfile {
         }
     }
 }
+
+fn seventh() -> f64 {
+    1.0 / 7.0
+}
+
+/// Largest velocity over the mean of a logarithmic profile, at most: where the roughness is a tenth of the width of a square duct.
+const LARGEST_OF_LOG: f64 = 1.7;
 
 /// Rows of a profile that are looked at before the run, at most.
 const MOST_LOOKS: usize = 20_000_000;
@@ -144,21 +187,23 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
     if cells.saturating_mul(looks) > MOST_LOOKS || cells == 0 {
         return None;
     }
-    let mut sum = 0.0;
+    let (mut sum, mut area) = (0.0, 0.0);
     for z in from[2]..to[2] {
         for y in from[1]..to[1] {
             for x in from[0]..to[0] {
+                let part = place.part([x, y, z]);
                 let centre = [x, y, z].map(|i| (real(i) + 0.5) * site.spacing);
                 let across: Vec<f64> = (0..site.dimension)
                     .filter(|&a| a != axis)
                     .map(|a| centre[a])
                     .collect();
                 let u = table.at(&across);
-                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                sum += part * (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                area += part;
             }
         }
     }
-    Some(sum / real(cells))
+    (area > 0.0).then_some(sum / area)
 }
 
 /// The axes of the face along which the flow through a patch has ends: not a periodic axis that the patch spans.
@@ -173,7 +218,7 @@ fn bounded(place: &Place<'_>) -> [bool; 3] {
 /// The product of a parabola for each axis of the patch that has ends, along the inward normal.
 fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     let (axis, bounded) = (place.site.face.axis(), bounded(place));
-    let (from, to) = (place.from.map(real), place.to.map(real));
+    let ends = place.ends;
     let inward = if place.site.face.is_max() {
         -peak
     } else {
@@ -182,11 +227,43 @@ fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     Box::new(move |position| {
         let mut speed = inward;
         for a in (0..3).filter(|&a| bounded[a]) {
-            let s = ((position[a] - from[a]) / (to[a] - from[a])).clamp(0.0, 1.0);
+            let [low, high] = ends[a];
+            let s = ((position[a] - low) / (high - low)).clamp(0.0, 1.0);
             speed *= 4.0 * s * (1.0 - s);
         }
         let mut u = [0.0; 3];
         u[axis] = speed;
+        u
+    })
+}
+
+/// Returns a law of the distance from the nearest wall \[cells\] along the inward normal, with this mean over the cells of the patch.
+fn from_walls(
+    place: &Place<'_>,
+    mean: f64,
+    law: impl Fn(f64) -> f64 + Send + Sync + 'static,
+) -> Profile {
+    let (axis, inward) = (place.site.face.axis(), place.site.face.inward());
+    let sides = place.sides();
+    let (mut sum, mut area) = (0.0, 0.0);
+    for x in place.from[0]..place.to[0] {
+        for y in place.from[1]..place.to[1] {
+            for z in place.from[2]..place.to[2] {
+                let part = place.part([x, y, z]);
+                let centre = [x, y, z].map(|n| real(n) + 0.5);
+                sum += part * sides.from_wall(centre).map_or(1.0, &law);
+                area += part;
+            }
+        }
+    }
+    let factor = if sum > 0.0 {
+        inward[axis] * mean * area / sum
+    } else {
+        0.0
+    };
+    Box::new(move |position| {
+        let mut u = [0.0; 3];
+        u[axis] = factor * sides.from_wall(position).map_or(1.0, &law);
         u
     })
 }
@@ -297,11 +374,13 @@ mod tests {
             spacing: 1.0,
             cells: [20, 10, 30],
             periodic,
+            walls: [[true; 2]; 3],
         };
         let place = Place {
             site,
             from,
             to,
+            ends: std::array::from_fn(|a| [from[a] as f64, to[a] as f64]),
             openings: &[],
         };
         let units = LatticeUnits {

@@ -41,10 +41,23 @@ pub trait Rule<S: Stored>: Send + Sync {
         None
     }
 
+    /// Returns the part of a cell's face, of this centre, on which the velocity is imposed: less than 1 where the patch ends within a cell.
+    fn part(&self, _centre: [f64; 3]) -> f64 {
+        1.0
+    }
+
     /// Factor of the imposed velocity at a step.
     fn factor(&self, _step: f64) -> f64 {
         0.0
     }
+
+    /// Returns what the links of this rank let in at a factor of one, in quanta; 0 where no discharge is stated.
+    fn given(&self) -> i128 {
+        0
+    }
+
+    /// Takes what the links of all ranks let in, and lets the stated discharge in from now on.
+    fn balance(&mut self, _given: i128) {}
 
     /// The last step in which a value still changes by its ramp.
     fn ramp_end(&self) -> f64 {

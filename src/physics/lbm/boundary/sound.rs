@@ -31,9 +31,11 @@
 //! -σ/(σ + z) = exp(z), z = 2 s L/c, meet at z = -1.278, a decay as exp(-0.639 c t/L).
 
 use super::links::{FaceLink, LINKS_PER_THREAD, sums};
+use super::{Inflow, Place, Ramp};
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::lbm::quanta::{from_quanta, quanta};
+use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,8 +61,8 @@ enum Asks {
     Velocity,
 }
 
-/// Three sums over the links of a patch, in quanta.
-pub type Sums = [i128; 3];
+/// Four sums over the links of a patch, in quanta.
+pub type Sums = [i128; 4];
 
 /// The plane wave at a patch.
 #[derive(Debug)]
@@ -68,6 +70,8 @@ pub(super) struct PlaneWave {
     asks: Asks,
     /// K in one step.
     rate: f64,
+    /// The imposed value holds at every step.
+    reflects: bool,
     /// What is remembered; none before the first step.
     memory: Option<f64>,
     /// Excess of the density deviation (b) or of the velocity into the domain (a) in this step.
@@ -88,10 +92,19 @@ impl PlaneWave {
         Self::new(Asks::Velocity, length)
     }
 
+    /// Returns the wave of a face whose mean pressure holds at every step; only for [`Self::hear_outflow`].
+    pub(super) fn reflected() -> Self {
+        Self {
+            reflects: true,
+            ..Self::new(Asks::Pressure, f64::INFINITY)
+        }
+    }
+
     fn new(asks: Asks, length: f64) -> Self {
         Self {
             asks,
             rate: SIGMA * C / length,
+            reflects: false,
             memory: None,
             excess: 0.0,
         }
@@ -137,13 +150,13 @@ impl PlaneWave {
             }
             sums
         });
-        [first, second, third]
+        [first, second, third, 0]
     }
 
     /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is the square of the
     /// normal velocity that the rule takes; `forecast` is the velocity out of the domain.
     pub(super) fn hear_pressure(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
-        let Some([mean, square]) = means(sums) else {
+        let Some([mean, square, _]) = means(sums) else {
             return;
         };
         // The links let the mass flux j = s - δρ/3 - b/3 - q out, with q for u², and u = j/ρ; the pressure at the face is b/3 + q - u².
@@ -160,9 +173,31 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * self.excess);
     }
 
+    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the sums of all ranks: what
+    /// leaves, the area, the square of the normal velocity, and what would enter without κ. With the mean pressure p = a + b + κ - q and
+    /// the mass flux j = a - b - κ the relation reads `(1 + K)(p - P) - c (j - ĵ)` = the memory.
+    pub(super) fn hear_outflow(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
+        let Some([leaves, square, enters]) = means(sums) else {
+            return;
+        };
+        let above = leaves + enters - square - imposed / 3.0;
+        if self.reflects {
+            self.excess = -above;
+            return;
+        }
+        let rate = self.rate;
+        let faster = leaves - enters - forecast.unwrap_or(0.0);
+        let memory = self.memory.unwrap_or(match forecast {
+            Some(_) => 0.0,
+            None => above - C * faster,
+        });
+        self.excess = (memory - (1.0 + rate) * above + C * faster) / (1.0 + rate + C);
+        self.memory = Some(memory - rate * (above + self.excess));
+    }
+
     /// Finds the excess of this step at an imposed velocity from the sums of all ranks.
     pub(super) fn hear_velocity(&mut self, sums: Sums) {
-        let Some([mean, imposed]) = means(sums) else {
+        let Some([mean, imposed, _]) = means(sums) else {
             return;
         };
         let Some(memory) = self.memory else {
@@ -179,14 +214,38 @@ impl PlaneWave {
     }
 }
 
-/// The means over the area.
-fn means([sum, area, imposed]: Sums) -> Option<[f64; 2]> {
-    (area != 0).then(|| [sum, imposed].map(|sum| from_quanta(sum) / from_quanta(area)))
+/// Returns the means over the area, which is the second sum: of the first, the third and the fourth.
+fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
+    (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
+}
+
+/// Returns the mean velocity out of the domain that imposed velocities bring about; none where other openings let through what they will.
+pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
+    let mut inflows = Vec::new();
+    let mut free = 0;
+    for opening in place.openings {
+        match opening.inflow {
+            Inflow::None => {}
+            Inflow::Any => free += 1,
+            Inflow::Mean(speed) => {
+                let share = opening.area / place.area();
+                inflows.push(Ramp {
+                    start: 0.0,
+                    end: units.velocity_to_lattice(speed) * share,
+                    steps: units.time_to_lattice(opening.ramp_time),
+                });
+            }
+        }
+    }
+    (free == 1).then(|| -> Forecast {
+        Box::new(move |step| inflows.iter().map(|inflow| inflow.at(step)).sum())
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::{C, Forecast, PlaneWave};
+    use crate::lbm::boundary::convective_outflow::{self, Carried};
     use crate::lbm::boundary::{Patch, Ramp, Rule, pressure, velocity};
     use crate::lbm::collision::{Operator, trt};
     use crate::lbm::fluid::{Fluid, Force, Setup};
@@ -313,6 +372,45 @@ mod tests {
         }
         println!("{text}");
         assert_eq!(others, Vec::<&str>::new());
+    }
+
+    /// An outflow that holds the mean of the pressure at rest.
+    fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
+        let links = convective_outflow::Links::new((0, true), carried);
+        let wave = PlaneWave::at_pressure(length());
+        Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
+    }
+
+    /// Waves no longer than a fifth of the domain come back to less than one per cent from each outflow that holds the mean pressure.
+    #[test]
+    fn sound_leaves_through_outflows() {
+        for carried in [Carried::Local, Carried::Whole, Carried::Given(0.05)] {
+            for (tau, speed) in [(0.501, 0.0), (0.51, 0.05), (0.55, 0.1), (0.8, 0.02)] {
+                for wavelength in [20.0, 40.0, 80.0] {
+                    let fluid = duct(inlet(speed, false), holding(carried, None), tau);
+                    let back = returned(fluid, speed, wavelength, true);
+                    assert!(
+                        back < 0.01,
+                        "{carried:?} {tau} {speed} {wavelength}: {back}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// A start from rest settles as behind a pressure that absorbs, at the pressure and the velocity that are imposed.
+    #[test]
+    fn a_start_before_an_outflow_settles() {
+        const SPEED: f64 = 0.01;
+        for carried in [Carried::Local, Carried::Whole] {
+            let forecast: Forecast = Box::new(|_| SPEED);
+            let mut fluid = duct(inlet(SPEED, false), holding(carried, Some(forecast)), 1.5);
+            for _ in 0..16 * passage() {
+                fluid.advance();
+            }
+            let [a, b] = waves(&fluid, SPEED);
+            assert!(a.max(b) * C / SPEED < 2e-3, "{carried:?} {a} {b}");
+        }
     }
 
     /// Largest deviation from the steady flow after each passage of sound, of a start from rest.

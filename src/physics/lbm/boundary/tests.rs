@@ -26,6 +26,7 @@ fn site(path: &str) -> Site<'_> {
         spacing: 1.0,
         cells: CELLS,
         periodic: [false, false, true],
+        walls: [[true; 2]; 3],
     }
 }
 
@@ -94,6 +95,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         site: site("boundaries[0].condition.toy"),
         from: [0, 1, 0],
         to: [1, 4, 1],
+        ends: [[0.0, 1.0], [1.0, 4.0], [0.0, 1.0]],
         openings: &[],
     };
     let units = LatticeUnits {

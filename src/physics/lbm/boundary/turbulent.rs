@@ -231,7 +231,8 @@ mod tests {
             speed: 0.1,
         };
         let inlet = velocity::Links::uniform([speed, 0.0, 0.0]).turbulent(synthetic, (0, upper));
-        let outlet = convective_outflow::Links::new((0, !upper), None);
+        let outlet =
+            convective_outflow::Links::new((0, !upper), convective_outflow::Carried::Local);
         let setup = Setup {
             set: VelocitySet::D3Q27,
             operator: Operator::Cumulant(cumulant::Parameters::default()),

@@ -11,7 +11,7 @@ use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
     Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
-    Site, Sound, Strength, Sums, Surface, quanta, wall,
+    Site, Sound, Strength, Sums, Surface, from_quanta, quanta, wall,
 };
 use crate::error::{Error, Problem, Report, Severity};
 use crate::lbm::lanes::Stored;
@@ -41,6 +41,9 @@ pub struct Velocity {
     #[serde(default = "reflect")]
     pub sound: Sound,
 }
+
+/// Part of a discharge by which links at the rim may miss it; more than that is another flow than the one stated.
+const MOST_AMISS: f64 = 0.5;
 
 fn reflect() -> Sound {
     Sound::Reflect
@@ -121,7 +124,11 @@ impl Model for Velocity {
             end: 1.0,
             steps: units.time_to_lattice(self.ramp_time.unwrap_or(0.0)),
         };
-        let mut links = Links::new(profile, ramp);
+        let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
+        let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
+        let mut links = Links::new(profile, ramp)
+            .within(place)
+            .balanced(discharge);
         if let Some(synthetic) = synthetic {
             let face = place.site.face;
             links = links.turbulent(synthetic, (face.axis(), face.is_max()));
@@ -184,6 +191,14 @@ pub struct Links {
     nature: Nature,
     profile: Profile,
     ramp: Ramp,
+    /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
+    within: Option<(usize, [[f64; 2]; 3])>,
+    /// The discharge that is stated, at full speed; none where nothing is.
+    discharge: Option<f64>,
+    /// What the links of this rank let in at a factor of one, in quanta.
+    given: i128,
+    /// What the velocities are multiplied by so that all links together let the discharge in.
+    balance: f64,
     /// What fluctuates, and axis and end of the face.
     turbulence: Option<(Synthetic, (usize, bool))>,
     /// The links with fluctuations, from the first link on.
@@ -209,6 +224,10 @@ impl Links {
             nature: NATURE,
             profile,
             ramp,
+            within: None,
+            discharge: None,
+            given: 0,
+            balance: 1.0,
             turbulence: None,
             inlet: None,
             sound: None,
@@ -219,6 +238,23 @@ impl Links {
     #[must_use]
     pub fn uniform(velocity: [f64; 3]) -> Self {
         Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
+    }
+
+    /// Returns the rule for a patch whose ends may lie within cells.
+    #[must_use]
+    fn within(mut self, place: &Place<'_>) -> Self {
+        let axis = place.site.face.axis();
+        let whole = |a: usize| place.from[a] == 0 && place.to[a] == place.site.cells[a];
+        let all = (0..place.site.dimension).filter(|a| *a != axis).all(whole);
+        self.within = (!all).then_some((axis, place.ends));
+        self
+    }
+
+    /// Returns the rule with a stated discharge into the domain \[cells² per step times cells\].
+    #[must_use]
+    pub(super) fn balanced(mut self, discharge: Option<f64>) -> Self {
+        self.discharge = discharge;
+        self
     }
 
     /// The same with turbulence over the profile; `side` is the axis of the face and whether it is at the upper end.
@@ -263,6 +299,7 @@ impl<S: Stored> Rule<S> for Links {
             inlet.add(crossing.at, strength, crossing.link, weight, c);
         }
         let term = wall::term(weight, c, u);
+        self.given -= i128::from(quanta(term));
         if let Some(sound) = &mut self.sound {
             sound.links.push(crossing.face_link());
             sound.terms.push(term);
@@ -278,8 +315,32 @@ impl<S: Stored> Rule<S> for Links {
         Some((self.profile)(position))
     }
 
+    fn part(&self, centre: [f64; 3]) -> f64 {
+        let Some((axis, ends)) = self.within else {
+            return 1.0;
+        };
+        let along = |a: usize| {
+            let ([low, high], at) = (ends[a], centre[a]);
+            (high.min(at + 0.5) - low.max(at - 0.5)).clamp(0.0, 1.0)
+        };
+        (0..3).filter(|a| *a != axis).map(along).product()
+    }
+
     fn factor(&self, step: f64) -> f64 {
-        self.ramp.at(step)
+        self.balance * self.ramp.at(step)
+    }
+
+    fn given(&self) -> i128 {
+        self.given
+    }
+
+    fn balance(&mut self, given: i128) {
+        let given = from_quanta(given);
+        if let Some(discharge) = self.discharge
+            && (given - discharge).abs() < MOST_AMISS * discharge.abs()
+        {
+            self.balance = discharge / given;
+        }
     }
 
     fn ramp_end(&self) -> f64 {
@@ -291,7 +352,7 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
-        let factor = self.ramp.at(moment.step);
+        let factor = self.balance * self.ramp.at(moment.step);
         self.sound.as_ref().map_or_else(Sums::default, |sound| {
             let into = sound
                 .terms

@@ -2,7 +2,7 @@
 //!
 //! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
 //! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings in 2-D), a square
-//! duct between an inlet and an outlet (openings in 3-D).
+//! ducts between an inlet and an outlet (openings in 3-D, without and with an eddy viscosity).
 
 use crate::lbm::lattice::VelocitySet;
 
@@ -84,6 +84,12 @@ pub(super) const CYLINDER: Border = Border {
         Bounds::up_to(0.21, 10.0, 18.0),
         Bounds::up_to(f64::INFINITY, 0.0, 0.0),
     ],
+};
+
+/// Openings with an eddy viscosity, with one or two relaxation times.
+pub(super) const DUCT_WITH_EDDIES: Border = Border {
+    map: "duct-eddies-16",
+    bounds: &Bounds::always(5.0, 10.0),
 };
 
 /// A border in the cavity of 20³ cells: the map of all flows in 3-D without openings.

@@ -1,7 +1,6 @@
 use super::*;
-use crate::lbm::boundary::{
-    Ramp, Rule, convective_outflow, free_slip, outflow, pressure, velocity,
-};
+use crate::lbm::boundary::convective_outflow::Carried;
+use crate::lbm::boundary::{Ramp, Rule, convective_outflow, free_slip, pressure, velocity};
 use crate::lbm::collision::{bgk, cumulant, mrt, suga, trt};
 use crate::lbm::gpu::program::Program;
 use crate::lbm::links::Rigid;
@@ -265,7 +264,11 @@ fn every_face(periodic: [bool; 3], set: VelocitySet, cells: [usize; 3]) -> Setup
     let lid = |p: [f64; 3]| [0.0, 0.01 * p[0] / 9.0, 0.0];
     s.patches = vec![
         patch(0, false, Box::new(pressure::Links::new(0, pressure))),
-        patch(0, true, Box::<outflow::Links>::default()),
+        patch(
+            0,
+            true,
+            Box::new(convective_outflow::Links::new((0, true), Carried::Whole)),
+        ),
         patch(1, true, Box::<free_slip::Links>::default()),
         patch(
             2,
@@ -403,11 +406,15 @@ fn threads_do_not_show() {
                     Box::new(pressure::Links::new(0, Ramp::constant(0.001))),
                 ),
                 patch(1, false, Box::<free_slip::Links>::default()),
-                patch(1, true, Box::<outflow::Links>::default()),
+                patch(
+                    1,
+                    true,
+                    Box::new(convective_outflow::Links::new((1, true), Carried::Whole)),
+                ),
                 patch(
                     2,
                     true,
-                    Box::new(convective_outflow::Links::new((2, true), None)),
+                    Box::new(convective_outflow::Links::new((2, true), Carried::Local)),
                 ),
             ];
             let mut fluid = serial(0, s);
