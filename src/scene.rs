@@ -93,6 +93,8 @@ pub struct Scene {
     pub ground_collapse: Option<collapse::GroundCollapse>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
+    /// What changes the density of the lattice fluid beside the pressures that the case states.
+    pub density_causes: Vec<auto::density::Cause>,
 }
 
 /// A material.
@@ -244,6 +246,7 @@ impl Scene {
             guards: case.guards.clone(),
             erosion_law,
             ground_collapse,
+            density_causes: Vec::new(),
             chosen,
         };
         match like {

@@ -9,6 +9,7 @@ use super::margin::{Margin, margin, slower_clock};
 use crate::error::Remedy;
 use crate::number::real;
 use crate::scene::Scene;
+use crate::scene::auto::density;
 use crate::scene::contact::ContactTable;
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
@@ -17,6 +18,8 @@ use crate::scene::speed::{passage, pressure_difference, speeds};
 
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
+/// Estimate of the change of density over the guard from which on runs fail: it is 1.2 to 1.5 times what runs found.
+const REFUSED_COMPRESSION: f64 = 1.3;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
@@ -39,6 +42,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         super::stability::check(scene, flow, &mut margins, findings);
         super::linear_stability::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
+        needed_pressure(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage
@@ -222,6 +226,52 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             &path,
         ));
     }
+}
+
+/// Compares the density changes that the flow needs with the guard: all together are an upper estimate.
+fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
+    let (h, dt, most) = (
+        scene.grid.spacing,
+        flow.time_step,
+        scene.guards.max_compression,
+    );
+    let change = |cause: &density::Cause| cause.change(dt, h, flow.density);
+    let causes = &scene.density_causes;
+    let Some(cause) = causes.iter().max_by(|a, b| change(a).total_cmp(&change(b))) else {
+        return;
+    };
+    let total = density::total(causes, dt, h, flow.density);
+    margins.push(margin(
+        &format!("density change: most of it by {}", cause.what),
+        total,
+        most,
+        &cause.path,
+    ));
+    if total <= REFUSED_COMPRESSION * most {
+        return;
+    }
+    let bound = (0.5 * most, h, flow.density);
+    let part = density::longest_step(causes, bound).map_or(0.5, |(_, step)| 0.99 * step / dt);
+    let ramp = if cause.velocity > 0.0 && cause.pressure == 0.0 {
+        ", let the velocity grow (`ramp_time`)"
+    } else {
+        ""
+    };
+    findings.unstable(
+        &cause.path,
+        format!(
+            "the flow changes the density of the lattice fluid by up to {} %, most of it by {}; the run ends at {} %",
+            number(100.0 * total),
+            cause.what,
+            number(100.0 * most)
+        ),
+        slower_clock(
+            flow,
+            h,
+            part,
+            format!("use {} of the time step{ramp}, or drive it less", number(part)),
+        ),
+    );
 }
 
 /// The largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1 C.

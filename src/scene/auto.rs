@@ -12,11 +12,13 @@
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time step.
 
 mod bound;
+pub mod density;
 pub(crate) mod features;
-mod gaps;
+pub(crate) mod gaps;
 pub mod measured;
 pub(crate) mod promise;
 mod resistance;
+mod sections;
 mod seepage;
 pub(crate) mod solids;
 pub mod sound;
@@ -150,6 +152,7 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
         scene.contact.clone_from(&like.contact);
     }
     scene.chosen = like.chosen.clone();
+    scene.density_causes.clone_from(&like.density_causes);
 }
 
 /// Solids that touch from wall to wall let nothing through.
@@ -174,11 +177,17 @@ fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
 
 /// Chooses what depends on the scene as made, from the case as filled and as written.
 pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &mut Findings) {
-    if let (Some(accuracy), Some(lbm)) = (asked(written), features::lattice(case)) {
-        scene.chosen.accuracy = Some(accuracy);
+    let lattice = features::lattice(case);
+    let ways = lattice.map_or_else(Vec::new, |lbm| {
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
-        let ways = gaps::of(case, lbm, factor).ways;
+        gaps::of(case, lbm, factor).ways
+    });
+    if let Some(flow) = &scene.flow {
+        scene.density_causes = density::causes(scene, flow, &ways);
+    }
+    if let (Some(accuracy), Some(lbm)) = (asked(written), lattice) {
+        scene.chosen.accuracy = Some(accuracy);
         blocked(case, &ways, findings);
         step::choose(scene, lbm, accuracy.target(), &ways, findings);
         promise::judge(scene, case, lbm, accuracy.target(), findings);

@@ -8,7 +8,7 @@ use super::profile;
 use crate::case::fluid::LatticeBoltzmann;
 use crate::case::geometry::Face;
 use crate::lbm::boundary::no_slip::NoSlip;
-use crate::lbm::boundary::{Condition, Inflow, Opening, Place, Site};
+use crate::lbm::boundary::{Condition, Inflow, Opening, Place, Site, Strength, Surface};
 use crate::number::{real, whole};
 use serde::Serialize;
 use std::path::Path;
@@ -24,6 +24,10 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
+    /// Its lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may end within a cell.
+    pub ends: [[f64; 2]; 3],
+    /// Which faces of the domain are walls, by axis, the lower one first.
+    pub walls: [[bool; 2]; 3],
     /// What holds there.
     pub condition: Condition,
     /// Position in the list of boundaries of the case; none for a wall nobody named.
@@ -49,9 +53,10 @@ impl Patch {
     #[must_use]
     pub fn place<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
         Place {
-            site: site(grid, self.face, path),
+            site: site(grid, self.face, path, self.walls),
             from: self.from,
             to: self.to,
+            ends: self.ends,
             openings: &[],
         }
     }
@@ -64,7 +69,7 @@ pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Ve
         let (model, place) = (patch.condition.model(), patch.place(grid, PATH));
         Opening {
             strength: model.nature().strength,
-            cells: place.count(),
+            area: place.area(),
             inflow: model.inflow(&place),
             ramp_time: model.ramp_time(),
         }
@@ -72,7 +77,7 @@ pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Ve
     open.map(opening).collect()
 }
 
-fn site<'a>(grid: &Grid, face: Face, path: &'a str) -> Site<'a> {
+fn site<'a>(grid: &Grid, face: Face, path: &'a str, walls: [[bool; 2]; 3]) -> Site<'a> {
     Site {
         path,
         face,
@@ -80,7 +85,23 @@ fn site<'a>(grid: &Grid, face: Face, path: &'a str) -> Site<'a> {
         spacing: grid.spacing,
         cells: grid.cells,
         periodic: grid.periodic,
+        walls,
     }
+}
+
+/// Returns which faces of the domain are walls that hold the water: those without a condition of their own among them.
+fn walls(lbm: &LatticeBoltzmann) -> [[bool; 2]; 3] {
+    let mut walls = [[true; 2]; 3];
+    for boundary in lbm
+        .boundaries
+        .iter()
+        .filter(|boundary| boundary.patch.is_none())
+    {
+        let surface = boundary.condition.model().nature().surface;
+        walls[boundary.face.axis()][usize::from(boundary.face.is_max())] =
+            matches!(surface, Surface::Wall | Surface::MovingWall);
+    }
+    walls
 }
 
 /// The patches of every face of the domain.
@@ -99,11 +120,14 @@ pub(super) fn faces(
                 face,
                 from,
                 to,
+                ends: ends_of(from, to),
+                walls: walls(lbm),
                 condition: Condition::NoSlip(NoSlip {}),
                 index: None,
             });
         }
     }
+    let walls = walls(lbm);
     let mut named = [false; 6];
     let mut names: Vec<&str> = Vec::new();
     for (n, boundary) in lbm.boundaries.iter().enumerate() {
@@ -117,7 +141,7 @@ pub(super) fn faces(
         );
         let read = |file: &Path| profile::read(&directory.join(file), grid.dimension);
         let condition_path = format!("{path}.condition");
-        let site = site(grid, face, &condition_path);
+        let site = site(grid, face, &condition_path, walls);
         let condition = boundary.condition.resolved(&site, &read, findings);
         if face.axis() >= grid.dimension {
             findings.error(
@@ -153,10 +177,26 @@ pub(super) fn faces(
         let patch_path = format!("{path}.patch");
         let block = tangential(grid, face, extent, &patch_path, findings);
         let (mut from, mut to) = whole_face(grid, face);
+        let cut = condition.model().nature().strength == Strength::Velocity;
+        let mut ends = ends_of(from, to);
         for a in (0..grid.dimension).filter(|a| *a != face.axis()) {
             // A cell belongs to a patch if its centre does.
             from[a] = whole((block.from[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
             to[a] = whole((block.to[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
+            ends[a] = [from[a], to[a]].map(real);
+            if cut && block.from[a] < block.to[a] {
+                // What it imposes is weighted by area in the cells that it cuts.
+                let written = [block.from[a], block.to[a]].map(|x| x / grid.spacing);
+                ends[a] = written.map(|x| {
+                    if (x - x.round()).abs() < AT_FACE {
+                        x.round()
+                    } else {
+                        x
+                    }
+                });
+                from[a] = whole(ends[a][0].floor()).min(grid.cells[a]);
+                to[a] = whole(ends[a][1].ceil()).min(grid.cells[a]);
+            }
             if from[a] >= to[a] && block.from[a] < block.to[a] {
                 findings.error(
                     &patch_path,
@@ -170,10 +210,12 @@ pub(super) fn faces(
             face,
             from,
             to,
+            ends,
+            walls,
             condition,
             index: Some(n),
         };
-        if patch.condition.model().passes_water() {
+        if patch.condition.model().passes_water() && !cut {
             moved(grid, &patch, &block, &patch_path, findings);
         }
         let overlaps = faces[face.index()][1..]
@@ -193,6 +235,8 @@ pub(super) fn faces(
     faces
 }
 
+/// Part of a cell by which an end of a patch may lie beside a face between cells and count as on it.
+const AT_FACE: f64 = 1e-6;
 /// Part of the width of an opening by which an end moves to a face between cells without a word.
 const MOVES: f64 = 0.02;
 
@@ -237,6 +281,10 @@ fn tangential(
     Block::resolve(grid, &extent, path, findings)
 }
 
+fn ends_of(from: [usize; 3], to: [usize; 3]) -> [[f64; 2]; 3] {
+    std::array::from_fn(|a| [from[a], to[a]].map(real))
+}
+
 fn whole_face(grid: &Grid, face: Face) -> ([usize; 3], [usize; 3]) {
     let mut to = grid.cells;
     to[face.axis()] = 1;
@@ -265,9 +313,9 @@ fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) 
             Inflow::None => {}
             Inflow::Any => return,
             Inflow::Mean(normal) => {
-                let cells: f64 = (0..3).map(|a| real(patch.cells(a))).product();
-                inflow += normal * cells;
-                through += f64::abs(normal * cells);
+                let area = patch.place(grid, PATH).area();
+                inflow += normal * area;
+                through += f64::abs(normal * area);
                 first = first.or(Some(patch));
             }
         }

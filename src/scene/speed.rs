@@ -36,17 +36,12 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
             value,
         });
     }
-    if let Some((path, value)) = settling::fastest(scene, flow) {
-        speeds.push(Speed {
-            what: "settling (estimate)".into(),
-            path,
-            value,
-        });
-    }
+    speeds.extend(settles(scene, flow));
     speeds
 }
 
-/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures and body forces.
+/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body forces and of what
+/// settles.
 pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);
@@ -60,7 +55,17 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
             value,
         });
     }
+    // The estimate is from above: it counts where it is beyond what a run may reach.
+    let most = scene.guards.max_lattice_velocity * scene.grid.spacing / flow.time_step;
+    speeds.extend(settles(scene, flow).filter(|speed| speed.value > most));
     speeds
+}
+
+/// That of what settles or rises.
+fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let (path, value) = settling::fastest(scene, flow)?;
+    let what = "settling (estimate)".into();
+    Some(Speed { what, path, value })
 }
 
 /// Those imposed by boundaries, by the start and by bodies.

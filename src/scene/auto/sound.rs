@@ -134,6 +134,21 @@ pub struct Way {
     pub beside: Beside,
 }
 
+impl Way {
+    /// Returns the way through a gap.
+    pub(crate) fn of(gap: &Gap) -> Self {
+        let beside = if gap.faces {
+            Beside::Flat(gap.beside)
+        } else {
+            Beside::Round(gap.radius)
+        };
+        Self {
+            width: gap.width,
+            beside,
+        }
+    }
+}
+
 /// What stands beside a narrow way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
@@ -170,15 +185,7 @@ pub fn filling(
 /// The longest time step \[s\] with which the pressure before the narrowest place of a way along `axis` is built up in time, and what it
 /// keeps. The place fills the water beside its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
-    let beside = if gap.faces {
-        Beside::Flat(gap.beside)
-    } else {
-        Beside::Round(gap.radius)
-    };
-    let way = Way {
-        width: gap.width,
-        beside,
-    };
+    let way = Way::of(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
     let across = sides
         .map(|side| scene.grid.size[side])

@@ -113,7 +113,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
         .reduce(finest)?;
     if scene.grid.dimension == 2
         && lbm.turbulence.is_none()
-        && let Some(h) = step::stable_spacing(flow, speed, asked(case)?.target())
+        && let Some(h) = step::stable_spacing(scene, flow, speed, asked(case)?.target())
         && h * MOST_FINER >= wanted.0
     {
         let reason = format!(
