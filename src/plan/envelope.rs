@@ -14,7 +14,7 @@ use crate::scene::contact::ContactTable;
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
-use crate::scene::speed::{passage, pressure_difference, speeds};
+use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
 
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
@@ -105,16 +105,19 @@ fn lattice_velocity(
     for speed in speeds(scene, flow) {
         let lattice_velocity = speed.value / c;
         if lattice_velocity > most || lattice_velocity.is_nan() {
-            findings.error(
-                &speed.path,
-                format!(
-                    "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, and preferably below {USUAL_LATTICE_VELOCITY}",
-                    speed.what,
-                    number(speed.value),
-                    number(lattice_velocity)
-                ),
-                remedy(flow, h, nu, speed.value),
+            let reason = format!(
+                "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, and preferably below {USUAL_LATTICE_VELOCITY}",
+                speed.what,
+                number(speed.value),
+                number(lattice_velocity)
             );
+            let remedy = remedy(flow, h, nu, speed.value);
+            if speed.what == SETTLING {
+                // From above, as neighbours and walls slow what settles.
+                findings.unstable(&speed.path, reason, remedy);
+            } else {
+                findings.error(&speed.path, reason, remedy);
+            }
         } else if lattice_velocity > USUAL_LATTICE_VELOCITY {
             findings.warn(
                 &speed.path,

@@ -61,10 +61,13 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
+/// The name of the speed of what settles or rises.
+pub(crate) const SETTLING: &str = "settling (estimate)";
+
 /// That of what settles or rises.
 fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
-    let what = "settling (estimate)".into();
+    let what = SETTLING.into();
     Some(Speed { what, path, value })
 }
 

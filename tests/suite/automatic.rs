@@ -223,7 +223,7 @@ fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do(
         .iter()
         .find(|p| p.path.ends_with("kinematic_viscosity"));
     assert!(
-        found.unwrap().remedy.contains("5.477e-4 m"),
+        found.unwrap().remedy.contains("7.000e-4 m"),
         "{problems:#?}"
     );
     // A whole number of cells that is fine enough.

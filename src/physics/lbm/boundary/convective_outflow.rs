@@ -16,7 +16,6 @@
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave remembers.
 
 use super::links::{LINKS_PER_THREAD, each_part, sums};
-use super::outflow::NATURE;
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Ramp, Rule, quanta};
 use crate::error::Error;
@@ -43,7 +42,7 @@ pub struct ConvectiveOutflow {
 
 impl Model for ConvectiveOutflow {
     fn nature(&self) -> Nature {
-        NATURE
+        Nature::OUTFLOW
     }
 
     fn pressure_floats(&self) -> bool {
@@ -153,7 +152,7 @@ impl Links {
     #[must_use]
     pub fn new((axis, upper): (usize, bool), speed: Carried) -> Self {
         Self {
-            nature: NATURE,
+            nature: Nature::OUTFLOW,
             axis,
             outward: if upper { 1.0 } else { -1.0 },
             speed,

@@ -54,4 +54,10 @@ impl Nature {
         surface: Surface::Wall,
         strength: Strength::Wall,
     };
+
+    /// An opening through which the fluid leaves with the state that it has.
+    pub const OUTFLOW: Self = Self {
+        surface: Surface::Opening,
+        strength: Strength::Outflow,
+    };
 }

@@ -4,7 +4,7 @@
 //! ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
 
 use super::convective_outflow::{Carried, Links};
-use super::{Inflow, Model, Nature, Place, Rule, Strength, Surface};
+use super::{Inflow, Model, Nature, Place, Rule};
 use crate::error::Error;
 use crate::lbm::lanes::Stored;
 use crate::units::LatticeUnits;
@@ -21,15 +21,9 @@ pub struct Outflow {
     pub mean_pressure: Option<f64>,
 }
 
-/// That of every outflow.
-pub(super) const NATURE: Nature = Nature {
-    surface: Surface::Opening,
-    strength: Strength::Outflow,
-};
-
 impl Model for Outflow {
     fn nature(&self) -> Nature {
-        NATURE
+        Nature::OUTFLOW
     }
 
     fn pressure_floats(&self) -> bool {

@@ -54,6 +54,7 @@ impl Model for Parameters {
             LID,
             if situation.eddies { CUBE_EDDIES } else { CUBE },
             [&DUCT_19, &DUCT_27],
+            true,
         )
     }
 

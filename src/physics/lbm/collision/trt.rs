@@ -66,7 +66,7 @@ impl Model for Parameters {
     }
 
     fn border(&self, situation: &Situation) -> Option<Border> {
-        border_of_two_rates(situation, FREE, LID, CUBE, [&DUCT_19, &DUCT_27])
+        border_of_two_rates(situation, FREE, LID, CUBE, [&DUCT_19, &DUCT_27], false)
     }
 
     fn fails_at_faces(&self) -> f64 {
@@ -79,7 +79,7 @@ impl Model for Parameters {
 }
 
 /// The border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a lid in 2-D, in 3-D, and in a duct
-/// between openings with 19 and with 27 velocities.
+/// between openings with 19 and with 27 velocities; `single` where both rates are one.
 ///
 /// With eddies, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky (`benches/accuracy/eddy-models`), and so did ducts between
 /// openings, where the operators with more rates hold.
@@ -89,6 +89,7 @@ pub(super) fn border_of_two_rates(
     lid: &'static [Bounds],
     cube: &'static [Bounds],
     duct: [&'static [Bounds]; 2],
+    single: bool,
 ) -> Option<Border> {
     let open = situation.surroundings == Surroundings::Openings;
     if situation.eddies && open && !situation.lid_meets_wall {
@@ -101,7 +102,7 @@ pub(super) fn border_of_two_rates(
     }
     Some(
         match (situation.surroundings, situation.velocities.dimension()) {
-            (Surroundings::Openings, _) => border::CYLINDER,
+            (Surroundings::Openings, _) => border::CYLINDER[usize::from(single)],
             (Surroundings::Periodic, 2) => Border {
                 map: "shear-layers-64",
                 bounds: free,
