@@ -95,10 +95,10 @@ pub(crate) fn total(causes: &[Cause], time_step: f64, spacing: f64, density: f64
 }
 
 /// Returns the longest time step \[s\] at which all changes together stay within a bound, and the cause of most of it; none without causes.
-pub(crate) fn longest_step<'a>(
-    causes: &'a [Cause],
+pub(crate) fn longest_step(
+    causes: &[Cause],
     (bound, spacing, density): (f64, f64, f64),
-) -> Option<(&'a Cause, f64)> {
+) -> Option<(&Cause, f64)> {
     // A lattice velocity of one is beyond every limit.
     let fastest = causes
         .iter()

@@ -15,6 +15,11 @@
 //!
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave remembers.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Ramp, Rule, quanta};

@@ -3,6 +3,11 @@
 //! First order; the pressure floats, or its mean is held. The rule is that of the convective outflow with an unbounded velocity
 //! ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::convective_outflow::{Carried, Links};
 use super::{Inflow, Model, Nature, Place, Rule};
 use crate::error::Error;
