@@ -18,8 +18,6 @@ use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
 
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
-/// Estimate of the change of density over the guard from which on runs fail: it is 1.2 to 1.5 times what runs found.
-const REFUSED_COMPRESSION: f64 = 1.3;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
@@ -250,7 +248,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
         most,
         &cause.path,
     ));
-    if total <= REFUSED_COMPRESSION * most {
+    if density::least(causes, dt, h, flow.density) <= most {
         return;
     }
     let bound = (0.5 * most, h, flow.density);

@@ -254,7 +254,10 @@ impl<S: Stored> Rule<S> for Links {
                 // Links of one cell stand together.
                 if last.0 != leaving.cell {
                     let (drho, momentum) = populations.moments(leaving.cell);
-                    last = (leaving.cell, (momentum[axis] + half_force[axis]) / (1.0 + drho));
+                    last = (
+                        leaving.cell,
+                        (momentum[axis] + half_force[axis]) / (1.0 + drho),
+                    );
                 }
                 let carried = match speed {
                     Carried::Given(speed) => speed,
@@ -313,7 +316,10 @@ impl<S: Stored> Rule<S> for Links {
     fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
         let parity = populations.parity();
         let count = self.links.len();
-        let excess = self.held.as_ref().map_or(0.0, |held| 6.0 * held.wave.excess());
+        let excess = self
+            .held
+            .as_ref()
+            .map_or(0.0, |held| 6.0 * held.wave.excess());
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
                 let (from, to) = (leaving.upstream.at(parity), link.link.incoming(parity));
@@ -334,8 +340,8 @@ impl<S: Stored> Rule<S> for Links {
 
 #[cfg(test)]
 mod tests {
-    use super::Links;
     use super::Carried;
+    use super::Links;
     use crate::lbm::boundary::{Patch, Rule, velocity};
     use crate::lbm::collision::{Operator, trt};
     use crate::lbm::fluid::{Fluid, Force, Setup};
@@ -449,13 +455,18 @@ mod tests {
             }
             let mut mean = 0.0;
             for y in 0..CELLS[1] {
-                let cell = fluid.populations().cell([CELLS[0] - 1, y, 0].map(usize::cast_signed));
+                let cell = fluid
+                    .populations()
+                    .cell([CELLS[0] - 1, y, 0].map(usize::cast_signed));
                 mean += fluid.state(cell).0 / 3.0 / CELLS[1] as f64;
             }
             (disturbance(&fluid, &still) / begun, mean / (SPEED * SPEED))
         };
         let (floats, holds) = (of(false), of(true));
         println!("left of the vortex, mean pressure over rho U²: {floats:?} {holds:?}");
-        assert!(holds.0 < 1.2 * floats.0 + 1e-3 && holds.1.abs() < 0.01, "{floats:?} {holds:?}");
+        assert!(
+            holds.0 < 1.2 * floats.0 + 1e-3 && holds.1.abs() < 0.01,
+            "{floats:?} {holds:?}"
+        );
     }
 }

@@ -16,8 +16,8 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::convective_outflow::{self, Carried};
+use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,

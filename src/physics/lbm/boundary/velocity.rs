@@ -126,9 +126,7 @@ impl Model for Velocity {
         };
         let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
         let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
-        let mut links = Links::new(profile, ramp)
-            .within(place)
-            .balanced(discharge);
+        let mut links = Links::new(profile, ramp).within(place).balanced(discharge);
         if let Some(synthetic) = synthetic {
             let face = place.site.face;
             links = links.turbulent(synthetic, (face.axis(), face.is_max()));
