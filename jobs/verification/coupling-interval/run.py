@@ -3,7 +3,7 @@
 
     python3 jobs/verification/coupling-interval/run.py SOLVER [WORK] [--beds N]
 
-Needs the packages of jobs/python. Three tables are written beside this script:
+Needs the packages of jobs/python. Three tables are written beside this script (erosion.csv there is from runs of the smaller fissure):
 
 columns.csv   columns of touching grains settle under their weight in water, oil and glycerine, and a column of silt in water, at intervals of 1 to
               1000 solid steps and at the default one: the largest difference of the settlement of any grain from that of the run that couples in each step, over
