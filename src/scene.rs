@@ -93,7 +93,7 @@ pub struct Scene {
     pub ground_collapse: Option<collapse::GroundCollapse>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
-    /// What changes the density of the lattice fluid beside the pressures that the case states.
+    /// Causes of changes of density in the lattice fluid beside the pressures that the case states.
     pub density_causes: Vec<auto::density::Cause>,
 }
 

@@ -212,7 +212,8 @@ pub(super) fn check(
     findings.unstable(
         PATH,
         format!(
-            "the load of the water stays constant for {} s, longer than {} s, the limit by {name}: in runs beds oscillated, \
+            "the load of the water stays constant for {} s, longer than {} s, the limit by {name}: \
+             in runs beds oscillated, \
              settled by a wrong amount or exploded",
             number(interval),
             number(longest)

@@ -104,7 +104,8 @@ fn lattice_velocity(
         let lattice_velocity = speed.value / c;
         if lattice_velocity > most || lattice_velocity.is_nan() {
             let reason = format!(
-                "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, and preferably below {USUAL_LATTICE_VELOCITY}",
+                "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, \
+                 and preferably below {USUAL_LATTICE_VELOCITY}",
                 speed.what,
                 number(speed.value),
                 number(lattice_velocity)

@@ -40,8 +40,8 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body forces and of what
-/// settles.
+/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body
+/// forces and of what settles.
 pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);

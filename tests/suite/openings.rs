@@ -16,7 +16,8 @@ fn warned(plan: &Plan, words: &str) -> bool {
     plan.warnings.iter().any(|w| w.to_string().contains(words))
 }
 
-/// An outlet is as wide as its cells, which the plan says; what an inlet imposes is weighted by area in the cells that its ends cut.
+/// An outlet is as wide as its cells, which the plan says; what an inlet imposes is weighted by area in the cells that
+/// its ends cut.
 #[test]
 fn an_opening_that_cells_move_is_named() {
     let pool = |from: f64, to: f64, condition: Value| {
@@ -25,12 +26,14 @@ fn an_opening_that_cells_move_is_named() {
             "fluid": {"lattice_boltzmann": {
                 "density": 1000, "kinematic_viscosity": 1e-3, "reference_velocity": 1.5, "lattice_velocity": 0.05,
                 "boundaries": [
-                    {"name": "jet", "face": "y_max", "patch": {"from": [from, 0], "to": [to, 0.16]}, "condition": condition},
+                    {"name": "jet", "face": "y_max", "condition": condition,
+                     "patch": {"from": [from, 0], "to": [to, 0.16]}},
                     {"name": "side", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
             "time": {"end": 0.1}
         })
     };
-    let words = "`jet` is as wide as its cells: along x it reaches from 0.188 to 0.208 m instead of from 0.19 to 0.21 m";
+    let words = "`jet` is as wide as its cells: \
+        along x it reaches from 0.188 to 0.208 m instead of from 0.19 to 0.21 m";
     let out = json!({"pressure": {"value": 100}});
     assert!(warned(&plan(&pool(0.19, 0.21, out.clone())), words));
     let on_faces = plan(&pool(0.188, 0.212, out));
@@ -42,7 +45,8 @@ fn an_opening_that_cells_move_is_named() {
     ));
 }
 
-/// The discharge that enters in a step is the one that is stated, whatever the profile, the patch and the number of ranks.
+/// The discharge that enters in a step is the one that is stated, whatever the profile, the patch and the number of
+/// ranks.
 #[test]
 fn openings_let_the_stated_discharge_in() {
     let _beside = beside_others();
@@ -86,7 +90,8 @@ fn openings_let_the_stated_discharge_in() {
                     "domain": {"size": size, "spacing": 0.006},
                     "fluid": {"lattice_boltzmann": {
                         "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 2e-4,
-                        "boundaries": [inlet, {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+                        "boundaries": [inlet,
+                            {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
                     "time": {"end": 0.002}, "output": {}
                 });
                 let study = Study::new(&case.to_string());

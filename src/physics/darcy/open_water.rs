@@ -42,7 +42,7 @@
 //! without friction: the channel is
 //! mirrored there. So are two opposite faces of the grid between which the void extends from end to end and
 //! of which nothing is
-//! stated: the scene is then a slice of one that goes on. Any other face without a statement is a wall.
+//! stated: such a face cuts through wider water. Any other face without a statement is a wall.
 
 use super::Liquid;
 use super::enclosure::Openness;

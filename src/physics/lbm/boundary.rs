@@ -253,8 +253,8 @@ fn around(
     })
 }
 
-/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of these that imposes a
-/// velocity.
+/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of
+/// these that imposes a velocity.
 ///
 /// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
 /// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
@@ -566,8 +566,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell, by its position within
-    /// an array and by its place in the slab.
+    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell,
+    /// by its position within an array and by its place in the slab.
     pub fn close_covered(
         &self,
         fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,

@@ -1,22 +1,23 @@
-//! How far the density of the lattice fluid will change: a pressure p is a change of density p/(ρ c²), c the speed of sound.
+//! Changes of density in the lattice fluid, before the run: a pressure p is a change of density p/(ρ c²), c the speed
+//! of sound.
 //!
 //! Beside the pressures that a case states there are those that its flow needs, estimated from above:
 //!
 //! ```text
-//! start     ρ c U, at most 2 ρ U L/T          a velocity U that is imposed at once, or during the time T, on water at rest
-//! rim       ρ U (0.35 c + k ν/h)              a uniform profile that ends at a wall; k = 1.8 in 2-D, 3.9 in 3-D
-//! lid       ρ U (0.05 c + k ν/h)              the corner of a wall that moves by U and one at rest; k = 2.8 in 2-D, 3.15 in 3-D
+//! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
+//! rim       ρ U (0.35 c + k ν/h)          a uniform profile that ends at a wall; k = 1.8 in 2-D, 3.9 in 3-D
+//! lid       ρ U (0.05 c + k ν/h)          a moving wall that meets one at rest; k = 2.8 in 2-D, 3.15 in 3-D
 //! channel   12 ρ ν U L/(a² (1 - 0.63 a/b))    between plates (b infinite) or in a duct a x b
-//!           f L ρ U²/(2 D), f = 0.316 Re^(-1/4)    instead where it is turbulent, D the hydraulic diameter
+//!           f L ρ U²/(2 D), f = 0.316 Re^(-1/4)    if larger, from Re = 2300; D the hydraulic diameter
 //! solids    see [`super::sections`]
-//! gap       12 ρ ν I q + 0.75 ρ (q/g)²        a narrow way of width g and resistance I ([`super::sound`]), q its discharge per depth
-//! force     f L                               a body force against walls
+//! gap       12 ρ ν I q + 0.75 ρ (q/g)²    width g, resistance I ([`super::sound`]), discharge per depth q
+//! force     f L                           a body force against walls
 //! ```
 //!
-//! The first is the pressure of a closing valve (Joukowsky); behind a uniform inlet between walls it is 1.1 times as high. The second and the
-//! third were measured behind uniform inlets and under lids at relaxation times of 0.51 to 1.5. The fourth is laminar flow (R. K. Shah
-//! and A. L. London 1978) or Blasius' friction. With the lattice velocity u = U dt/h the changes of density are 3^½ u for a start and
-//! 3 p dt²/(ρ h²) for a steady pressure.
+//! The first is the pressure of a closing valve (Joukowsky); behind a uniform inlet between walls it is 1.1 times as
+//! high. The second and the third were measured behind uniform inlets and under lids at relaxation times of 0.51 to
+//! 1.5. The fourth is laminar flow (R. K. Shah and A. L. London 1978) or Blasius' friction. With the lattice velocity u
+//! = U dt/h the changes of density are 3^½ u for a start and 3 p dt²/(ρ h²) for a steady pressure.
 
 use super::gaps::Gap;
 use super::sections::{self, End};
@@ -40,18 +41,19 @@ const RIM_OF_FRICTION: [f64; 2] = [1.8, 3.9];
 
 /// Loss on a way that winds between structures over that of its sections: baffles lost 1.7 to 2 times as much.
 const WINDING: f64 = 2.0;
-/// The same at the corner of a moving wall and a wall at rest.
+/// Parts of the pressure at the corner of a moving wall and a wall at rest.
 const LID_OF_INERTIA: f64 = 0.03;
 const LID_OF_FRICTION: [f64; 2] = [2.8, 3.15];
 
-/// Estimates over what runs found: behind inlets 1.2 to 1.5; in the corners of fast lids the change grows faster than the velocity.
+/// Estimates over what runs found: behind inlets 1.2 to 1.5; in the corners of fast lids the change grows faster than
+/// the velocity.
 const OVER: f64 = 1.3;
 const OVER_AT_A_LID: f64 = 0.9;
 
 /// A cause of a change of density.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cause {
-    /// What changes the density.
+    /// Name of the cause.
     pub what: &'static str,
     /// JSON path of the field that decides it.
     pub path: String,
@@ -109,7 +111,8 @@ pub(crate) fn least(causes: &[Cause], time_step: f64, spacing: f64, density: f64
     changes.sum()
 }
 
-/// Returns the longest time step \[s\] at which all changes together stay within a bound, and the cause of most of it; none without causes.
+/// Returns the longest time step \[s\] at which all changes together stay within a bound, and the cause of most of it;
+/// none without causes.
 pub(crate) fn longest_step(
     causes: &[Cause],
     (bound, spacing, density): (f64, f64, f64),
@@ -146,7 +149,8 @@ pub(crate) fn longest_step(
     deciding.map(|cause| (cause, low))
 }
 
-/// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow ways along axes.
+/// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow
+/// ways along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let mut causes = Vec::new();
     let (density, viscosity) = (flow.density, flow.kinematic_viscosity);

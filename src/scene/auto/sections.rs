@@ -1,15 +1,16 @@
 //! The open sections of a domain with solids, across an axis: how hard water gets through, before the run.
 //!
-//! The domain is cut into slices across the axis. In 2-D the open runs g of a slice pass side by side what plates pass, in 3-D a slice passes what
-//! a pipe of its area A and hydraulic diameter D = 4 A/P passes:
+//! The domain is cut into slices across the axis. In 2-D the open runs g of a slice pass side by side what plates pass,
+//! in 3-D a slice passes what a pipe of its area A and hydraulic diameter D = 4 A/P passes:
 //!
 //! ```text
 //! loss of pressure     ∫ 12 ρ ν q/Σ g³ dx      ∫ 32 ρ ν Q/(A D²) dx
 //! behind the narrowest                0.75 ρ (q/Σ g)² (1 - Σ g/H)²      the same with A
 //! ```
 //!
-//! A wide slice beside a narrow one counts by itself, so that the way across between them is left out: walls that water winds round cost
-//! more than this. Solids are sampled at points ([`ALONG`], [`ACROSS`]); ways narrower than a sample are not seen.
+//! A wide slice beside a narrow one counts by itself, so that the way across between them is left out: walls that water
+//! winds round cost more than this. Solids are sampled at points ([`ALONG`], [`ACROSS`]); ways narrower than a sample
+//! are not seen.
 
 use crate::dem::polyhedron::HalfSpace;
 use crate::number::real;
@@ -23,7 +24,7 @@ const ACROSS: [usize; 2] = [240, 40];
 /// Most pairs of a sample and a solid that are looked at.
 const MOST_LOOKS: usize = 30_000_000;
 
-/// What the sections along an axis do to a discharge.
+/// Resistance of the sections along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sections {
     /// Loss of pressure over ρ ν and the discharge: ∫ 12/Σ g³ dx \[1/m\], or ∫ 32/(A D²) dx [1/m3].
@@ -44,7 +45,7 @@ struct Body {
     form: Form,
 }
 
-/// What bounds an end of a line across the axis.
+/// Boundary at an end of a line across the axis.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum End {
     /// A wall that holds the water.

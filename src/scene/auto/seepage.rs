@@ -16,8 +16,9 @@
 //! ([`resistance`](super::resistance)); nothing where that is not known. Porosity is computed from exact overlaps, because other methods cost as much
 //! at equal error.
 //!
-//! Within the limits of the plan the settlement of columns (consolidation in water, oil and glycerine, and silt) differs by at most 0.8 %
-//! from that of a coupling in each solid step, the mass that erodes from sand by 0.5 % (`jobs/verification/coupling-interval`).
+//! Within the limits of the plan the settlement of columns (consolidation in water, oil and glycerine, and silt)
+//! differs by at most 0.8 % from that of a coupling in each solid step, the mass that erodes from sand by 0.5 %
+//! (`jobs/verification/coupling-interval`).
 
 use super::{resistance, step};
 use crate::number::to_u32;

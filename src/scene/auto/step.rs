@@ -4,15 +4,19 @@
 //!
 //! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
-//! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the target, and 3 %;
-//! - all changes of density that the flow needs ([`super::density`]) together at three quarters of `guards.max_compression`;
+//! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the
+//!   target, and 3 %;
+//! - all changes of density that the flow needs ([`super::density`]) together at three quarters of
+//!   `guards.max_compression`;
 //! - 200 steps in a period, 100 in the run, one in every interval of output;
 //! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
 //!   begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
-//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D up to a cell Reynolds number of 7. Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a
-//! factor, and beyond that the case is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
-//! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
+//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D up to a cell Reynolds number of 7.
+//! Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a factor, and beyond that the case
+//! is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
+//! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about
+//! 2 eta).
 
 use super::gaps::Gap;
 use super::{Limit, density, sound};
@@ -78,8 +82,8 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none where any is. The time step is that at
-/// which the error of compressibility, or the sound of a start, allows no more.
+/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none where any is. The time
+/// step is that at which the error of compressibility, or the sound of a start, allows no more.
 pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64) -> Option<f64> {
     let sound: f64 = scene
         .density_causes

@@ -1,19 +1,22 @@
-//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the mean pressure may be held.
+//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the mean
+//! pressure may be held.
 //!
 //! ```text
 //! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j κ        x' the next cell upstream
 //! ```
 //!
-//! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their CBC), stable for
-//! every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given, or the velocity of the cell out of the
-//! domain in the step before; where fluid comes back it is zero, and what enters stays as it is. A vortex leaves with little reflection.
+//! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their
+//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given, or
+//! the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
+//! stays as it is. A vortex leaves with little reflection.
 //!
-//! By itself the condition lets the pressure float. Where a pressure is held, κ is the one number for the whole patch that gives the mean
-//! pressure which the plane wave asks for ([`super::sound`]): with the means a of the populations that leave, b of those that would enter
-//! without κ, and q of u², the momentum through the face is a + b + κ = p + q, its mass flux a - b - κ.
-//! The pressure differs over the face as the flow wants it, so that eddies leave.
+//! By itself the condition lets the pressure float. Where a pressure is held, κ is the one number for the whole patch
+//! that gives the mean pressure which the plane wave asks for ([`super::sound`]): with the means a of the populations
+//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p + q,
+//! its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
 //!
-//! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave remembers.
+//! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave
+//! remembers.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -40,7 +43,8 @@ pub struct ConvectiveOutflow {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity: Option<f64>,
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the pressure floats.
+    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the
+    /// pressure floats.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }
@@ -74,7 +78,7 @@ impl Model for ConvectiveOutflow {
 /// The velocity with which the fluid is carried out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Carried {
-    /// The same everywhere \[cells per step\].
+    /// One velocity everywhere \[cells per step\].
     Given(f64),
     /// That of the cell in the step before.
     Local,
@@ -82,7 +86,7 @@ pub enum Carried {
     Whole,
 }
 
-/// Where the population that enters along a link lies in the cell upstream.
+/// Positions of the population of the cell upstream that enters along a link.
 #[derive(Clone, Copy, Debug)]
 struct Upstream([usize; 2]);
 
@@ -433,8 +437,8 @@ mod tests {
         assert!(local.0 < plain.0 && given.0 < plain.0);
     }
 
-    /// A vortex leaves through an outflow that holds the mean pressure with no more reflection than through one that lets it float, and the
-    /// pressure behind it is the one that is held, within a per cent of ρ U².
+    /// A vortex leaves through an outflow that holds the mean pressure with no more reflection than through one that
+    /// lets it float, and the pressure behind it is the one that is held, within a per cent of ρ U².
     #[test]
     fn the_pressure_behind_a_vortex_is_the_one_that_is_held() {
         let of = |held: bool| {

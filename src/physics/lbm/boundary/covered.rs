@@ -46,8 +46,8 @@ impl OpenCells {
         self.links.push(link);
     }
 
-    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an array and by its place in
-    /// the slab.
+    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an array
+    /// and by its place in the slab.
     pub(super) fn close<S: Stored>(
         &self,
         fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,

@@ -1,7 +1,7 @@
 //! Outflow: the entering populations are those of the next cell upstream (zero gradient along the normal).
 //!
-//! First order; the pressure floats, or its mean is held. The rule is that of the convective outflow with an unbounded velocity
-//! ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
+//! First order; the pressure floats, or its mean is held. The rule is that of the convective outflow with an unbounded
+//! velocity ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Outflow {
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the pressure floats.
+    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the
+    /// pressure floats.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }

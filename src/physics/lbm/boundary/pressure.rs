@@ -47,14 +47,14 @@ pub struct Pressure {
     /// only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
-    /// Where the pressure holds over the face. `mean`: on the mean; eddies leave, and the pressure differs over the face as they want it.
-    /// `each_cell`: in each cell, with no velocity along the face. Default: `mean` where this is the only opening besides imposed
-    /// velocities, else `each_cell`.
+    /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure differs
+    /// over the face as they want it. `each_cell`: in each cell, with no velocity along the face. Default: `mean` where
+    /// this is the only opening besides imposed velocities, else `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
 }
 
-/// Where a pressure holds over the face.
+/// Extent over the face at which a pressure holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Held {
@@ -93,8 +93,9 @@ impl Pressure {
         pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
     }
 
-    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that absorbs would add
-    /// to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel that.
+    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that
+    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel
+    /// that.
     fn sound(&self, openings: &[Opening]) -> Sound {
         self.sound.unwrap_or(if Self::is_the_outlet(openings) {
             Sound::Absorb

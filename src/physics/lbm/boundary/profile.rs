@@ -33,8 +33,8 @@ pub enum VelocityProfile {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
     },
-    /// A power law from the walls at the ends of the patch, along the inward normal: u grows as the distance from the nearest wall to the
-    /// exponent, and has the stated mean. Turbulent flow in ducts and channels.
+    /// A power law from the walls at the ends of the patch, along the inward normal: u grows as the distance from the
+    /// nearest wall to the exponent, and has the stated mean. Turbulent flow in ducts and channels.
     PowerLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
@@ -43,8 +43,9 @@ pub enum VelocityProfile {
         #[schemars(range(min = 0, max = 1))]
         exponent: f64,
     },
-    /// The law of the rough wall, along the inward normal: u grows as ln(1 + 30 y/k) with the distance y from the nearest wall at the ends of
-    /// the patch and the roughness k (Nikuradse 1933), and has the stated mean. Rivers, canals and rough ducts.
+    /// The law of the rough wall, along the inward normal: u grows as ln(1 + 30 y/k) with the distance y from the
+    /// nearest wall at the ends of the patch and the roughness k (Nikuradse 1933), and has the stated mean. Rivers,
+    /// canals and rough ducts.
     LogLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
@@ -172,7 +173,8 @@ fn seventh() -> f64 {
     1.0 / 7.0
 }
 
-/// Largest velocity over the mean of a logarithmic profile, at most: where the roughness is a tenth of the width of a square duct.
+/// Largest velocity over the mean of a logarithmic profile, at most: where the roughness is a tenth of the width of a
+/// square duct.
 const LARGEST_OF_LOG: f64 = 1.7;
 
 /// Rows of a profile that are looked at before the run, at most.
@@ -237,7 +239,8 @@ fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     })
 }
 
-/// Returns a law of the distance from the nearest wall \[cells\] along the inward normal, with this mean over the cells of the patch.
+/// Returns a law of the distance from the nearest wall \[cells\] along the inward normal, with this mean over the cells
+/// of the patch.
 fn from_walls(
     place: &Place<'_>,
     mean: f64,

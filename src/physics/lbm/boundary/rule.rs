@@ -41,7 +41,8 @@ pub trait Rule<S: Stored>: Send + Sync {
         None
     }
 
-    /// Returns the part of a cell's face, of this centre, on which the velocity is imposed: less than 1 where the patch ends within a cell.
+    /// Returns the part of a cell's face, of this centre, on which the velocity is imposed: less than 1 where the patch
+    /// ends within a cell.
     fn part(&self, _centre: [f64; 3]) -> f64 {
         1.0
     }

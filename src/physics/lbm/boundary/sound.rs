@@ -173,12 +173,13 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * self.excess);
     }
 
-    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the sums of all ranks: what
-    /// leaves (a), the area, the square of the normal velocity (q), and what would enter without κ (b).
+    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the sums
+    /// of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter without κ
+    /// (b).
     ///
-    /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. Sound sees this pressure p and the velocity
-    /// u = j/(1 + 3 p) of the plane wave; the pressure that is held is a + b + κ - q, with the velocities of the profile:
-    /// (p - P) - c (u - û) + K (a + b + κ - q - P) = the memory, linear in κ.
+    /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. Sound sees this
+    /// pressure p and the velocity u = j/(1 + 3 p) of the plane wave; the pressure that is held is a + b + κ - q, with
+    /// the velocities of the profile: (p - P) - c (u - û) + K (a + b + κ - q - P) = the memory, linear in κ.
     pub(super) fn hear_outflow(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
         let Some([leaves, square, enters]) = means(sums) else {
             return;
@@ -230,7 +231,8 @@ fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
     (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
 }
 
-/// Returns the mean velocity out of the domain that imposed velocities bring about; none where other openings let through what they will.
+/// Returns the mean velocity out of the domain that imposed velocities bring about; none where other openings let
+/// through what they will.
 pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
     let mut inflows = Vec::new();
     let mut free = 0;
@@ -392,7 +394,8 @@ mod tests {
         Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
     }
 
-    /// Waves no longer than a fifth of the domain come back to less than one per cent from each outflow that holds the mean pressure.
+    /// Waves no longer than a fifth of the domain come back to less than one per cent from each outflow that holds the
+    /// mean pressure.
     #[test]
     fn sound_leaves_through_outflows() {
         for carried in [Carried::Local, Carried::Whole, Carried::Given(0.05)] {

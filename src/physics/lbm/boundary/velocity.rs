@@ -193,9 +193,9 @@ pub struct Links {
     within: Option<(usize, [[f64; 2]; 3])>,
     /// The discharge that is stated, at full speed; none where nothing is.
     discharge: Option<f64>,
-    /// What the links of this rank let in at a factor of one, in quanta.
+    /// Discharge of the links of this rank at a factor of one, in quanta.
     given: i128,
-    /// What the velocities are multiplied by so that all links together let the discharge in.
+    /// Factor of the velocities with which all links together let the discharge in.
     balance: f64,
     /// What fluctuates, and axis and end of the face.
     turbulence: Option<(Synthetic, (usize, bool))>,

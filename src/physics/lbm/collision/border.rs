@@ -77,8 +77,9 @@ impl Situation {
     }
 }
 
-/// Openings in 2-D, with two relaxation times and with one. The map has lattice velocities 0.2 and 0.28; at the latter eddies pass the guard at
-/// 0.3. Between the points of the map cylinders at other places failed from 12 on with two relaxation times.
+/// Openings in 2-D, with two relaxation times and with one. The map has lattice velocities 0.2 and 0.28; at the latter
+/// eddies pass the guard at 0.3. Between the points of the map cylinders at other places failed from 12 on with two
+/// relaxation times.
 pub(super) const CYLINDER: [Border; 2] = [
     cylinder(&[
         Bounds::up_to(0.21, 10.0, 12.0),
