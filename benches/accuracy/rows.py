@@ -25,7 +25,8 @@ SQUARE = {0.05: 15.56, 0.3: 102.90, 0.4: 217.89, 0.5: 532.55, 0.6: 1763, 0.7: 13
 CUBIC = {0.216: 7.442, 0.343: 15.4, 0.45: 28.1, 0.5236: 42.1}
 LEAST = 0.001
 # Fewest cells of a row: below, no scheme is meant to work.
-FEWEST = {"gap": 1.0, "moving": 0.5, "layer": 0.5, "diameter": 6.0, "wall": 6.0, "vortex": 6.0, "blocks": 4.0, "blocks in gaps": 3.69}
+FEWEST = {"gap": 1.0, "moving": 0.5, "layer": 0.5, "diameter": 6.0, "wall": 6.0, "vortex": 6.0, "blocks": 4.0, "blocks in gaps": 3.69,
+          "ways beside spheres": 1.0, "ways between blocks": 2.0, "ways between structures": 1.5}
 
 
 def members(study):
@@ -133,15 +134,17 @@ def flows(study, found):
     for m in members(study):
         if not m["Q"]:
             continue
-        name, coupling, cells, place = m["problem"], m["coupling"], m["cells"], ""
+        name, coupling, cells, place = m["problem"], m.get("coupling"), m["cells"], ""
         if name:
             slugs[re.sub(r"[^A-Za-z0-9.]+", "-", name)] = name
         else:
             slug, cells = re.fullmatch(r"(.*)-(\d+)-cells", m["member"]).groups()
             name, coupling = slugs.get(slug), found
             if not name:
-                slug, coupling, place = re.fullmatch(r"(.*)-(half-way|interpolated|matched)-(place-\d)", slug).groups()
-                name = slugs[slug]
+                moved = re.fullmatch(r"(.*)-(half-way|interpolated|matched)-(place-\d)", slug)
+                slug, coupling, place = moved.groups() if moved else (slug, found, "")
+                # Problems that have no other members bear their name.
+                name = slugs.get(slug, slug.replace("-", " "))
         values = float(m["Q"]), float(m["F"]) if m.get("F") else None
         problems.setdefault(name, {})[coupling, int(cells), place] = values
     return problems
@@ -275,7 +278,52 @@ def cylinders():
                 yield f"cylinder in a channel at Re {reynolds}", 2, "diameter", m["coupling"], int(m["cells"]) * 0.1 / 0.41, error, reynolds
 
 
+# Narrowest places of the ways, as the plan finds them, and smallest widths of bodies in open arrays [mm].
+WAYS = {
+    "serpentine": 0.33, "orifice": 0.26, "staggered boxes": 0.46, "slit": 0.17, "disc between plates": 0.13, "step in a channel": 0.29,
+    "sphere in a duct 0.9": 0.20, "sphere in a duct 0.8": 0.21, "cubes 0.8": 0.23, "bars 0.75": 0.22, "slabs 0.8": 0.28,
+    "square orifice": 0.38, "baffles in a duct": 0.36, "octahedra 0.36": 0.42, "octahedra 0.45": 0.52, "turned cubes 0.56": 0.49,
+}
+
+
+def ways(study, dimension):
+    for name, values in flows(study, "interpolated").items():
+        kind = name.split(",")[0]
+        finest = {n: v[0] for (c, n, _), v in values.items() if c in ("interpolated", None)}
+        order = 2.0 if kind.startswith("sphere") else 1.3 if dimension == 2 else 1.5
+        exact = extrapolated(finest, order)
+        # The discharge per millimetre of depth, or through a square millimetre, over the viscosity.
+        reynolds = float(f"{exact / 1e-6:.3g}") if name.endswith("6000 N/m3") else 0
+        operators = {"matched": "viscosity matched", "half-way": "half-way links", "interpolated": "interpolated links"}
+        for (coupling, cells, _), pair in values.items():
+            if coupling in ("interpolated", None) and cells == max(finest):
+                continue
+            if kind.startswith("sphere"):
+                rows = f"ways beside spheres: {OBSTACLES[coupling]}"
+            elif kind.startswith(("octahedra", "turned")):
+                rows = f"blocks: {operators[coupling]}"
+            elif kind.startswith(("cubes", "bars", "slabs")):
+                rows = f"ways between blocks: {operators[coupling]}"
+            else:
+                rows = "ways between structures"
+            shown = f"way past {kind}" + (f" at Re {reynolds}" if reynolds else "")
+            yield shown, dimension, rows, None, cells * WAYS[kind], errors(pair[:1], [exact]), reynolds
+
+
+def positions():
+    exact = {0.05: 15.56, 0.1: 24.83, 0.2: 51.53, 0.4: 217.89, 0.6: 1763}
+    for m in members("positions"):
+        if m["Q"]:
+            phi = float(m["problem"].split()[1])
+            diameter = math.sqrt(4 * phi / math.pi)
+            kind, size = ("gap", 1 - diameter) if 1 - diameter < diameter else ("diameter", diameter)
+            error = abs(float(m["Q"]) / (0.15 * 1e-6 / exact[phi]) - 1)
+            yield f"array {phi} at five places", 2, kind, m["coupling"], int(m["cells"]) * size, error, 0
+
+
 PLACES = {
+    "way past": "benches/accuracy/ways-2d and ways-3d: flow against the extrapolation of the two finest grids",
+    "array": "benches/accuracy/positions: flow against Sangani and Acrivos 1982; the worst of five places on the lattice",
     "square array at inertia": "benches/accuracy/square-arrays-inertia: flow against the extrapolation of its two finest grids",
     "square array": "benches/accuracy/square-arrays: flow against Sangani and Acrivos 1982",
     "rod in": "benches/accuracy/slot: flow against the extrapolation of its two finest grids",
@@ -293,6 +341,7 @@ PLACES = {
 
 SOURCES = (
     arrays, inertia, slots, turning, spheres, layers, cylinders, single_cylinders, single_spheres, packed_lattices, walls_2d, walls_3d, blocks,
+    lambda: ways("ways-2d", 2), lambda: ways("ways-3d", 3), positions,
 )
 
 

@@ -24,6 +24,7 @@ pub(crate) mod solids;
 pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
+mod ways;
 
 use super::Scene;
 use super::findings::Findings;

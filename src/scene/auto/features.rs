@@ -2,6 +2,7 @@
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
+use super::ways::{self, Beside, Way};
 use crate::case::Case;
 use crate::case::boundary::Boundary;
 use crate::case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
@@ -11,7 +12,8 @@ use crate::case::grains::GrainSource;
 use crate::case::observe::Action;
 use crate::case::solids::{Body, Shape};
 use crate::case::structures::Shape as Structure;
-use crate::dem::polyhedron::Polyhedron;
+use crate::dem::polyhedron::{HalfSpace, Polyhedron};
+use crate::scene::Scene;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
 
@@ -20,6 +22,9 @@ const DENSE: f64 = 0.6;
 
 /// Rows of the table for layers that viscosity spreads in time.
 pub(crate) const LAYERS: &str = "layers in time";
+
+/// Rows of the table for ways between structures, or a structure and a wall.
+pub(crate) const STRUCTURES: &str = "ways between structures";
 
 /// Rows of the table for vortices away from walls.
 const VORTICES: &str = "vortices";
@@ -105,11 +110,19 @@ fn packed(obstacle: &'static str) -> &'static str {
 pub(crate) fn of(
     case: &Case,
     lbm: &LatticeBoltzmann,
-    flow: Option<&Flow>,
+    scene: Option<&Scene>,
     speed: Option<f64>,
 ) -> Vec<Feature> {
+    let flow = scene.and_then(|scene| scene.flow.as_ref());
     let mut list = solids(case, lbm, flow);
     list.extend(structures(case));
+    if let (Some(scene), Some(flow)) = (scene, flow) {
+        list.extend(
+            ways::of(scene, flow)
+                .into_iter()
+                .filter_map(|way| of_way(way, case, flow)),
+        );
+    }
     let mut walls = |what: String, size: f64| {
         list.push(Feature {
             what,
@@ -240,6 +253,48 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     }
 }
 
+/// The narrowest place of a way; none where other features stand for it.
+fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
+    let coupling = coupling_of(case);
+    let beside = |round| {
+        coupling
+            .as_ref()
+            .map(|coupling| obstacle(coupling, Some(flow), round))
+    };
+    let obstacle = match way.beside {
+        // The plane has the gaps of all pairs, and pores stand for packed spheres.
+        Beside::Balls => return None,
+        Beside::BallAndWall | Beside::Faces if case.domain.size.0.len() == 2 => return None,
+        Beside::BallAndWall => beside_a_wall(beside(true)?),
+        Beside::Faces => between_faces(beside(false)?),
+        Beside::Structure => STRUCTURES,
+    };
+    Some(Feature {
+        what: way.what,
+        size: way.width,
+        obstacle,
+    })
+}
+
+/// Rows of the table for ways between a sphere and a wall.
+fn beside_a_wall(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "ways beside spheres: half-way links",
+        "interpolated links" => "ways beside spheres: interpolated links",
+        _ => "ways beside spheres: partially saturated cells",
+    }
+}
+
+/// Rows of the table for ways between blocks, their periodic images and walls.
+fn between_faces(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "blocks: half-way links" => "ways between blocks: half-way links",
+        "blocks: interpolated links" => "ways between blocks: interpolated links",
+        "blocks: viscosity matched" => "ways between blocks: viscosity matched",
+        _ => "ways between blocks: not measured",
+    }
+}
+
 /// Diameters of round structures. Sheets and boxes hold water back however thin they are.
 fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     let wet = case.structures.iter().filter(|s| s.stops.water());
@@ -277,18 +332,20 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// The smallest width of a shape; of a hull along the axes, none where it is not known yet.
+/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none where it is not known yet.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),
         Shape::Cuboid { edges } => edges.iter().copied().reduce(f64::min),
-        Shape::Vertices(points) => (0..3)
-            .map(|a| {
-                let along = points.iter().map(|p| p[a]);
-                let high = along.clone().fold(f64::NEG_INFINITY, f64::max);
-                high - along.fold(f64::INFINITY, f64::min)
-            })
-            .reduce(f64::min),
+        Shape::Vertices(points) => {
+            let points: Vec<_> = points.iter().copied().map(Into::into).collect();
+            let hull = Polyhedron::from_vertices(&points).ok()?.shape;
+            let across = |plane: &HalfSpace| {
+                let heights = hull.vertices().iter().map(|corner| plane.height(corner));
+                -heights.fold(f64::INFINITY, f64::min)
+            };
+            hull.half_spaces().iter().map(across).reduce(f64::min)
+        }
         Shape::HalfSpaces(_) | Shape::Mesh(_) => None,
     }
 }

@@ -340,20 +340,20 @@ fn moving(places: &Places<'_>, solids: &[Solid], near: &[Link]) -> Vec<Gap> {
 }
 
 /// Sets of solids that are joined, with the periods between a solid and the root of its set.
-struct Sets {
+pub(super) struct Sets {
     parent: Vec<usize>,
     shift: Vec<[i32; 3]>,
 }
 
 impl Sets {
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         Self {
             parent: (0..count).collect(),
             shift: vec![[0; 3]; count],
         }
     }
 
-    fn root(&mut self, mut k: usize) -> (usize, [i32; 3]) {
+    pub(super) fn root(&mut self, mut k: usize) -> (usize, [i32; 3]) {
         let mut by = [0; 3];
         while self.parent[k] != k {
             let up = self.parent[k];
@@ -371,7 +371,7 @@ impl Sets {
     }
 
     /// Joins two; the periods round a ring that this closes, if it does.
-    fn join(&mut self, one: usize, other: usize, by: [i32; 3]) -> Option<[i32; 3]> {
+    pub(super) fn join(&mut self, one: usize, other: usize, by: [i32; 3]) -> Option<[i32; 3]> {
         let (a, of_one) = self.root(one);
         let (b, of_other) = self.root(other);
         let between = std::array::from_fn(|axis| of_one[axis] + by[axis] - of_other[axis]);

@@ -10,7 +10,6 @@ use crate::lbm::boundary::Condition;
 use crate::number::{real, whole};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, length_of, number};
-use crate::scene::flow::Flow;
 
 /// A spacing and its reason; no reason if the case states it.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,7 +107,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;
     let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
-    let mut wanted = needs(case, lbm, Some(flow), Some(speed))
+    let mut wanted = needs(case, lbm, Some(scene), Some(speed))
         .into_iter()
         .reduce(finest)?;
     if scene.grid.dimension == 2
@@ -133,7 +132,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,
-    flow: Option<&Flow>,
+    scene: Option<&Scene>,
     speed: Option<f64>,
 ) -> Vec<(f64, String)> {
     let Some(accuracy) = asked(case) else {
@@ -155,7 +154,7 @@ fn needs(
         Some((feature.size / cells, reason))
     };
     // What grows in a short run asks for no cells: the plan says that it is not resolved.
-    let mut needs: Vec<(f64, String)> = features::of(case, lbm, flow, None)
+    let mut needs: Vec<(f64, String)> = features::of(case, lbm, scene, None)
         .iter()
         .filter_map(need)
         .collect();

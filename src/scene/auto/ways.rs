@@ -1,0 +1,632 @@
+//! The narrowest places of the widest ways of the water, by clearance.
+//!
+//! The clearance of a point is its distance to the nearest solid: walls, bodies and their periodic images, blocks, structures. A way is as wide as
+//! twice the smallest clearance along it. Samples of a grid are joined in the order of their clearance; the sample that first joins two openings, or
+//! closes a ring round a periodic axis, is the narrowest place of the widest way. Near this place the same is done with finer samples.
+
+use super::gaps::Sets;
+use crate::dem::polyhedron::Solid as Hull;
+use crate::number::real;
+use crate::scene::Scene;
+use crate::scene::boundaries::Patch;
+use crate::scene::flow::Flow;
+use crate::structure::Point;
+use crate::structure::mesh::Mesh;
+use nalgebra::Vector3;
+
+/// Samples in 2-D and 3-D.
+const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
+/// Fewest samples along an axis.
+const FEWEST: f64 = 8.0;
+/// Finer samples for each of a coarser grid, and how often they are made finer.
+const FINER: usize = 4;
+const LEVELS: usize = 3;
+/// Samples on each side of the narrowest place that are looked at again.
+const ABOUT: usize = 2;
+/// Ways wider than this many widths of the bodies beside them are open water.
+const WIDE: f64 = 1.0;
+/// Most solids that are looked at.
+const MOST_SOLIDS: usize = 20_000;
+
+/// What stands beside a way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Beside {
+    /// Spheres or discs, and no wall.
+    Balls,
+    /// A sphere or a disc, and a wall.
+    BallAndWall,
+    /// A block.
+    Faces,
+    /// A structure.
+    Structure,
+}
+
+/// The narrowest place of a way.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Way {
+    /// In words: "narrowest way between `a` and the upper wall along y".
+    pub(crate) what: String,
+    /// Its width \[m\].
+    pub(crate) width: f64,
+    /// What stands beside it.
+    pub(crate) beside: Beside,
+}
+
+enum Form {
+    Ball(f64),
+    Hull(Mesh),
+}
+
+struct Body {
+    name: String,
+    at: Point,
+    form: Form,
+    /// Radius about the centre that holds it \[m\].
+    reach: f64,
+    /// Smallest width \[m\].
+    width: f64,
+}
+
+impl Body {
+    fn of(name: String, at: Point, radius: f64, hull: Option<&Hull>) -> Option<Self> {
+        let Some(hull) = hull else {
+            return Some(Self {
+                name,
+                at,
+                form: Form::Ball(radius),
+                reach: radius,
+                width: 2.0 * radius,
+            });
+        };
+        let corners = hull.vertices();
+        let shape = &hull.shape;
+        let mut triangles = Vec::new();
+        for face in 0..shape.half_spaces().len() {
+            let corner = |k: u32| <[f64; 3]>::from(corners[k as usize] - hull.position);
+            let around = shape.face(face);
+            for pair in around.windows(2).skip(1) {
+                triangles.push([corner(around[0]), corner(pair[0]), corner(pair[1])]);
+            }
+        }
+        let planes = hull.half_spaces();
+        let extent = |n: &Vector3<f64>| {
+            let along = corners.iter().map(|corner| n.dot(corner));
+            let high = along.clone().fold(f64::NEG_INFINITY, f64::max);
+            high - along.fold(f64::INFINITY, f64::min)
+        };
+        let widths = planes.iter().map(|plane| extent(&plane.normal));
+        Some(Self {
+            name,
+            at: hull.position.into(),
+            form: Form::Hull(Mesh::new(&triangles).ok()?),
+            reach: shape.radius(),
+            width: widths.fold(f64::INFINITY, f64::min),
+        })
+    }
+
+    /// Returns the distance of a point that is given from the centre \[m\], negative inside.
+    fn distance(&self, from: Point) -> f64 {
+        match &self.form {
+            Form::Ball(radius) => Vector3::from(from).norm() - radius,
+            Form::Hull(mesh) => mesh.distance(from),
+        }
+    }
+}
+
+/// What a point is near to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Neighbour {
+    Body(usize),
+    Structure(usize),
+    Wall(usize, bool),
+}
+
+struct Ground<'a> {
+    scene: &'a Scene,
+    dimension: usize,
+    size: Point,
+    bodies: Vec<Body>,
+    /// Faces that hold water, and the openings in them.
+    walls: Vec<(usize, bool, Vec<[Point; 2]>)>,
+    /// Openings: axis, side and rectangle \[m\].
+    openings: Vec<(usize, bool, [Point; 2])>,
+}
+
+impl<'a> Ground<'a> {
+    fn of(scene: &'a Scene, flow: &Flow) -> Self {
+        let grid = &scene.grid;
+        let passes = |patch: &&Patch| patch.condition.model().passes_water();
+        let rectangle = |patch: &Patch| {
+            let place = patch.place(grid, "");
+            let ends = place.ends;
+            let low = std::array::from_fn(|a| ends[a][0] * grid.spacing);
+            let high = std::array::from_fn(|a| ends[a][1] * grid.spacing);
+            [low, high]
+        };
+        let openings: Vec<_> = flow
+            .patches()
+            .filter(passes)
+            .map(|patch| (patch.face.axis(), patch.face.is_max(), rectangle(patch)))
+            .collect();
+        let mut walls = Vec::new();
+        for axis in (0..grid.dimension).filter(|a| !grid.periodic[*a]) {
+            for upper in [false, true] {
+                let on_it = openings
+                    .iter()
+                    .filter(|(a, u, _)| (*a, *u) == (axis, upper));
+                walls.push((axis, upper, on_it.map(|(_, _, ends)| *ends).collect()));
+            }
+        }
+        let named = scene.bodies.iter().filter_map(|body| {
+            Body::of(
+                body.name.clone(),
+                body.position,
+                body.radius,
+                body.solid.as_ref(),
+            )
+        });
+        let blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
+        let blocks = blocks.enumerate().filter_map(|(n, block)| {
+            Body::of(format!("block {n}"), [0.0; 3], 0.0, Some(&block.solid))
+        });
+        Self {
+            scene,
+            dimension: grid.dimension,
+            size: grid.size,
+            bodies: named.chain(blocks).collect(),
+            walls,
+            openings,
+        }
+    }
+
+    fn wall(&self, wall: usize, at: Point) -> f64 {
+        let (axis, upper, openings) = &self.walls[wall];
+        let away = if *upper {
+            self.size[*axis] - at[*axis]
+        } else {
+            at[*axis]
+        };
+        // Before an opening the wall begins at its rim.
+        let rim = openings.iter().filter_map(|[low, high]| {
+            let across = (0..self.dimension).filter(|a| a != axis);
+            let inside = across.map(|a| {
+                let whole = [low[a] <= 0.0, high[a] >= self.size[a]];
+                let to = |end: f64, open: bool| if open { f64::INFINITY } else { end };
+                to(at[a] - low[a], whole[0]).min(to(high[a] - at[a], whole[1]))
+            });
+            let inside = inside.fold(f64::INFINITY, f64::min);
+            (inside >= 0.0).then_some(inside)
+        });
+        rim.reduce(f64::max)
+            .map_or(away, |inside| away.hypot(inside))
+    }
+
+    fn structures(&self) -> impl Iterator<Item = (usize, &'a crate::scene::structures::Structure)> {
+        let all = self.scene.structures.iter().enumerate();
+        all.filter(|(_, structure)| structure.stops.water())
+    }
+
+    /// Returns the two nearest solids of a point and their distances.
+    fn nearest(&self, at: Point) -> [(f64, Option<Neighbour>); 2] {
+        let mut found = [(f64::INFINITY, None); 2];
+        type Two = [(f64, Option<Neighbour>); 2];
+        let offer = |found: &mut Two, distance: f64, neighbour: Neighbour| {
+            if distance < found[0].0 {
+                *found = [(distance, Some(neighbour)), found[0]];
+            } else if distance < found[1].0 {
+                found[1] = (distance, Some(neighbour));
+            }
+        };
+        for (k, (axis, upper, _)) in self.walls.iter().enumerate() {
+            offer(&mut found, self.wall(k, at), Neighbour::Wall(*axis, *upper));
+        }
+        for (k, structure) in self.structures() {
+            offer(
+                &mut found,
+                structure.solid.distance(at),
+                Neighbour::Structure(k),
+            );
+        }
+        let turns = |a: usize| {
+            let periodic = a < self.dimension && self.scene.grid.periodic[a];
+            if periodic { -1..=1 } else { 0..=0 }
+        };
+        for (k, body) in self.bodies.iter().enumerate() {
+            for x in turns(0) {
+                for y in turns(1) {
+                    for z in turns(2) {
+                        let by = [f64::from(x), f64::from(y), f64::from(z)];
+                        let from = self
+                            .from_body(body, std::array::from_fn(|a| at[a] + by[a] * self.size[a]));
+                        let at_least = Vector3::from(from).norm() - body.reach;
+                        if at_least < found[1].0 {
+                            offer(&mut found, body.distance(from), Neighbour::Body(k));
+                        }
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn from_body(&self, body: &Body, at: Point) -> Point {
+        std::array::from_fn(|a| {
+            if a < self.dimension {
+                at[a] - body.at[a]
+            } else {
+                0.0
+            }
+        })
+    }
+
+    fn name(&self, neighbour: Neighbour) -> String {
+        match neighbour {
+            Neighbour::Body(k) => format!("`{}`", self.bodies[k].name),
+            Neighbour::Structure(k) => format!("`{}`", self.scene.structures[k].name),
+            Neighbour::Wall(axis, upper) => {
+                let side = if upper { "upper" } else { "lower" };
+                format!("the {side} wall along {}", ["x", "y", "z"][axis])
+            }
+        }
+    }
+
+    /// Returns the way whose narrowest place is `at`; none where it is open water.
+    fn way(&self, at: Point) -> Option<Way> {
+        let near = self.nearest(at);
+        let width = 2.0 * near[0].0;
+        let sides: Vec<Neighbour> = near
+            .iter()
+            .filter_map(|(_, neighbour)| *neighbour)
+            .collect();
+        let bodies = sides.iter().filter_map(|side| match side {
+            Neighbour::Body(k) => Some(&self.bodies[*k]),
+            _ => None,
+        });
+        let faces = bodies
+            .clone()
+            .any(|body| matches!(body.form, Form::Hull(_)));
+        let thinnest = bodies.clone().map(|body| body.width).reduce(f64::min);
+        let structure = sides
+            .iter()
+            .any(|side| matches!(side, Neighbour::Structure(_)));
+        let beside = match (structure, faces, bodies.count()) {
+            (true, ..) => Beside::Structure,
+            (_, true, _) => Beside::Faces,
+            (_, _, 2) => Beside::Balls,
+            (_, _, 1) => Beside::BallAndWall,
+            _ => return None,
+        };
+        let open =
+            beside != Beside::Structure && thinnest.is_some_and(|least| width >= WIDE * least);
+        let names: Vec<String> = sides.iter().map(|side| self.name(*side)).collect();
+        (width > 0.0 && !open).then(|| Way {
+            what: format!("narrowest way, between {}", names.join(" and ")),
+            width,
+            beside,
+        })
+    }
+}
+
+/// Samples of a box.
+struct Samples {
+    low: Point,
+    step: Point,
+    count: [usize; 3],
+    clearance: Vec<f64>,
+}
+
+impl Samples {
+    fn point(&self, k: usize) -> Point {
+        let cell = self.cell(k);
+        std::array::from_fn(|a| self.low[a] + (real(cell[a]) + 0.5) * self.step[a])
+    }
+
+    fn cell(&self, k: usize) -> [usize; 3] {
+        let [x, y, _] = self.count;
+        [k % x, k / x % y, k / (x * y)]
+    }
+
+    fn index(&self, cell: [usize; 3]) -> usize {
+        cell[0] + self.count[0] * (cell[1] + self.count[1] * cell[2])
+    }
+
+    /// Returns the samples from the widest to the narrowest; of equal ones the first comes first.
+    fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.clearance.len()).collect();
+        order.sort_by(|a, b| {
+            self.clearance[*b]
+                .total_cmp(&self.clearance[*a])
+                .then(a.cmp(b))
+        });
+        order
+    }
+
+    /// Calls `each` with the samples beside one, and the period that is crossed.
+    fn beside(&self, k: usize, periodic: [bool; 3], mut each: impl FnMut(usize, [i32; 3])) {
+        let cell = self.cell(k);
+        for axis in 0..3 {
+            for up in [false, true] {
+                let mut other = cell;
+                let mut by = [0; 3];
+                let end = if up { self.count[axis] - 1 } else { 0 };
+                if cell[axis] != end {
+                    other[axis] = if up { cell[axis] + 1 } else { cell[axis] - 1 };
+                } else if periodic[axis] {
+                    other[axis] = self.count[axis] - 1 - end;
+                    by[axis] = if up { 1 } else { -1 };
+                } else {
+                    continue;
+                }
+                each(self.index(other), by);
+            }
+        }
+    }
+}
+
+/// Returns the narrowest places of the widest ways of the water between openings and round periodic axes.
+pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
+    let structures = scene.structures.iter().any(|s| s.stops.water());
+    let bodies = scene.bodies.len() + scene.blocks.as_ref().map_or(0, |blocks| blocks.list.len());
+    // Gaps of discs are known exactly.
+    let bodies = if scene.grid.dimension == 2 { 0 } else { bodies };
+    if !structures && bodies == 0 || bodies > MOST_SOLIDS {
+        return Vec::new();
+    }
+    let ground = Ground::of(scene, flow);
+    let samples = sampled(&ground);
+    let mut ways: Vec<Way> = Vec::new();
+    for [one, other] in narrowest(&ground, &samples) {
+        let at = refined(&ground, &samples, one, other);
+        ways.extend(ground.way(at).filter(|way| !ways.contains(way)));
+    }
+    ways
+}
+
+fn sampled(ground: &Ground<'_>) -> Samples {
+    let dimension = ground.dimension;
+    let volume: f64 = (0..dimension).map(|a| ground.size[a]).product();
+    let step = (volume / SAMPLES[dimension - 2]).powf(1.0 / real(dimension));
+    let count = std::array::from_fn(|a| {
+        if a < dimension {
+            crate::number::whole((ground.size[a] / step).round().max(FEWEST))
+        } else {
+            1
+        }
+    });
+    let step = std::array::from_fn(|a| {
+        if a < dimension {
+            ground.size[a] / real(count[a])
+        } else {
+            0.0
+        }
+    });
+    let mut samples = Samples {
+        low: [0.0; 3],
+        step,
+        count,
+        clearance: Vec::new(),
+    };
+    let all = 0..count.iter().product();
+    samples.clearance = all
+        .map(|k| {
+            let at = samples.point(k);
+            let walls = (0..ground.walls.len()).map(|wall| ground.wall(wall, at));
+            let structures = ground
+                .structures()
+                .map(|(_, structure)| structure.solid.distance(at));
+            walls.chain(structures).fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    let cap = 0.5
+        * WIDE
+        * ground
+            .bodies
+            .iter()
+            .map(|body| body.width)
+            .fold(0.0, f64::max);
+    for body in &ground.bodies {
+        near(ground, &mut samples, body, cap);
+    }
+    samples
+}
+
+/// Lowers the clearance of the samples that are nearer than `cap` to a body or one of its images.
+fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
+    let range = |a: usize| -> Vec<(usize, f64)> {
+        if a >= ground.dimension {
+            return vec![(0, 0.0)];
+        }
+        let (step, count) = (samples.step[a], samples.count[a].cast_signed());
+        let ends = [-1.0, 1.0].map(|sign| (body.at[a] + sign * (body.reach + cap)) / step - 0.5);
+        #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
+        let [first, last] = [ends[0].ceil() as isize, ends[1].floor() as isize];
+        let periodic = ground.scene.grid.periodic[a];
+        let inside = |k: &isize| periodic || (0..count).contains(k);
+        #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
+        let place = |k: isize| (k as f64 + 0.5) * step - body.at[a];
+        let list = (first..=last).filter(inside);
+        list.map(|k| (k.rem_euclid(count).cast_unsigned(), place(k)))
+            .collect()
+    };
+    let [xs, ys, zs] = [range(0), range(1), range(2)];
+    for (k, z) in &zs {
+        for (j, y) in &ys {
+            for (i, x) in &xs {
+                let distance = body.distance([*x, *y, *z]);
+                let index = samples.index([*i, *j, *k]);
+                let clearance = &mut samples.clearance[index];
+                *clearance = clearance.min(distance);
+            }
+        }
+    }
+}
+
+/// Returns the samples on both sides of each narrowest place: where openings are joined, and where a ring closes round a periodic axis.
+fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<[usize; 2]> {
+    let count = samples.clearance.len();
+    let openings = &ground.openings;
+    let mut sets = Sets::new(count + openings.len());
+    let mut there = vec![false; count];
+    let mut around = [false; 3];
+    let mut has_opening: Vec<bool> = vec![false; count];
+    has_opening.extend(vec![true; openings.len()]);
+    let mut found = Vec::new();
+    for k in samples.order() {
+        there[k] = true;
+        let at = samples.point(k);
+        let cell = samples.cell(k);
+        let mut widest_beside = k;
+        let mut joined: Vec<(usize, [i32; 3])> = Vec::new();
+        samples.beside(k, ground.scene.grid.periodic, |other, by| {
+            if there[other] {
+                joined.push((other, by));
+            }
+        });
+        for (n, (axis, upper, [low, high])) in openings.iter().enumerate() {
+            let end = if *upper { samples.count[*axis] - 1 } else { 0 };
+            let mut across = (0..ground.dimension).filter(|a| a != axis);
+            if cell[*axis] == end && across.all(|a| low[a] <= at[a] && at[a] <= high[a]) {
+                joined.push((count + n, [0; 3]));
+            }
+        }
+        for (other, by) in joined {
+            let (one_root, other_root) = (sets.root(k).0, sets.root(other).0);
+            let open = has_opening[one_root] && has_opening[other_root];
+            let ring = sets.join(k, other, by);
+            let sides = [widest_beside, if other < count { other } else { k }];
+            match ring {
+                None => {
+                    let root = sets.root(k).0;
+                    has_opening[root] = has_opening[one_root] || has_opening[other_root];
+                    if open {
+                        found.push(sides);
+                    }
+                }
+                Some(by) => {
+                    for axis in 0..3 {
+                        if by[axis] != 0 && !around[axis] {
+                            around[axis] = true;
+                            found.push(sides);
+                        }
+                    }
+                }
+            }
+            if other < count
+                && (widest_beside == k
+                    || samples.clearance[other] > samples.clearance[widest_beside])
+            {
+                widest_beside = other;
+            }
+        }
+        if around
+            .iter()
+            .zip(ground.scene.grid.periodic)
+            .all(|(found, periodic)| *found || !periodic)
+            && found.len() + 1 >= openings.len() + around.iter().filter(|found| **found).count()
+        {
+            break;
+        }
+    }
+    found
+}
+
+/// Returns the narrowest place between two samples, by finer and finer samples about it.
+fn refined(ground: &Ground<'_>, samples: &Samples, one: usize, other: usize) -> Point {
+    let mut ends = [samples.point(one), samples.point(other)];
+    let mut step = samples.step;
+    // Ends on both sides of a period are brought together.
+    for a in (0..ground.dimension).filter(|a| ground.scene.grid.periodic[*a]) {
+        let apart = ends[1][a] - ends[0][a];
+        ends[1][a] -= (apart / ground.size[a]).round() * ground.size[a];
+    }
+    let mut best = (f64::NEG_INFINITY, ends[0]);
+    for _ in 0..LEVELS {
+        let middle: Point = std::array::from_fn(|a| 0.5 * (ends[0][a] + ends[1][a]));
+        let apart: Point = std::array::from_fn(|a| 0.5 * (ends[1][a] - ends[0][a]).abs());
+        let fine: Point = std::array::from_fn(|a| step[a] / real(FINER));
+        let half: Point = std::array::from_fn(|a| apart[a] + real(ABOUT) * step[a]);
+        let count = std::array::from_fn(|a| {
+            if a < ground.dimension {
+                crate::number::whole((2.0 * half[a] / fine[a]).round().max(1.0))
+            } else {
+                1
+            }
+        });
+        let mut inner = Samples {
+            low: std::array::from_fn(|a| middle[a] - 0.5 * real(count[a]) * fine[a]),
+            step: fine,
+            count,
+            clearance: Vec::new(),
+        };
+        let inside = |at: Point| {
+            (0..ground.dimension)
+                .all(|a| ground.scene.grid.periodic[a] || (0.0..=ground.size[a]).contains(&at[a]))
+        };
+        inner.clearance = (0..count.iter().product())
+            .map(|k| {
+                let at = inner.point(k);
+                if inside(at) {
+                    ground.nearest(at)[0].0
+                } else {
+                    f64::NEG_INFINITY
+                }
+            })
+            .collect();
+        let nearest = |end: Point| {
+            inner.index(std::array::from_fn(|a| {
+                if a >= ground.dimension {
+                    return 0;
+                }
+                let place = (end[a] - inner.low[a]) / fine[a];
+                crate::number::whole(place.floor().clamp(0.0, real(count[a] - 1)))
+            }))
+        };
+        let goals = ends.map(nearest);
+        let Some([a, b, narrow]) = between(&inner, goals) else {
+            break;
+        };
+        if inner.clearance[narrow] > best.0 {
+            best = (inner.clearance[narrow], inner.point(narrow));
+        }
+        ends = [inner.point(a), inner.point(b)];
+        step = fine;
+    }
+    best.1
+}
+
+/// Returns the samples on both sides of the narrowest place of the widest way between two samples, and this place.
+fn between(samples: &Samples, goals: [usize; 2]) -> Option<[usize; 3]> {
+    if goals[0] == goals[1] {
+        return None;
+    }
+    let mut sets = Sets::new(samples.clearance.len());
+    let mut there = vec![false; samples.clearance.len()];
+    let mut beside = Vec::new();
+    for k in samples.order() {
+        there[k] = true;
+        beside.clear();
+        samples.beside(k, [false; 3], |other, _| {
+            if there[other] {
+                beside.push(other);
+            }
+        });
+        // The ways on both sides come through the widest neighbours in their sets.
+        let mut sides = [k, k];
+        for other in beside.iter().copied() {
+            let root = sets.root(other).0;
+            for (side, goal) in sides.iter_mut().zip(goals) {
+                let towards = there[goal] && sets.root(goal).0 == root;
+                if towards && (*side == k || samples.clearance[other] > samples.clearance[*side]) {
+                    *side = other;
+                }
+            }
+        }
+        for other in &beside {
+            let _ = sets.join(k, *other, [0; 3]);
+        }
+        if there[goals[0]] && there[goals[1]] && sets.root(goals[0]).0 == sets.root(goals[1]).0 {
+            return Some([sides[0], sides[1], k]);
+        }
+    }
+    None
+}
