@@ -92,7 +92,7 @@ impl Members {
             ratios = grids::ratios(&plan.scene, finer);
         }
         if plan.scene.flow.is_some() {
-            grids::check(&plan.scene, &stated, &ratios)?;
+            grids::check(&stated)?;
         }
         let has_grid = plan.scene.flow.is_some() || !ratios.is_empty();
         let wanted = ratios.len() + 1;

@@ -15,7 +15,7 @@
 //! | monotone, p within 10 % of the formal order | F = 1.25 with p, at most the formal order |
 //! | monotone, p below it | F = 3 with p, at least 0.5 |
 //! | monotone, p above it | the finer difference is small by chance: least squares as below |
-//! | two grids | F = 3 with the formal order |
+//! | two grids | F = 3 with first order, extrapolated with the formal one: errors of staircases may cancel in one difference |
 //! | oscillating and shrinking | least squares: the better fit of order 1 and 2, 3 of its error, its standard deviation and its distance from the value, and at least half the range |
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
@@ -94,7 +94,7 @@ impl Behaviour {
                 "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their sign"
             }
             Self::Diverging => "no number is promised: the differences do not shrink",
-            Self::TwoGrids => "grid convergence index, F = 3: two grids and the formal order",
+            Self::TwoGrids => "grid convergence index, F = 3: two grids and first order",
             Self::OneGrid => "no number is promised: the value is known on one grid only",
         }
     }
@@ -170,7 +170,11 @@ impl Series {
             }
         };
         let Some(third) = rest.first() else {
-            return by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS);
+            let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS);
+            // Errors of staircases may cancel in the one difference that there is.
+            let first_order = richardson([first.1, second.1], ratio, self.formal.min(1.0));
+            found.uncertainty = Some(CAUTIOUS * (own - first_order).abs());
+            return found;
         };
         let values = [first.1, second.1, third.1];
         let Some(observed) = apparent_order(values, [ratio, third.0 / second.0]) else {

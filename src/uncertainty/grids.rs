@@ -20,7 +20,6 @@ use crate::error::{Error, Problem, Severity};
 use crate::number::{common_divisor, real, to_u32, whole};
 use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::scene::findings::number;
 use crate::scene::flow::Lattice;
 use crate::scene::seepage::Seepage;
 use serde::Serialize;
@@ -122,7 +121,8 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
     chosen
 }
 
-/// Spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a finer one on request.
+/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a finer one on request or where no
+/// coarser cells divide the edges.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
@@ -136,11 +136,13 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let allowed =
         smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
     let mut chosen = Vec::new();
-    if finer {
+    let coarser = pick(common, wanted, allowed, if finer { 1 } else { 2 });
+    // Where no coarser cells divide the edges, finer ones do.
+    if finer || coarser.is_empty() {
         let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
         chosen.push(real(common) / real(cells));
     }
-    chosen.extend(pick(common, wanted, allowed, if finer { 1 } else { 2 }));
+    chosen.extend(coarser);
     chosen
 }
 
@@ -229,8 +231,8 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
     smallest.is_finite().then_some(2.0 * smallest)
 }
 
-/// The order of the method: second, and first where surfaces of bodies are staircases or partly covered cells, and where water seeps round
-/// edges of structures, at which its velocity has no bound.
+/// Returns the order of the method: second, and first where surfaces of bodies are staircases or partly covered cells, and where water flows or seeps
+/// round edges of structures, at which its stress or velocity has no bound.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
     if let Some(seepage) = &scene.seepage {
@@ -241,7 +243,8 @@ pub fn formal_order(scene: &Scene) -> f64 {
         Some(Coupling::PartiallySaturated(_)) => true,
         None => false,
     };
-    if stairs && scene.has_solids() {
+    let edges = scene.structures.iter().any(|s| s.stops.water());
+    if stairs && scene.has_solids() || edges {
         1.0
     } else {
         2.0
@@ -361,7 +364,7 @@ pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
 ///
 /// # Errors
 /// The field and a remedy.
-pub fn check(scene: &Scene, stated: &Value, ratios: &[f64]) -> Result<(), Error> {
+pub fn check(stated: &Value) -> Result<(), Error> {
     let one = |path: &str, value: String, reason: &str, remedy: &str| {
         Error::Case(vec![Problem {
             path: path.into(),
@@ -379,17 +382,6 @@ pub fn check(scene: &Scene, stated: &Value, ratios: &[f64]) -> Result<(), Error>
             initial.to_string(),
             "a field from a file has one spacing, and an estimate requires several",
             "start from another initial state, or warm up the fluid",
-        ));
-    }
-    if ratios.is_empty() {
-        let cells = &scene.grid.cells[..scene.grid.dimension];
-        return Err(one(
-            "domain.spacing",
-            format!("{} m", number(scene.grid.spacing)),
-            &format!(
-                "no cells of {LEAST_RATIO} times the size or more divide the edges of {cells:?} cells and leave {LEAST_CELLS} cells across the smallest solid"
-            ),
-            "use --finer, a smaller spacing, or edges whose numbers of cells have a larger common divisor",
         ));
     }
     Ok(())

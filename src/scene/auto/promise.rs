@@ -72,7 +72,9 @@ pub(crate) fn judge(
         return;
     };
     let compressibility = 3.0 * lattice_velocity * lattice_velocity;
-    let promised = error + compressibility;
+    let waves = sound::waves(scene, flow);
+    let of_sound = waves.map_or(0.0, |waves| waves.error(scene.grid.spacing, flow.time_step));
+    let promised = error + compressibility + of_sound;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
@@ -84,8 +86,16 @@ pub(crate) fn judge(
     } else {
         ""
     };
+    let swings = if waves.is_some() {
+        format!(
+            "; sound in the oscillating flow {} %",
+            number(100.0 * of_sound)
+        )
+    } else {
+        String::new()
+    };
     let text = format!(
-        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %{means}",
+        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %{swings}{means}",
         bound.rows,
         shortened(&bound.problems),
         number(100.0 * error),

@@ -20,12 +20,18 @@
 //! γ = (S/2V) (ν ω/2)^½,
 //!
 //! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
+//!
+//! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of sound. Incompressible water follows
+//! at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the rate γ above, off by
+//!
+//! e = |x² - i d|/|1 - x² + i d|,  x = ω/ω₀ = λ/(cT),  d = 2γω/ω₀².
 
 use super::gaps::Gap;
 use crate::lbm::boundary::{Inflow, Strength};
 use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::bodies::{Body, Mobility};
+use crate::scene::body_force::BodyForce;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::initial::Initial;
@@ -75,14 +81,19 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
 /// The rate \[1/s\] with which sound of this angular frequency dies away beside a surface over its volume \[1/m\].
 #[must_use]
 pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
-    let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
-    let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
-    let swinging = layers.max(filled);
+    let swinging = damping_of(frequency, viscosity, surface_over_volume);
     if swinging > frequency {
         0.5 * frequency * frequency / swinging
     } else {
         swinging
     }
+}
+
+/// Returns the rate [1/s] of friction in layers, or in layers that fill the way.
+fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
+    let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
+    let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
+    layers.max(filled)
 }
 
 /// A body that starts at once, and the part of its sound that is left when values matter; none where sound leaves through openings.
@@ -100,9 +111,26 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
     };
     let body = scene.bodies.iter().find(started)?;
     let grid = &scene.grid;
+    let sound = grid.spacing / (3.0_f64.sqrt() * flow.time_step);
+    let frequency = (0..grid.dimension).map(|axis| 2.0 * PI * sound / longest_wave(scene, axis));
+    let slowest = frequency.fold(f64::INFINITY, f64::min);
+    let over = surface_over_volume(scene);
+    let rate = damping(slowest, flow.kinematic_viscosity, over);
+    Some((body, (-rate * when(scene)).exp()))
+}
+
+/// Returns the longest standing wave along an axis \[m\]: a period, or twice the way between walls.
+fn longest_wave(scene: &Scene, axis: usize) -> f64 {
+    let waves = if scene.grid.periodic[axis] { 1.0 } else { 2.0 };
+    waves * scene.grid.size[axis]
+}
+
+/// Returns the surface of walls and round bodies over the volume of the water [1/m].
+fn surface_over_volume(scene: &Scene) -> f64 {
+    let grid = &scene.grid;
     let axes = 0..grid.dimension;
     let volume: f64 = axes.clone().map(|axis| grid.size[axis]).product();
-    let walls = axes.clone().filter(|axis| !grid.periodic[*axis]);
+    let walls = axes.filter(|axis| !grid.periodic[*axis]);
     let walls: f64 = walls.map(|axis| 2.0 * volume / grid.size[axis]).sum();
     let (mut surface, mut open) = (walls, volume);
     for radius in scene.bodies.iter().map(|body| body.radius) {
@@ -114,15 +142,78 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
         surface += of_it;
         open -= inside;
     }
-    let sound = grid.spacing / (3.0_f64.sqrt() * flow.time_step);
-    let frequency = axes.map(|axis| {
-        let waves = if grid.periodic[axis] { 2.0 } else { 1.0 };
-        waves * PI * sound / grid.size[axis]
-    });
-    let slowest = frequency.fold(f64::INFINITY, f64::min);
-    let over = surface / open.max(0.1 * volume);
-    let rate = damping(slowest, flow.kinematic_viscosity, over);
-    Some((body, (-rate * when(scene)).exp()))
+    surface / open.max(0.1 * volume)
+}
+
+/// Standing waves of sound that a force which oscillates makes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Waves {
+    /// The longest wave \[m\].
+    length: f64,
+    /// Period of the force \[s\].
+    period: f64,
+    surface_over_volume: f64,
+    viscosity: f64,
+}
+
+/// Returns the waves of the body force; none where it does not oscillate, or drives nothing against walls and solids.
+pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
+    let BodyForce::Oscillating {
+        amplitude, period, ..
+    } = flow.body_force
+    else {
+        return None;
+    };
+    let grid = &scene.grid;
+    let solid = scene.has_solids() || scene.structures.iter().any(|s| s.stops.water());
+    let opens = |axis: usize| {
+        let mut patches = flow.patches();
+        patches.any(|p| p.face.axis() == axis && p.condition.model().passes_water())
+    };
+    let length = |axis: usize| {
+        let driven = amplitude[axis].abs() > 0.0;
+        if opens(axis) {
+            // A quarter of a wave stands between a velocity and a pressure.
+            (driven || solid).then_some(4.0 * grid.size[axis])
+        } else if grid.periodic[axis] {
+            solid.then(|| longest_wave(scene, axis))
+        } else {
+            (driven || solid).then(|| longest_wave(scene, axis))
+        }
+    };
+    let length = (0..grid.dimension).filter_map(length).reduce(f64::max)?;
+    Some(Waves {
+        length,
+        period,
+        surface_over_volume: surface_over_volume(scene),
+        viscosity: flow.kinematic_viscosity,
+    })
+}
+
+impl Waves {
+    /// Returns the relative error of the flow at a spacing \[m\] and a time step \[s\].
+    pub(super) fn error(&self, spacing: f64, time_step: f64) -> f64 {
+        let sound = spacing / (3.0_f64.sqrt() * time_step);
+        let own = 2.0 * PI * sound / self.length;
+        let driven = 2.0 * PI / self.period;
+        let rate = damping_of(own, self.viscosity, self.surface_over_volume);
+        let (x, d) = ((driven / own).powi(2), 2.0 * rate * driven / (own * own));
+        x.hypot(d) / (1.0 - x).hypot(d)
+    }
+
+    /// Returns the longest time step \[s\] with at most this error, and what it keeps.
+    pub(super) fn longest_step(&self, spacing: f64, error: f64) -> (String, f64) {
+        let mut time_step = spacing * self.period * error.sqrt() / (3.0_f64.sqrt() * self.length);
+        while self.error(spacing, time_step) > error {
+            time_step *= 0.9;
+        }
+        let what = format!(
+            "sound that passes waves of {} m in a small part of the period of {} s",
+            number(self.length),
+            number(self.period)
+        );
+        (what, time_step)
+    }
 }
 
 /// A narrow way of the water.

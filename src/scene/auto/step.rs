@@ -122,6 +122,9 @@ pub(crate) fn choose(
     scene.flow = Some(flow);
 }
 
+/// Part of the target that sound in an oscillating flow may use.
+const OF_SOUND: f64 = 0.125;
+
 /// Sets the longest time step within all limits, and notes which binds.
 fn time_step(
     scene: &mut Scene,
@@ -225,6 +228,10 @@ fn limits(
     );
     let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
     if let Some((what, time_step)) = sound::passages(scene, flow) {
+        add(what, time_step.max(stable));
+    }
+    if let Some(waves) = sound::waves(scene, flow) {
+        let (what, time_step) = waves.longest_step(h, OF_SOUND * target);
         add(what, time_step.max(stable));
     }
     for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
