@@ -106,13 +106,15 @@ pub enum ProbeAt {
         /// Coordinate of the plane [m].
         position: f64,
     },
-    /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth).
+    /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth). They are means over the last two steps; `fluid_force_time` is
+    /// their time [s].
     Body {
         /// Name of the body.
         name: String,
     },
     /// Force [N] and torque [N m] of the fluid of a lattice on a structure (2-D: per metre of depth). The torque is about the lower corner
     /// of the domain. The pressure is that of the lattice: without gravity on the fluid it is the excess over hydrostatic.
+    /// The force is the mean over the last step, and `time` the middle of this step.
     Structure {
         /// Name of the structure.
         name: String,
@@ -129,7 +131,8 @@ pub enum ProbeAt {
         #[serde(default)]
         part: Option<Extent>,
     },
-    /// Force of the fluid on a face of the domain [N], and its mean traction [Pa].
+    /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step, and `time` is the middle of
+    /// this step.
     Wall {
         /// The face.
         face: Face,

@@ -1,6 +1,7 @@
 //! Values over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
 //!
-//! Every file begins with the columns `step` and `time`. The columns are the same in 2-D and 3-D. Every value is gathered from the ranks
+//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last step, so that their `time` is half a
+//! step before the end of `step`; the load of the water on a body is the mean over the last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered from the ranks
 //! that own it, or summed without rounding, so that it does not depend on their number.
 //!
 //! | probe | columns |
@@ -80,6 +81,9 @@ enum At {
     Grains(Box<Fabric>),
 }
 
+/// Steps between the force of the water on a body and its row: it is the mean over the last two steps.
+const LOAD_OF_A_BODY: f64 = 1.0;
+
 /// A column and its unit.
 type Heading = (&'static str, &'static str);
 
@@ -136,11 +140,12 @@ impl Probe {
     /// Samples and writes the rows of this step. Collective.
     pub(crate) fn write<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         let width = self.headings.len();
+        let time = (view.time - self.at.delay() * view.plan.clock.time_step).max(0.0);
         self.rows.resize_with(self.at.rows(), Vec::new);
         for row in &mut self.rows {
             row.clear();
             row.reserve(width);
-            row.push(view.time);
+            row.push(time);
         }
         let here = self.at.sample(view, &mut self.rows)?;
         self.last = Some(view.step);
@@ -333,6 +338,7 @@ impl At {
                     ("angular_velocity_x", "rad/s"),
                     ("angular_velocity_y", "rad/s"),
                     ("angular_velocity_z", "rad/s"),
+                    ("fluid_force_time", "s"),
                     ("fluid_force_x", force),
                     ("fluid_force_y", force),
                     ("fluid_force_z", force),
@@ -406,7 +412,13 @@ impl At {
             }
             Self::Body(id) => {
                 let values = body(view, *id)?;
-                rows.iter_mut().for_each(|row| row.extend(values));
+                let (motion, loads) = values.split_at(POSITION.len() + 2 * VELOCITY.len());
+                let delay = view.fluid.map_or(0.0, |_| view.plan.clock.time_step);
+                for row in rows {
+                    row.extend_from_slice(motion);
+                    row.push((view.time - LOAD_OF_A_BODY * delay).max(0.0));
+                    row.extend_from_slice(loads);
+                }
             }
             Self::Grains(grains) => {
                 let values = grains.sample(view);
@@ -425,6 +437,16 @@ impl At {
             }
         }
         Ok(true)
+    }
+}
+
+impl At {
+    /// Returns how many steps before its row a sample holds: what crosses links in a step is the mean force over this step.
+    fn delay(&self) -> f64 {
+        match self {
+            Self::Wall(_) | Self::Structure(_) => 0.5,
+            _ => 0.0,
+        }
     }
 }
 

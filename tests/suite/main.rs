@@ -30,6 +30,7 @@ mod input_files;
 mod layers;
 mod mutants;
 mod openings;
+mod probes;
 mod proposals;
 mod ranks;
 mod same_bits;

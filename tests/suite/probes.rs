@@ -1,0 +1,53 @@
+//! Probes tell their values for the time that they report.
+
+use crate::ranks::{Study, beside_others};
+use serde_json::json;
+use std::f64::consts::TAU;
+
+/// Returns two columns of a table.
+fn columns(text: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let places = names.map(|name| head.iter().position(|h| *h == name).unwrap());
+    let value =
+        |line: &str, place: usize| line.split(',').nth(place).unwrap().parse::<f64>().unwrap();
+    lines
+        .map(|line| places.map(|place| value(line, place)))
+        .collect()
+}
+
+/// In a periodic channel under a force that oscillates the momentum changes by the force and by that of the walls. At the time of a row of
+/// the walls the force is known, and the change of the momentum follows from the rows of the discharge before and after.
+#[test]
+fn forces_on_walls_are_those_of_the_time_of_their_row() {
+    let _beside = beside_others();
+    let (length, height, density, step, period, amplitude) = (1e-3, 1e-3, 1000.0, 1e-3, 0.05, 0.3);
+    let wall = |name: &str| json!({"name": name, "every": step, "at": {"wall": {"face": name}}});
+    let case = json!({
+        "domain": {"size": [length, height], "spacing": 1e-4, "periodic": ["x"]},
+        "fluid": {"lattice_boltzmann": {
+            "density": density, "kinematic_viscosity": 1e-6, "time_step": step,
+            "body_force": {"oscillating": {"amplitude": [amplitude, 0], "period": period}}}},
+        "time": {"end": 0.1},
+        "probes": [wall("y_min"), wall("y_max"),
+            {"name": "flow", "every": step, "at": {"plane": {"axis": "x", "position": 5e-4}}}]
+    });
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    let table = |name: &str, column| {
+        let path = study.path("one").join(format!("probe_{name}.csv"));
+        columns(&std::fs::read_to_string(path).unwrap(), ["time", column])
+    };
+    let (low, high) = (table("y_min", "force_x"), table("y_max", "force_x"));
+    let flow = table("flow", "discharge");
+    assert!(low.len() > 90);
+    for ([time, one], [_, other]) in low.iter().zip(&high) {
+        let after = flow.iter().position(|[t, _]| t > time).unwrap();
+        let [[t0, q0], [t1, q1]] = [flow[after - 1], flow[after]];
+        let change = density * length * (q1 - q0) / (t1 - t0);
+        let force = amplitude * (TAU * time / period).cos() * length * height;
+        let off = one + other - (force - change);
+        let scale = amplitude * length * height;
+        assert!(off.abs() < 0.005 * scale, "{time}: {off} of {scale}");
+    }
+}
