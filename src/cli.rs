@@ -78,6 +78,9 @@ enum Command {
         /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
         #[arg(long, value_parser = usage::threads)]
         threads: Option<u16>,
+        /// Print every feature of the promised accuracy with its cells and its measured bound.
+        #[arg(long)]
+        details: bool,
         #[command(flatten)]
         stability: Stability,
     },
@@ -325,8 +328,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             case,
             ranks,
             threads,
+            details,
             stability,
-        } => plan(&case, (ranks, threads), stability),
+        } => plan(&case, (ranks, threads), details, stability),
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
         Command::Reference { format, output } => {
@@ -551,6 +555,7 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 fn plan(
     case: &CaseArgs,
     (ranks, threads): (Option<u32>, Option<u16>),
+    details: bool,
     stability: Stability,
 ) -> Result<(), Error> {
     let mut plan = prepare(case)?;
@@ -568,6 +573,9 @@ fn plan(
     } else {
         show(&plan, case)?;
         print(&estimate::costs(&plan, stability))?;
+        if details {
+            print(&plan.details())?;
+        }
     }
     judge(&plan.warnings, case, stability)
 }

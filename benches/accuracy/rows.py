@@ -311,7 +311,7 @@ def ways(study, dimension):
 
 
 def positions():
-    exact = {0.05: 15.56, 0.1: 24.83, 0.2: 51.53, 0.4: 217.89, 0.6: 1763}
+    exact = {0.05: 15.56, 0.1: 24.83, 0.2: 51.53, 0.3: 102.90, 0.4: 217.89, 0.6: 1763}
     for m in members("positions"):
         if m["Q"]:
             phi = float(m["problem"].split()[1])

@@ -150,7 +150,7 @@ def positions():
     disc = lambda phi: {"disc": {"radius": MM * (phi / 3.141592653589793) ** 0.5}}
     problems = {
         f"array {phi}": problem([1, 1], ["x", "y"], 0.15, end, bodies=[fixed(disc(phi), [0.5, 0.5])])
-        for phi, end in ((0.05, 0.5), (0.1, 0.3), (0.2, 0.3), (0.4, 0.2), (0.6, 0.2))
+        for phi, end in ((0.05, 0.5), (0.1, 0.3), (0.2, 0.3), (0.3, 0.25), (0.4, 0.2), (0.6, 0.2))
     }
     # A node is in the middle where the number of cells is odd; where it is even the first two places change their roles.
     vary = {

@@ -55,6 +55,21 @@ impl Display for Plan {
 }
 
 impl Plan {
+    /// Returns the features of the promised accuracy, a line each.
+    #[must_use]
+    pub fn details(&self) -> String {
+        let lines = self
+            .scene
+            .chosen
+            .details
+            .iter()
+            .map(|line| format!("  {line}\n"));
+        format!(
+            "\naccuracy, feature by feature\n{}",
+            lines.collect::<String>()
+        )
+    }
+
     fn scales(&self) -> Vec<[String; 3]> {
         let row = |name: &str, value: f64, unit: &str| {
             [name.to_string(), number(value), unit.to_string()]

@@ -46,6 +46,8 @@ pub struct Chosen {
     /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured. Of a body that
     /// crosses cells it is that of the mean force over some cells: in the single steps the force swings as nodes are covered and laid bare.
     pub promised: Option<f64>,
+    /// The features that the promise was made from, each with its cells and its bound, and what it does not cover.
+    pub details: Vec<String>,
     /// Every choice with its reason.
     pub reasons: Vec<Reason>,
     /// The contact law, where it was chosen.

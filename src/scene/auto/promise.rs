@@ -58,12 +58,18 @@ pub(crate) fn judge(
         .iter()
         .filter_map(|j| Some((j, j.error.as_ref().ok()?)));
     let worst = known.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
-    if !new.is_empty() {
-        let text = format!("nothing is promised: {}", new.join("; "));
+    scene.chosen.details = judged.iter().map(Judged::line).collect();
+    if let Some(first) = new.first() {
+        scene.chosen.details.extend(new.iter().cloned());
+        let more = match new.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} more that `solver plan --details` shows"),
+        };
+        let text = format!("nothing is promised: {first}{more}");
         scene.chosen.note("accuracy", text);
         findings.warn(
             "accuracy",
-            format!("the plan promises no error: {}", new.join("; ")),
+            format!("the plan promises no error: {first}{more}"),
             "measure it: `solver estimate` runs the case on several grids",
         );
         return;
@@ -81,25 +87,30 @@ pub(crate) fn judge(
     let crosses = |body: &Body| {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
     };
-    let means = if scene.bodies.iter().any(crosses) {
-        "; of bodies that cross cells for the mean force over some cells, not for that of a step"
-    } else {
-        ""
-    };
-    let swings = if waves.is_some() {
-        format!(
-            "; sound in the oscillating flow {} %",
-            number(100.0 * of_sound)
-        )
-    } else {
-        String::new()
-    };
+    if scene.bodies.iter().any(crosses) {
+        let text = "of bodies that cross cells the promise is for the mean force over some cells, not for that of a step";
+        scene.chosen.details.push(text.to_owned());
+    }
+    if scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free)
+    {
+        let text = "of bodies that move freely it is for force and velocity, not for spin";
+        scene.chosen.details.push(text.to_owned());
+    }
+    let percent = |part: f64| number(100.0 * part);
+    let mut parts = format!(
+        "{} %; compressibility {} %",
+        percent(*error),
+        percent(compressibility)
+    );
+    if waves.is_some() {
+        parts += &format!("; sound {} %", percent(of_sound));
+    }
     let text = format!(
-        "{cells} cells across the {what}: bound of {} rows ({}) at a confidence of 95 % is {} %; compressibility {} %{swings}{means}",
-        bound.rows,
-        shortened(&bound.problems),
-        number(100.0 * error),
-        number(100.0 * compressibility),
+        "{cells} cells across the {what}: {parts}, by {rows} measured runs",
+        rows = bound.rows
     );
     scene.chosen.note("accuracy", text);
     if promised > target * (1.0 + 1e-9) {
@@ -115,13 +126,24 @@ pub(crate) fn judge(
     }
 }
 
-/// The first problems, and how many more there are.
-fn shortened(problems: &[&str]) -> String {
-    const SHOWN: usize = 2;
-    let shown = problems[..problems.len().min(SHOWN)].join(", ");
-    match problems.len().checked_sub(SHOWN) {
-        Some(more) if more > 0 => format!("{shown} and {more} more"),
-        _ => shown,
+impl Judged<'_> {
+    /// Returns the feature, its cells and its bound in a line.
+    fn line(&self) -> String {
+        let Feature { what, size, .. } = self.feature;
+        let found = match &self.error {
+            Ok((error, bound)) => format!(
+                "{} %, the bound at a confidence of 95 % of {} rows: {}",
+                number(100.0 * error),
+                bound.rows,
+                bound.problems.join(", ")
+            ),
+            Err(reason) => reason.clone(),
+        };
+        format!(
+            "{what}, {} m, {} cells: {found}",
+            number(*size),
+            number(self.cells)
+        )
     }
 }
 
