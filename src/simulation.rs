@@ -163,6 +163,19 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         next.saturating_sub(now.step).clamp(1, most)
     }
 
+    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective, as the error is known to all ranks.
+    fn cause_of(&mut self, error: Error, steps: u64) -> Error {
+        let now = &self.now;
+        let state = (now.lattice(), &now.particles);
+        match self
+            .guards
+            .failed_water(now.step + steps, state, &now.plan, &now.domain)
+        {
+            Some(water) => water,
+            None => guards::of_solids(error, &now.plan),
+        }
+    }
+
     /// One step, or several of water alone where nobody looks between them. Collective.
     ///
     /// # Errors
@@ -199,8 +212,10 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.phases.done(Phase::Guards);
         if let Some(dem) = &mut now.dem {
             let each = u64::from(now.plan.clock.solid_steps_per_step);
-            dem.advance_many(&mut now.particles, &now.domain, each)
-                .map_err(|error| guards::of_solids(error, &now.plan))?;
+            let moved = dem.advance_many(&mut now.particles, &now.domain, each);
+            if let Err(error) = moved {
+                return Err(self.cause_of(error, steps));
+            }
         }
         self.phases.done(Phase::Grains);
         now.step += steps;

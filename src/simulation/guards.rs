@@ -511,6 +511,25 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
+    /// Returns the failure of the water, if it has failed when the solids did. Collective.
+    pub fn failed_water<Sp: Space, S: Stored>(
+        &mut self,
+        step: u64,
+        (flow, particles): (Option<&dyn LatticeFlow<Sp, S>>, &Particles<Sp>),
+        plan: &Plan,
+        domain: &Domain,
+    ) -> Option<Error> {
+        let flow = flow?;
+        let found = self.inspect(When::Step(step), Some(flow), particles, plan, domain);
+        match found {
+            Err(Error::Numerical(text)) => Some(Error::Numerical(format!(
+                "{text}; a body or grain left the box with this water"
+            ))),
+            Err(other) => Some(other),
+            Ok(()) => None,
+        }
+    }
+
     /// Whether the last look found a failure in populations that are on a GPU: it is described by the same look once they are here.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
