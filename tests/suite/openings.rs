@@ -109,6 +109,31 @@ fn openings_let_the_stated_discharge_in() {
     }
 }
 
+/// Water under gravity between two hydrostatic pressures stays at rest.
+#[test]
+fn hydrostatic_pressures_hold_water_at_rest() {
+    let _beside = beside_others();
+    let reservoir = |name: &str, face: &str| {
+        json!({"name": name, "face": face, "condition": {"pressure": {"value": 0, "gradient": [0, -9810]}}})
+    };
+    let case = json!({
+        "domain": {"size": [0.04, 0.02], "spacing": 0.001},
+        "gravity": [0, -9.81],
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-4, "gravity_acts_on_fluid": true,
+            "boundaries": [reservoir("left", "x_min"), reservoir("right", "x_max")]}},
+        "time": {"end": 0.5},
+        "probes": [{"name": "middle", "every": 0.1, "at": {"plane": {"axis": "x", "position": 0.02}}}]
+    });
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    let table = std::fs::read_to_string(study.path("one").join("probe_middle.csv")).unwrap();
+    let last = table.lines().last().unwrap();
+    let speed: f64 = last.split(',').nth(7).unwrap().parse().unwrap();
+    // A level pressure sets it in motion at 0.02 m/s.
+    assert!(speed < 2e-4, "{last}");
+}
+
 fn flume(more: &[(&str, Value)]) -> Value {
     let mut case = json!({
         "domain": {"size": [0.04, 0.02, 0.024], "spacing": 5e-4, "periodic": ["x", "y"]},

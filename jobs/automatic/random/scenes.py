@@ -211,12 +211,12 @@ def spheres(draw):
 
 
 def placed(draw):
-    """A square array of discs under a force along any direction; a disc stands in the middle of the period, half a cell aside, or anywhere."""
+    """A square array of discs under a force up to 60 degrees from x; a disc stands in the middle of the period, half a cell aside, or anywhere."""
     size = [1e-3, 1e-3]
     radius = 1e-3 * math.sqrt(draw.uniform(0.05, 0.6) / math.pi)
     middle = draw.choice([0.5, 0.25, None])
     at = [1e-3 * (middle if middle else draw.uniform(0.3, 0.7)) for _ in range(2)]
-    angle = draw.uniform(0, math.pi / 2)
+    angle = draw.uniform(0, math.pi / 3)
     fluid = {**WATER, "body_force": {"constant": [0.2 * math.cos(angle), 0.2 * math.sin(angle)]}}
     return base(size, ["x", "y"], fluid, [disc("d", at, radius)], 0.3, [plane(size, 0.3)]), [FLOW]
 

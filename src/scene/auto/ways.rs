@@ -6,7 +6,7 @@
 
 use super::gaps::Sets;
 use crate::dem::polyhedron::Solid as Hull;
-use crate::number::real;
+use crate::number::{real, whole};
 use crate::scene::Scene;
 use crate::scene::boundaries::Patch;
 use crate::scene::flow::Flow;
@@ -18,15 +18,18 @@ use nalgebra::Vector3;
 const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
 /// Fewest samples along an axis.
 const FEWEST: f64 = 8.0;
-/// Finer samples for each of a coarser grid, and how often they are made finer.
-const FINER: usize = 4;
-const LEVELS: usize = 3;
+/// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the coarser grid are among them.
+const FINER: [usize; 2] = [15, 7];
 /// Samples on each side of the narrowest place that are looked at again.
 const ABOUT: usize = 2;
 /// Ways wider than this many widths of the bodies beside them are open water.
 const WIDE: f64 = 1.0;
 /// Most solids that are looked at.
 const MOST_SOLIDS: usize = 20_000;
+
+/// Solids that are looked for about a point, and the part of the distance to the second nearest up to which they stand beside it.
+const NEAREST: usize = 4;
+const BESIDE: f64 = 1.2;
 
 /// What stands beside a way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +47,7 @@ pub(crate) enum Beside {
 /// The narrowest place of a way.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Way {
-    /// In words: "narrowest way between `a` and the upper wall along y".
+    /// In words: "narrowest way, beside `a` and the upper wall along y".
     pub(crate) what: String,
     /// Its width \[m\].
     pub(crate) width: f64,
@@ -206,15 +209,15 @@ impl<'a> Ground<'a> {
         all.filter(|(_, structure)| structure.stops.water())
     }
 
-    /// Returns the two nearest solids of a point and their distances.
-    fn nearest(&self, at: Point) -> [(f64, Option<Neighbour>); 2] {
-        let mut found = [(f64::INFINITY, None); 2];
-        type Two = [(f64, Option<Neighbour>); 2];
-        let offer = |found: &mut Two, distance: f64, neighbour: Neighbour| {
-            if distance < found[0].0 {
-                *found = [(distance, Some(neighbour)), found[0]];
-            } else if distance < found[1].0 {
-                found[1] = (distance, Some(neighbour));
+    /// Returns the nearest solids of a point, the nearest first, and their distances.
+    fn nearest(&self, at: Point) -> [(f64, Option<Neighbour>); NEAREST] {
+        let mut found = [(f64::INFINITY, None); NEAREST];
+        type Found = [(f64, Option<Neighbour>); NEAREST];
+        let offer = |found: &mut Found, distance: f64, neighbour: Neighbour| {
+            let place = found.partition_point(|(known, _)| *known <= distance);
+            if place < NEAREST {
+                found[place..].rotate_right(1);
+                found[place] = (distance, Some(neighbour));
             }
         };
         for (k, (axis, upper, _)) in self.walls.iter().enumerate() {
@@ -239,7 +242,7 @@ impl<'a> Ground<'a> {
                         let from = self
                             .from_body(body, std::array::from_fn(|a| at[a] + by[a] * self.size[a]));
                         let at_least = Vector3::from(from).norm() - body.reach;
-                        if at_least < found[1].0 {
+                        if at_least < found[NEAREST - 1].0 {
                             offer(&mut found, body.distance(from), Neighbour::Body(k));
                         }
                     }
@@ -274,8 +277,10 @@ impl<'a> Ground<'a> {
     fn way(&self, at: Point) -> Option<Way> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;
+        let far = BESIDE * near[0].0.abs().max(near[1].0);
         let sides: Vec<Neighbour> = near
             .iter()
+            .filter(|(distance, _)| *distance <= far)
             .filter_map(|(_, neighbour)| *neighbour)
             .collect();
         let bodies = sides.iter().filter_map(|side| match side {
@@ -289,18 +294,24 @@ impl<'a> Ground<'a> {
         let structure = sides
             .iter()
             .any(|side| matches!(side, Neighbour::Structure(_)));
-        let beside = match (structure, faces, bodies.count()) {
+        let wall = sides.iter().any(|side| matches!(side, Neighbour::Wall(..)));
+        let beside = match (structure, faces, bodies.count() > 0, wall) {
             (true, ..) => Beside::Structure,
-            (_, true, _) => Beside::Faces,
-            (_, _, 2) => Beside::Balls,
-            (_, _, 1) => Beside::BallAndWall,
+            (_, true, ..) => Beside::Faces,
+            (_, _, true, true) => Beside::BallAndWall,
+            (_, _, true, false) => Beside::Balls,
             _ => return None,
         };
         let open =
             beside != Beside::Structure && thinnest.is_some_and(|least| width >= WIDE * least);
-        let names: Vec<String> = sides.iter().map(|side| self.name(*side)).collect();
+        let mut names: Vec<String> = Vec::new();
+        for name in sides.iter().map(|side| self.name(*side)) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
         (width > 0.0 && !open).then(|| Way {
-            what: format!("narrowest way, between {}", names.join(" and ")),
+            what: format!("narrowest way, beside {}", names.join(" and ")),
             width,
             beside,
         })
@@ -375,8 +386,8 @@ pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
     let ground = Ground::of(scene, flow);
     let samples = sampled(&ground);
     let mut ways: Vec<Way> = Vec::new();
-    for [one, other] in narrowest(&ground, &samples) {
-        let at = refined(&ground, &samples, one, other);
+    for place in narrowest(&ground, &samples) {
+        let at = refined(&ground, &samples, &place);
         ways.extend(ground.way(at).filter(|way| !ways.contains(way)));
     }
     ways
@@ -388,7 +399,7 @@ fn sampled(ground: &Ground<'_>) -> Samples {
     let step = (volume / SAMPLES[dimension - 2]).powf(1.0 / real(dimension));
     let count = std::array::from_fn(|a| {
         if a < dimension {
-            crate::number::whole((ground.size[a] / step).round().max(FEWEST))
+            whole((ground.size[a] / step).round().max(FEWEST))
         } else {
             1
         }
@@ -461,144 +472,140 @@ fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
     }
 }
 
-/// Returns the samples on both sides of each narrowest place: where openings are joined, and where a ring closes round a periodic axis.
-fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<[usize; 2]> {
+/// The sample at the narrowest place of a way, and samples beside it on both sides.
+struct Narrow {
+    place: usize,
+    sides: [usize; 2],
+}
+
+/// Returns the narrowest places: where openings are joined, and where a ring closes round a periodic axis.
+fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     let count = samples.clearance.len();
-    let openings = &ground.openings;
+    let (openings, periodic) = (&ground.openings, ground.scene.grid.periodic);
+    let wanted = openings.len().saturating_sub(1) + periodic.iter().filter(|p| **p).count();
     let mut sets = Sets::new(count + openings.len());
     let mut there = vec![false; count];
     let mut around = [false; 3];
     let mut has_opening: Vec<bool> = vec![false; count];
     has_opening.extend(vec![true; openings.len()]);
     let mut found = Vec::new();
+    let mut beside: Vec<(usize, [i32; 3])> = Vec::new();
     for k in samples.order() {
         there[k] = true;
-        let at = samples.point(k);
-        let cell = samples.cell(k);
-        let mut widest_beside = k;
-        let mut joined: Vec<(usize, [i32; 3])> = Vec::new();
-        samples.beside(k, ground.scene.grid.periodic, |other, by| {
+        beside.clear();
+        samples.beside(k, periodic, |other, by| {
             if there[other] {
-                joined.push((other, by));
+                beside.push((other, by));
             }
         });
+        let (at, cell) = (samples.point(k), samples.cell(k));
         for (n, (axis, upper, [low, high])) in openings.iter().enumerate() {
             let end = if *upper { samples.count[*axis] - 1 } else { 0 };
             let mut across = (0..ground.dimension).filter(|a| a != axis);
             if cell[*axis] == end && across.all(|a| low[a] <= at[a] && at[a] <= high[a]) {
-                joined.push((count + n, [0; 3]));
+                beside.push((count + n, [0; 3]));
             }
         }
-        for (other, by) in joined {
-            let (one_root, other_root) = (sets.root(k).0, sets.root(other).0);
-            let open = has_opening[one_root] && has_opening[other_root];
+        // The widest first: it stands for its side.
+        let width = |other: usize| {
+            samples
+                .clearance
+                .get(other)
+                .copied()
+                .unwrap_or(f64::INFINITY)
+        };
+        beside.sort_by(|a, b| width(b.0).total_cmp(&width(a.0)));
+        let sample = |other: usize| if other < count { other } else { k };
+        let first = beside.first().map_or(k, |(other, _)| sample(*other));
+        for (other, by) in beside.iter().copied() {
+            let (one, two) = (sets.root(k).0, sets.root(other).0);
+            let open = has_opening[one] && has_opening[two];
             let ring = sets.join(k, other, by);
-            let sides = [widest_beside, if other < count { other } else { k }];
-            match ring {
-                None => {
-                    let root = sets.root(k).0;
-                    has_opening[root] = has_opening[one_root] || has_opening[other_root];
-                    if open {
-                        found.push(sides);
-                    }
-                }
-                Some(by) => {
-                    for axis in 0..3 {
-                        if by[axis] != 0 && !around[axis] {
-                            around[axis] = true;
-                            found.push(sides);
-                        }
-                    }
-                }
+            let mut closes = ring.is_none() && open;
+            if ring.is_none() {
+                let root = sets.root(k).0;
+                has_opening[root] = has_opening[one] || has_opening[two];
             }
-            if other < count
-                && (widest_beside == k
-                    || samples.clearance[other] > samples.clearance[widest_beside])
-            {
-                widest_beside = other;
+            for (axis, by) in ring.unwrap_or_default().into_iter().enumerate() {
+                closes |= by != 0 && !around[axis];
+                around[axis] |= by != 0;
+            }
+            if closes {
+                found.push(Narrow {
+                    place: k,
+                    sides: [first, sample(other)],
+                });
             }
         }
-        if around
-            .iter()
-            .zip(ground.scene.grid.periodic)
-            .all(|(found, periodic)| *found || !periodic)
-            && found.len() + 1 >= openings.len() + around.iter().filter(|found| **found).count()
-        {
+        if found.len() >= wanted {
             break;
         }
     }
     found
 }
 
-/// Returns the narrowest place between two samples, by finer and finer samples about it.
-fn refined(ground: &Ground<'_>, samples: &Samples, one: usize, other: usize) -> Point {
-    let mut ends = [samples.point(one), samples.point(other)];
-    let mut step = samples.step;
-    // Ends on both sides of a period are brought together.
-    for a in (0..ground.dimension).filter(|a| ground.scene.grid.periodic[*a]) {
-        let apart = ends[1][a] - ends[0][a];
-        ends[1][a] -= (apart / ground.size[a]).round() * ground.size[a];
-    }
-    let mut best = (f64::NEG_INFINITY, ends[0]);
-    for _ in 0..LEVELS {
-        let middle: Point = std::array::from_fn(|a| 0.5 * (ends[0][a] + ends[1][a]));
-        let apart: Point = std::array::from_fn(|a| 0.5 * (ends[1][a] - ends[0][a]).abs());
-        let fine: Point = std::array::from_fn(|a| step[a] / real(FINER));
-        let half: Point = std::array::from_fn(|a| apart[a] + real(ABOUT) * step[a]);
-        let count = std::array::from_fn(|a| {
-            if a < ground.dimension {
-                crate::number::whole((2.0 * half[a] / fine[a]).round().max(1.0))
+/// Returns the narrowest place, by finer samples about it.
+fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
+    let periodic = ground.scene.grid.periodic;
+    let place = samples.point(narrow.place);
+    // Sides beyond a period are brought to this one.
+    let sides = narrow.sides.map(|side| {
+        let at = samples.point(side);
+        std::array::from_fn(|a| {
+            let turns = if a < ground.dimension && periodic[a] {
+                ((at[a] - place[a]) / ground.size[a]).round()
             } else {
-                1
-            }
-        });
-        let mut inner = Samples {
-            low: std::array::from_fn(|a| middle[a] - 0.5 * real(count[a]) * fine[a]),
-            step: fine,
-            count,
-            clearance: Vec::new(),
-        };
-        let inside = |at: Point| {
-            (0..ground.dimension)
-                .all(|a| ground.scene.grid.periodic[a] || (0.0..=ground.size[a]).contains(&at[a]))
-        };
-        inner.clearance = (0..count.iter().product())
-            .map(|k| {
-                let at = inner.point(k);
-                if inside(at) {
-                    ground.nearest(at)[0].0
-                } else {
-                    f64::NEG_INFINITY
-                }
-            })
-            .collect();
-        let nearest = |end: Point| {
-            inner.index(std::array::from_fn(|a| {
-                if a >= ground.dimension {
-                    return 0;
-                }
-                let place = (end[a] - inner.low[a]) / fine[a];
-                crate::number::whole(place.floor().clamp(0.0, real(count[a] - 1)))
-            }))
-        };
-        let goals = ends.map(nearest);
-        let Some([a, b, narrow]) = between(&inner, goals) else {
-            break;
-        };
-        if inner.clearance[narrow] > best.0 {
-            best = (inner.clearance[narrow], inner.point(narrow));
+                0.0
+            };
+            at[a] - turns * ground.size[a]
+        })
+    });
+    let finer = FINER[ground.dimension - 2];
+    let step: Point = std::array::from_fn(|a| samples.step[a] / real(finer));
+    let count = std::array::from_fn(|a| {
+        if a < ground.dimension {
+            (2 * ABOUT + 1) * finer
+        } else {
+            1
         }
-        ends = [inner.point(a), inner.point(b)];
-        step = fine;
+    });
+    let mut inner = Samples {
+        low: std::array::from_fn(|a| place[a] - 0.5 * real(count[a]) * step[a]),
+        step,
+        count,
+        clearance: Vec::new(),
+    };
+    let inside = |at: Point| {
+        let within = |a: usize| periodic[a] || (0.0..=ground.size[a]).contains(&at[a]);
+        (0..ground.dimension).all(within)
+    };
+    inner.clearance = (0..count.iter().product())
+        .map(|k| {
+            let at = inner.point(k);
+            if inside(at) {
+                ground.nearest(at)[0].0
+            } else {
+                f64::NEG_INFINITY
+            }
+        })
+        .collect();
+    let sample = |side: Point| {
+        let place = |a: usize| whole(((side[a] - inner.low[a]) / step[a]).floor());
+        inner.index(std::array::from_fn(|a| {
+            if a < ground.dimension { place(a) } else { 0 }
+        }))
+    };
+    let [one, other] = sides.map(sample);
+    match between(&inner, [one, other]) {
+        Some(found) if inner.clearance[found] > samples.clearance[narrow.place] => {
+            inner.point(found)
+        }
+        _ => place,
     }
-    best.1
 }
 
-/// Returns the samples on both sides of the narrowest place of the widest way between two samples, and this place.
-fn between(samples: &Samples, goals: [usize; 2]) -> Option<[usize; 3]> {
-    if goals[0] == goals[1] {
-        return None;
-    }
+/// Returns the narrowest place of the widest way between two samples.
+fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
     let mut sets = Sets::new(samples.clearance.len());
     let mut there = vec![false; samples.clearance.len()];
     let mut beside = Vec::new();
@@ -610,22 +617,11 @@ fn between(samples: &Samples, goals: [usize; 2]) -> Option<[usize; 3]> {
                 beside.push(other);
             }
         });
-        // The ways on both sides come through the widest neighbours in their sets.
-        let mut sides = [k, k];
-        for other in beside.iter().copied() {
-            let root = sets.root(other).0;
-            for (side, goal) in sides.iter_mut().zip(goals) {
-                let towards = there[goal] && sets.root(goal).0 == root;
-                if towards && (*side == k || samples.clearance[other] > samples.clearance[*side]) {
-                    *side = other;
-                }
-            }
-        }
         for other in &beside {
             let _ = sets.join(k, *other, [0; 3]);
         }
-        if there[goals[0]] && there[goals[1]] && sets.root(goals[0]).0 == sets.root(goals[1]).0 {
-            return Some([sides[0], sides[1], k]);
+        if ends.iter().all(|end| there[*end]) && sets.root(ends[0]).0 == sets.root(ends[1]).0 {
+            return Some(k);
         }
     }
     None

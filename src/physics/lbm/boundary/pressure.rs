@@ -18,12 +18,14 @@
 
 use super::convective_outflow::{self, Carried};
 use super::links::{LINKS_PER_THREAD, each_part, sums};
+use super::profile::ReadTable;
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
-    Place, Ramp, Rule, Sound, Strength, Sums, Surface, quanta,
+    Place, Ramp, Rule, Site, Sound, Strength, Sums, Surface, quanta,
 };
-use crate::error::Error;
+use crate::error::{Error, Report};
+use crate::geometry::Vector;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::number::real;
@@ -52,6 +54,11 @@ pub struct Pressure {
     /// this is the only opening besides imposed velocities, else `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
+    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the middle of the opening, and the
+    /// pressure in each cell. Water at rest in the gravity g has ρ g. Default: none; a pressure that is held on the mean takes the
+    /// gradient of the water by itself.
+    #[serde(default)]
+    pub gradient: Option<Vector>,
 }
 
 /// Extent over the face at which a pressure holds.
@@ -106,11 +113,13 @@ impl Pressure {
 
     /// Returns where it holds among the openings of the domain.
     fn held(&self, openings: &[Opening]) -> Held {
-        self.held.unwrap_or(if Self::is_the_outlet(openings) {
-            Held::Mean
-        } else {
-            Held::EachCell
-        })
+        self.held.unwrap_or(
+            if Self::is_the_outlet(openings) && self.gradient.is_none() {
+                Held::Mean
+            } else {
+                Held::EachCell
+            },
+        )
     }
 
     fn imposed(&self) -> ImposedPressure {
@@ -126,6 +135,30 @@ impl Pressure {
 impl Model for Pressure {
     fn nature(&self) -> Nature {
         NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        let Some(gradient) = &self.gradient else {
+            return;
+        };
+        let path = format!("{}.gradient", site.path);
+        let along = gradient.resolve(site.dimension, &path, report);
+        if along[site.face.axis()] != 0.0 {
+            report.error(
+                &path,
+                "the gradient of a pressure on a face has no part along the normal of the face"
+                    .into(),
+                "make that component 0".into(),
+            );
+        }
+        if self.held == Some(Held::Mean) {
+            report.error(
+                &path,
+                "a pressure that is held on the mean has the gradient that the water gives it"
+                    .into(),
+                "leave the gradient out, or write \"held\": \"each_cell\"".into(),
+            );
+        }
     }
 
     fn pressure(&self) -> Option<ImposedPressure> {
@@ -163,6 +196,12 @@ impl Model for Pressure {
             ));
         }
         let mut links = Links::new(axis, ramp);
+        if let Some(gradient) = &self.gradient {
+            let per_cell = gradient
+                .to_array()
+                .map(|g| units.pressure_to_density_deviation(g * units.spacing));
+            links = links.inclined(place.ends.map(|[low, high]| 0.5 * (low + high)), per_cell);
+        }
         if absorbs {
             links = links.absorbing(PlaneWave::at_pressure(length), forecast(place, units));
         }
@@ -179,6 +218,8 @@ struct PressureCell {
     cell: usize,
     first: usize,
     count: usize,
+    /// Density deviation beyond that in the middle of the opening.
+    beyond: f64,
 }
 
 /// Where the population that a link returns lies, and w_i.
@@ -194,6 +235,8 @@ pub struct Links {
     axis: usize,
     /// Density deviation δρ_w = 3 p (pressure above the reference, in lattice units).
     density: Ramp,
+    /// Middle of the opening, in cells, and the change of the density deviation from cell to cell.
+    incline: [[f64; 3]; 2],
     cells: Vec<PressureCell>,
     links: Vec<FaceLink>,
     /// For each link.
@@ -211,6 +254,7 @@ impl Links {
         Self {
             axis,
             density,
+            incline: [[0.0; 3]; 2],
             cells: Vec::new(),
             links: Vec::new(),
             returned: Vec::new(),
@@ -229,6 +273,13 @@ impl Links {
         // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
         let (drho, momentum) = populations.outgoing_moments(cell.cell);
         (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
+    }
+
+    /// Returns it with a density deviation that changes from cell to cell; that of the ramp holds at `middle`.
+    #[must_use]
+    pub(super) fn inclined(mut self, middle: [f64; 3], per_cell: [f64; 3]) -> Self {
+        self.incline = [middle, per_cell];
+        self
     }
 
     /// The same with the plane wave let out.
@@ -251,6 +302,11 @@ impl<S: Stored> Rule<S> for Links {
                 cell: crossing.cell,
                 first: self.links.len(),
                 count: 1,
+                beyond: {
+                    let [middle, per_cell] = self.incline;
+                    let part = |a: usize| per_cell[a] * (real(crossing.at[a]) + 0.5 - middle[a]);
+                    (0..3).filter(|a| *a != self.axis).map(part).sum()
+                },
             }),
         }
         self.links.push(crossing.face_link());
@@ -322,6 +378,7 @@ impl<S: Stored> Rule<S> for Links {
             let mut entering = entering.iter_mut();
             for cell in &rule.cells[count * piece / pieces..count * (piece + 1) / pieces] {
                 let normal = rule.normal(cell, water, moment);
+                let wanted = wanted + cell.beyond;
                 let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
                 let links = rule.returned[cell.first..][..cell.count].iter();
                 for (returned, entering) in links.zip(&mut entering) {
