@@ -27,9 +27,8 @@ const WIDE: f64 = 1.0;
 /// Most solids that are looked at.
 const MOST_SOLIDS: usize = 20_000;
 
-/// Solids that are looked for about a point, and the part of the distance to the second nearest up to which they stand beside it.
+/// Solids that are looked for about a point.
 const NEAREST: usize = 4;
-const BESIDE: f64 = 1.2;
 
 /// What stands beside a way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -273,11 +272,11 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Returns the way whose narrowest place is `at`; none where it is open water.
-    fn way(&self, at: Point) -> Option<Way> {
+    /// Returns the way whose narrowest place is `at`, within `apart`; none where it is open water.
+    fn way(&self, at: Point, apart: f64) -> Option<Way> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;
-        let far = BESIDE * near[0].0.abs().max(near[1].0);
+        let far = near[1].0 + apart;
         let sides: Vec<Neighbour> = near
             .iter()
             .filter(|(distance, _)| *distance <= far)
@@ -385,10 +384,11 @@ pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
     }
     let ground = Ground::of(scene, flow);
     let samples = sampled(&ground);
+    let apart = samples.step.into_iter().fold(0.0, f64::max);
     let mut ways: Vec<Way> = Vec::new();
     for place in narrowest(&ground, &samples) {
         let at = refined(&ground, &samples, &place);
-        ways.extend(ground.way(at).filter(|way| !ways.contains(way)));
+        ways.extend(ground.way(at, apart).filter(|way| !ways.contains(way)));
     }
     ways
 }
