@@ -1,10 +1,11 @@
 //! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
 //!
 //! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice. Where a feature, an operator or a motion lies outside what was measured, or sound of a sudden start has not
+//! compressibility of the lattice, the change of density that the loss of pressure along the flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies outside what was measured, or sound of a sudden start has not
 //! died away, nothing is promised, and the plan says why.
 
 use super::bound::Bound;
+use super::density::{self, Cause};
 use super::features::{self, Feature};
 use super::{sound, step};
 use crate::case::Case;
@@ -80,7 +81,11 @@ pub(crate) fn judge(
     let compressibility = 3.0 * lattice_velocity * lattice_velocity;
     let waves = sound::waves(scene, flow);
     let of_sound = waves.map_or(0.0, |waves| waves.error(scene.grid.spacing, flow.time_step));
-    let promised = error + compressibility + of_sound;
+    let losses: Vec<Cause> = (scene.density_causes.iter().filter(|cause| cause.is_loss()))
+        .cloned()
+        .collect();
+    let of_losses = density::total(&losses, flow.time_step, scene.grid.spacing, flow.density);
+    let promised = error + compressibility + of_sound + of_losses;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
@@ -105,6 +110,9 @@ pub(crate) fn judge(
         percent(*error),
         percent(compressibility)
     );
+    if of_losses > 0.0005 {
+        parts += &format!("; density along the flow {} %", percent(of_losses));
+    }
     if waves.is_some() {
         parts += &format!("; sound {} %", percent(of_sound));
     }

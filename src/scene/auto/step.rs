@@ -122,6 +122,9 @@ pub(crate) fn choose(
     scene.flow = Some(flow);
 }
 
+/// Part of the target that the change of density along the flow may use.
+const OF_LOSSES: f64 = 0.25;
+
 /// Part of the target that sound in an oscillating flow may use.
 const OF_SOUND: f64 = 0.125;
 
@@ -176,7 +179,7 @@ fn limits(
         );
         add(what, mach * h / speed.value);
     }
-    let compression = MOST_COMPRESSION.min(0.5 * target);
+    let compression = MOST_COMPRESSION.min(OF_LOSSES * target);
     let pressure = largest_pressure(scene, flow);
     add(
         format!(

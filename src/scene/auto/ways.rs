@@ -340,15 +340,31 @@ impl Samples {
         cell[0] + self.count[0] * (cell[1] + self.count[1] * cell[2])
     }
 
-    /// Returns the samples from the widest to the narrowest; of equal ones the first comes first.
-    fn order(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.clearance.len()).collect();
+    /// Returns the samples from the widest to the narrowest; of equal ones the one with more clearance, then the first.
+    fn order(&self, widths: &[f64]) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..widths.len()).collect();
         order.sort_by(|a, b| {
-            self.clearance[*b]
-                .total_cmp(&self.clearance[*a])
+            let clearance = self.clearance[*b].total_cmp(&self.clearance[*a]);
+            widths[*b]
+                .total_cmp(&widths[*a])
+                .then(clearance)
                 .then(a.cmp(b))
         });
         order
+    }
+
+    /// Returns the clearance of each sample of water and those beside it: no sample stands in the middle of a way.
+    fn widened(&self, periodic: [bool; 3]) -> Vec<f64> {
+        let one = |k: usize| {
+            let mut widest = self.clearance[k];
+            if widest > 0.0 {
+                self.beside(k, periodic, |other, _| {
+                    widest = widest.max(self.clearance[other])
+                });
+            }
+            widest
+        };
+        (0..self.clearance.len()).map(one).collect()
     }
 
     /// Calls `each` with the samples beside one, and the period that is crossed.
@@ -490,7 +506,8 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     has_opening.extend(vec![true; openings.len()]);
     let mut found = Vec::new();
     let mut beside: Vec<(usize, [i32; 3])> = Vec::new();
-    for k in samples.order() {
+    let widths = samples.widened(periodic);
+    for k in samples.order(&widths) {
         there[k] = true;
         beside.clear();
         samples.beside(k, periodic, |other, by| {
@@ -507,13 +524,7 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
             }
         }
         // The widest first: it stands for its side.
-        let width = |other: usize| {
-            samples
-                .clearance
-                .get(other)
-                .copied()
-                .unwrap_or(f64::INFINITY)
-        };
+        let width = |other: usize| widths.get(other).copied().unwrap_or(f64::INFINITY);
         beside.sort_by(|a, b| width(b.0).total_cmp(&width(a.0)));
         let sample = |other: usize| if other < count { other } else { k };
         let first = beside.first().map_or(k, |(other, _)| sample(*other));
@@ -589,13 +600,22 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
             }
         })
         .collect();
-    let sample = |side: Point| {
-        let place = |a: usize| whole(((side[a] - inner.low[a]) / step[a]).floor());
-        inner.index(std::array::from_fn(|a| {
-            if a < ground.dimension { place(a) } else { 0 }
-        }))
+    // The widest sample within half a coarser one of a side stands for it.
+    let widest = |side: Point| {
+        let near = |k: &usize| {
+            let at = inner.point(*k);
+            (0..ground.dimension).all(|a| (at[a] - side[a]).abs() <= 0.5 * samples.step[a])
+        };
+        let all = (0..inner.clearance.len()).filter(near);
+        all.max_by(|a, b| {
+            inner.clearance[*a]
+                .total_cmp(&inner.clearance[*b])
+                .then(b.cmp(a))
+        })
     };
-    let [one, other] = sides.map(sample);
+    let [Some(one), Some(other)] = sides.map(widest) else {
+        return place;
+    };
     match between(&inner, [one, other]) {
         Some(found) if inner.clearance[found] > samples.clearance[narrow.place] => {
             inner.point(found)
@@ -609,7 +629,7 @@ fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
     let mut sets = Sets::new(samples.clearance.len());
     let mut there = vec![false; samples.clearance.len()];
     let mut beside = Vec::new();
-    for k in samples.order() {
+    for k in samples.order(&samples.clearance) {
         there[k] = true;
         beside.clear();
         samples.beside(k, [false; 3], |other, _| {
