@@ -15,9 +15,12 @@ use crate::figures::erosion_law::Published;
 use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::provenance;
+use crate::scene::findings::number;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
+use crate::sweep::study::Run;
 use crate::sweep::{Sweep, Task, study};
+use crate::uncertainty::pilot;
 use crate::{figures, output, simulation, sweep};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
@@ -78,6 +81,10 @@ enum Command {
         /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
         #[arg(long, value_parser = usage::threads)]
         threads: Option<u16>,
+        /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the water from there; the case with
+        /// these numbers is written to NAME.pilot.json.
+        #[arg(long)]
+        pilot: bool,
         /// Print every feature of the promised accuracy with its cells and its measured bound.
         #[arg(long)]
         details: bool,
@@ -328,9 +335,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             case,
             ranks,
             threads,
+            pilot,
             details,
             stability,
-        } => plan(&case, (ranks, threads), details, stability),
+        } => plan(&case, (ranks, threads), (pilot, details), stability),
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
         Command::Reference { format, output } => {
@@ -555,10 +563,16 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
 fn plan(
     case: &CaseArgs,
     (ranks, threads): (Option<u32>, Option<u16>),
-    details: bool,
+    (pilot, details): (bool, bool),
     stability: Stability,
 ) -> Result<(), Error> {
     let mut plan = prepare(case)?;
+    if pilot {
+        plan = match piloted(&plan, case) {
+            Ok(plan) => plan,
+            Err(error) => return judged(Err(error), &case.case),
+        };
+    }
     plan.on_machine(simulation::calibration::machine(&plan));
     if ranks.is_some() || threads.is_some() {
         let ranks = ranks.map_or(1, |ranks| ranks as usize);
@@ -578,6 +592,35 @@ fn plan(
         }
     }
     judge(&plan.warnings, case, stability)
+}
+
+/// Returns the plan of the case with its pilot, which is run and written beside the case.
+fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
+    let report = |line: &str| {
+        if !case.json {
+            // A reader that has gone away is no reason to stop.
+            drop(print(line));
+        }
+    };
+    let mut folder = folder_of(&case.case).into_os_string();
+    folder.push("-pilot");
+    let threads = u32::try_from(usage::cores()).unwrap_or(1);
+    let run = Run {
+        threads,
+        ..Run::default()
+    };
+    let (found, tree) = pilot::command(plan, Path::new(&folder), &run, &report)?;
+    let path = case.case.with_extension("pilot.json");
+    pilot::write(&tree, &path)?;
+    report(&format!(
+        "the water reached {} m/s and {} Pa; `solver {}` runs the case with it",
+        number(found.speed),
+        number(found.pressure),
+        path.display()
+    ));
+    let directory = case.case.parent().unwrap_or_else(|| Path::new(""));
+    let document = Document::read(&tree.to_string(), &[], directory).map_err(Error::Case)?;
+    Plan::prepare(document).map_err(Error::Case)
 }
 
 /// The findings, then the plan.

@@ -113,6 +113,25 @@ impl Plan {
         Self::made(document, Some(like))
     }
 
+    /// Warns where the pilot of the case ran another case.
+    fn warn_of_another_pilot(&mut self) {
+        let pilot = self
+            .scene
+            .flow
+            .as_ref()
+            .and_then(|flow| flow.pilot.as_ref());
+        let Some(pilot) = pilot else { return };
+        if hash_without_pilot(&self.case_text).as_ref() != Some(&pilot.of) {
+            self.warnings.push(Problem {
+                path: "fluid.lattice_boltzmann.pilot.of".into(),
+                value: pilot.of.clone(),
+                reason: "the case has changed since its pilot ran, so that speed and pressure may be others".into(),
+                remedy: "run `solver plan --pilot` again, or take the field `pilot` out".into(),
+                severity: Severity::Warning,
+            });
+        }
+    }
+
     fn made(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
         let Document {
             case,
@@ -133,6 +152,7 @@ impl Plan {
                 plan.sources = sources;
                 plan.case_hash = blake3::hash(canonical.as_bytes()).to_hex().to_string();
                 plan.case_text = canonical;
+                plan.warn_of_another_pilot();
                 let Clock {
                     time_step,
                     steps,
@@ -228,6 +248,22 @@ impl Plan {
 
 /// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
 /// Those of a plan that it goes on from stay.
+/// Returns the hash of the text of a case without its pilot; none of a text that is no JSON.
+#[must_use]
+pub fn hash_without_pilot(text: &str) -> Option<String> {
+    let mut tree: serde_json::Value = serde_json::from_str(text).ok()?;
+    if let Some(water) = tree.pointer_mut("/fluid/lattice_boltzmann")
+        && let Some(fields) = water.as_object_mut()
+    {
+        fields.remove("pilot");
+    }
+    Some(
+        blake3::hash(tree.to_string().as_bytes())
+            .to_hex()
+            .to_string(),
+    )
+}
+
 fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option<Clock> {
     let time = &scene.time;
     let critical = critical_step::critical_solid_time_step(scene);

@@ -22,6 +22,7 @@
 pub mod answers;
 pub mod convergence;
 pub mod grids;
+pub mod pilot;
 pub mod settings;
 pub mod table;
 

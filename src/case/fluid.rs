@@ -80,6 +80,23 @@ pub struct LatticeBoltzmann {
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
+    /// What a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes it. Default: the estimates of the plan.
+    #[serde(default)]
+    pub pilot: Option<Pilot>,
+}
+
+/// Speed and pressure of the water in a run on coarse cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pilot {
+    /// Largest speed [m/s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub speed: f64,
+    /// Largest pressure above or below the reference [Pa].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub pressure: f64,
+    /// Hash of the case that the pilot ran, without this field.
+    pub of: String,
 }
 
 /// Along which axes gravity acts on the fluid.

@@ -11,7 +11,7 @@ use super::initial::{Initial, initial};
 use crate::case::Case;
 use crate::case::coupling::{PartiallySaturated, SolidOperator};
 use crate::case::fluid::{
-    self, Collision, Device, LatticeBoltzmann, LatticeChoice, Precision, Turbulence,
+    self, Collision, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, Turbulence,
     TurbulenceChoice,
 };
 use crate::error::Remedy;
@@ -55,6 +55,8 @@ pub struct Flow {
     /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
     /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
     pub faces: [Vec<Patch>; 6],
+    /// Speed and pressure of a run on coarse cells.
+    pub pilot: Option<Pilot>,
 }
 
 impl Flow {
@@ -132,6 +134,7 @@ impl Flow {
             gravity_acts: acts,
             initial,
             faces,
+            pilot: lbm.pilot.clone(),
         })
     }
 }

@@ -15,6 +15,9 @@ use crate::lbm::boundary::Surface;
 use crate::lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
 
+/// Margin on what a pilot finds: its cells are coarse.
+pub(crate) const PILOT_MARGIN: f64 = 1.25;
+
 /// A velocity the fluid will reach.
 pub(crate) struct Speed {
     /// What makes it.
@@ -28,6 +31,15 @@ pub(crate) struct Speed {
 /// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
+    if let Some(pilot) = &flow.pilot {
+        speeds.push(Speed {
+            what: "the water in a pilot, with a margin".into(),
+            path: format!("{PATH}.pilot.speed"),
+            value: PILOT_MARGIN * pilot.speed,
+        });
+        speeds.extend(settles(scene, flow));
+        return speeds;
+    }
     speeds.extend(driven_by_pressure(scene, flow));
     if let Some(value) = driven_by_forces(scene, flow) {
         speeds.push(Speed {
@@ -46,9 +58,15 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);
     }
+    if flow.pilot.is_some() {
+        return all(scene, flow);
+    }
     let mut speeds = imposed(scene, flow);
     speeds.extend(driven_by_pressure(scene, flow));
-    if let Some(value) = force_driven(scene, flow).filter(|value| *value != 0.0) {
+    // Both are estimates from above: the one knows the bed, the other what stands in the way.
+    let estimates = [force_driven(scene, flow), driven_by_forces(scene, flow)];
+    let estimate = estimates.into_iter().flatten().reduce(f64::min);
+    if let Some(value) = estimate.filter(|value| *value != 0.0) {
         speeds.push(Speed {
             what: "the body force (estimate)".into(),
             path: format!("{PATH}.body_force"),

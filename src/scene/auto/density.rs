@@ -28,7 +28,7 @@ use crate::scene::Scene;
 use crate::scene::boundaries::Patch;
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
-use crate::scene::speed::passage;
+use crate::scene::speed::{PILOT_MARGIN, passage};
 use serde::Serialize;
 
 /// Factor of the sound of a start behind a uniform profile between walls.
@@ -289,6 +289,13 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
             format!("{PATH}.body_force"),
             against,
         ));
+    }
+    if let Some(pilot) = &flow.pilot {
+        // What was measured stands in place of what formulas say of the losses.
+        causes.retain(|cause| !cause.is_loss());
+        let pressure = PILOT_MARGIN * pilot.pressure;
+        let path = format!("{PATH}.pilot.pressure");
+        causes.push(Cause::steady("the pressure in a pilot", path, pressure));
     }
     causes
 }
