@@ -62,22 +62,27 @@ fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
     let stated = grids::stated(plan)?;
     let ratios = grids::ratios(&plan.scene, false);
     let most = MOST_COST * plan.estimate.seconds_on_one_core;
-    let mut problems = Vec::new();
-    for ratio in ratios.iter().rev().filter(|ratio| **ratio > 1.0) {
-        for rule in [Scaling::Diffusive, Scaling::Acoustic] {
-            let case = grids::on_cells(&stated, plan, *ratio, rule);
-            let found = member(NAME.into(), case, plan.estimate.machine, false);
+    let (mut problems, mut costly) = (Vec::new(), false);
+    let coarser = || ratios.iter().rev().filter(|ratio| **ratio > 1.0);
+    // What is unstable by estimates may run: the pilot is there because they are rough.
+    for (unstable, ratio) in [false, true]
+        .into_iter()
+        .flat_map(|u| coarser().map(move |r| (u, *r)))
+    {
+        for rule in [Scaling::Acoustic, Scaling::Diffusive] {
+            let case = grids::on_cells(&stated, plan, ratio, rule);
+            let found = member(NAME.into(), case, plan.estimate.machine, unstable);
             match &found.prepared {
-                Some(prepared) if prepared.seconds <= most => return Ok((found, *ratio)),
-                Some(_) => {}
+                Some(prepared) if prepared.seconds <= most => return Ok((found, ratio)),
+                Some(_) => costly = true,
                 None => problems.extend(found.problems),
             }
         }
     }
     problems.retain(|problem| problem.severity != Severity::Warning);
     problems.truncate(1);
-    if problems.is_empty() {
-        problems.push(Problem {
+    if costly || problems.is_empty() {
+        problems = vec![Problem {
             path: "domain.spacing".into(),
             value: plan.scene.grid.spacing.to_string(),
             reason: format!(
@@ -86,7 +91,7 @@ fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
             ),
             remedy: "run the case itself".into(),
             severity: Severity::Error,
-        });
+        }];
     }
     Err(Error::Case(problems))
 }

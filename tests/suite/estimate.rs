@@ -1,5 +1,6 @@
 //! `solver estimate` with the binary: plane Poiseuille flow on three grids, and what a second call runs again.
 
+use crate::ranks::beside_others;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
@@ -215,4 +216,55 @@ fn the_failure_of_the_case_is_a_numerical_one() {
         errors.contains("numerical failure: the run of the case has no answers"),
         "{errors}"
     );
+}
+
+/// A pilot runs coarse cells and writes the case with what it found; the plan of this case is the same wherever it is made, and a change of the case
+/// is noticed.
+#[test]
+fn a_pilot_gives_the_plan_speed_and_pressure() {
+    let _beside = beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("way.json");
+    let case = json!({
+        "domain": {"size": [0.06, 0.02]},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-5,
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}}, "ramp_time": 0.5}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+        "structures": [{"name": "sill", "shape": {"box": {"from": [0.02, -1], "to": [0.025, 0.013]}}}],
+        "time": {"end": 40}, "accuracy": "normal"
+    });
+    std::fs::write(&file, case.to_string()).unwrap();
+    let solver = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_solver"));
+        command.current_dir(folder.path());
+        command
+    };
+    let done = solver()
+        .args(["plan", "way.json", "--pilot"])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(
+        done.status.success(),
+        "{told} {}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    let text = std::fs::read_to_string(folder.path().join("way.pilot.json")).unwrap();
+    let mut piloted: Value = serde_json::from_str(&text).unwrap();
+    let pilot = piloted["fluid"]["lattice_boltzmann"]["pilot"].clone();
+    // Through a third of the height the water is three times as fast as in the channel.
+    let speed = pilot["speed"].as_f64().unwrap();
+    assert!((0.02..0.05).contains(&speed), "{pilot}");
+    assert!(told.contains("of the water in a pilot"), "{told}");
+    let plan = |case: &Value| {
+        let document = solver::case::Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        solver::plan::Plan::prepare(document).unwrap()
+    };
+    let changed =
+        |plan: &solver::plan::Plan| plan.warnings.iter().any(|w| w.path.ends_with("pilot.of"));
+    assert!(!changed(&plan(&piloted)));
+    piloted["fluid"]["lattice_boltzmann"]["kinematic_viscosity"] = json!(2e-5);
+    assert!(changed(&plan(&piloted)));
 }

@@ -443,3 +443,32 @@ fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
         "{driven} {dropped} {fast} {slow}"
     );
 }
+
+/// Water that fails throws a body out within a step; it is the water that is reported, and no wall is proposed.
+#[test]
+fn water_that_throws_a_body_out_is_what_failed() {
+    let case = json!({
+        "domain": {"size": [0.06, 0.02, 0.02], "spacing": 0.001},
+        "materials": {"rock": {"density": 2650}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "lattice": "d3q27", "collision": {"trt": {}}, "time_step": 1e-4,
+            "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [2.5, 0, 0]}}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+        "bodies": [{"name": "b", "shape": {"sphere": {"radius": 0.004}}, "position": [0.03, 0.01, 0.01],
+            "motion": {"free": {}}, "material": "rock"}],
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 20}},
+        "guards": {"check_every_steps": 100_000},
+        "time": {"end": 0.5}
+    });
+    let ran = ran(1, &case, &[]);
+    let told = ran.done.stderr.clone();
+    assert!(
+        told.contains("above guards.max_lattice_velocity") || told.contains("is not finite"),
+        "{told}"
+    );
+    assert!(
+        told.contains("left the box with this water") && !told.contains("box_walls"),
+        "{told}"
+    );
+}
