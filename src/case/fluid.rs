@@ -82,7 +82,7 @@ pub struct LatticeBoltzmann {
     pub boundaries: Vec<Boundary>,
     /// What a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes it. Default: the estimates of the plan.
     #[serde(default)]
-    pub pilot: Option<Pilot>,
+    pub pilot: Option<Box<Pilot>>,
 }
 
 /// Speed and pressure of the water in a run on coarse cells.

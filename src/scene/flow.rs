@@ -134,7 +134,7 @@ impl Flow {
             gravity_acts: acts,
             initial,
             faces,
-            pilot: lbm.pilot.clone(),
+            pilot: lbm.pilot.as_deref().cloned(),
         })
     }
 }

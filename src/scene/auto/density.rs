@@ -20,7 +20,7 @@
 //! = U dt/h the changes of density are 3^½ u for a start and 3 p dt²/(ρ h²) for a steady pressure.
 
 use super::gaps::Gap;
-use super::sections::{self, End};
+use super::sections::{self, End, Sections};
 use super::sound;
 use crate::lbm::boundary::profile::VelocityProfile;
 use crate::lbm::boundary::{Condition, Inflow, Strength, Surface};
@@ -49,6 +49,8 @@ const LID_OF_FRICTION: [f64; 2] = [2.8, 3.15];
 /// the velocity.
 const OVER: f64 = 1.3;
 const OVER_AT_A_LID: f64 = 0.9;
+/// The sound of a start is exact but for what spreads.
+const OVER_AT_A_START: f64 = 1.0;
 
 /// A cause of a change of density.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -159,6 +161,10 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
         Initial::Uniform { velocity, .. } => Some(velocity),
         _ => None,
     };
+    let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
+        let open = axis < grid.dimension && opens(flow, axis);
+        open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
+    });
     // Discharge through the openings of each axis, with the path of the largest.
     let mut through: [Option<(f64, String)>; 3] = [None, None, None];
     for patch in flow.patches() {
@@ -189,19 +195,21 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
             };
             let rim = uniform.is_some() && ends_at_walls(flow, patch);
             let ramp = model.ramp_time();
+            // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 + a) of the open part a.
+            let back = sections[axis].map_or(0.0, |found| (1.0 - found.open) / (1.0 + found.open));
             if normal > 0.0 {
                 causes.push(Cause {
                     what: "the sound of the start",
                     path: path.clone(),
                     pressure: 0.0,
                     velocity: normal,
-                    sound: 3.0_f64.sqrt() * if rim { AT_A_RIM } else { 1.0 },
+                    sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { AT_A_RIM } else { 1.0 },
                     most: if ramp > 0.0 {
                         2.0 * density * normal * grid.size[axis] / ramp
                     } else {
                         f64::INFINITY
                     },
-                    over: OVER,
+                    over: if rim { OVER } else { OVER_AT_A_START },
                 });
             }
         }
@@ -256,8 +264,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
         if let Some(pressure) = in_channel(scene, flow, axis, discharge) {
             losses.push(("friction in the channel", pressure));
         }
-        let sections = sections::along(scene, flow, axis, |across| ends(scene, flow, across));
-        if let Some(sections) = sections {
+        if let Some(sections) = &sections[axis] {
             let speed = discharge / sections.smallest * (1.0 - sections.open);
             let winding = if scene.structures.is_empty() {
                 1.0

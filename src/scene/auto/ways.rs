@@ -239,7 +239,7 @@ impl<'a> Ground<'a> {
                     for z in turns(2) {
                         let by = [f64::from(x), f64::from(y), f64::from(z)];
                         let from = self
-                            .from_body(body, std::array::from_fn(|a| at[a] + by[a] * self.size[a]));
+                            .relative(body, std::array::from_fn(|a| at[a] + by[a] * self.size[a]));
                         let at_least = Vector3::from(from).norm() - body.reach;
                         if at_least < found[NEAREST - 1].0 {
                             offer(&mut found, body.distance(from), Neighbour::Body(k));
@@ -251,7 +251,7 @@ impl<'a> Ground<'a> {
         found
     }
 
-    fn from_body(&self, body: &Body, at: Point) -> Point {
+    fn relative(&self, body: &Body, at: Point) -> Point {
         std::array::from_fn(|a| {
             if a < self.dimension {
                 at[a] - body.at[a]
