@@ -81,8 +81,8 @@ enum Command {
         /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
         #[arg(long, value_parser = usage::threads)]
         threads: Option<u16>,
-        /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the water from there; the case with
-        /// these numbers is written to NAME.pilot.json.
+        /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the
+        /// water from there; the case with these numbers is written to NAME.pilot.json.
         #[arg(long)]
         pilot: bool,
         /// Print every feature of the promised accuracy with its cells and its measured bound.

@@ -163,7 +163,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         next.saturating_sub(now.step).clamp(1, most)
     }
 
-    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective, as the error is known to all ranks.
+    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective, as
+    /// the error is known to all ranks.
     fn cause_of(&mut self, error: Error, steps: u64) -> Error {
         let now = &self.now;
         let state = (now.lattice(), &now.particles);

@@ -80,7 +80,8 @@ pub struct LatticeBoltzmann {
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
-    /// What a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes it. Default: the estimates of the plan.
+    /// Speed and pressure that a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes
+    /// it. Default: the estimates of the plan.
     #[serde(default)]
     pub pilot: Option<Box<Pilot>>,
 }

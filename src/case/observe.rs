@@ -106,8 +106,8 @@ pub enum ProbeAt {
         /// Coordinate of the plane [m].
         position: f64,
     },
-    /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth). They are means over the last two steps; `fluid_force_time` is
-    /// their time [s].
+    /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth). They are means over the last two
+    /// steps; `fluid_force_time` is their time [s].
     Body {
         /// Name of the body.
         name: String,
@@ -131,8 +131,8 @@ pub enum ProbeAt {
         #[serde(default)]
         part: Option<Extent>,
     },
-    /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step, and `time` is the middle of
-    /// this step.
+    /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step,
+    /// and `time` is the middle of this step.
     Wall {
         /// The face.
         face: Face,

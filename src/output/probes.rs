@@ -1,8 +1,9 @@
 //! Values over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
 //!
-//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last step, so that their `time` is half a
-//! step before the end of `step`; the load of the water on a body is the mean over the last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered from the ranks
-//! that own it, or summed without rounding, so that it does not depend on their number.
+//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last step,
+//! so that their `time` is half a step before the end of `step`; the load of the water on a body is the mean over the
+//! last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered from the
+//! ranks that own it, or summed without rounding, so that it does not depend on their number.
 //!
 //! | probe | columns |
 //! |---|---|
@@ -441,7 +442,8 @@ impl At {
 }
 
 impl At {
-    /// Returns how many steps before its row a sample holds: what crosses links in a step is the mean force over this step.
+    /// Returns how many steps before its row a sample holds: what crosses links in a step is the mean force over this
+    /// step.
     fn delay(&self) -> f64 {
         match self {
             Self::Wall(_) | Self::Structure(_) => 0.5,

@@ -307,7 +307,7 @@ fn probes_measure_what_is_there() {
     let rows = run.rows("ball");
     let row = &rows.values[0];
     assert_eq!(row[1..4], [3.2e-3, 1.5e-3, 0.0]);
-    assert_eq!((row[9], row[10], row[11], row[15]), (3.0, 1.0, -2.0, 7.0));
+    assert_eq!((row[9], row[11], row[12], row[16]), (3.0, 1.0, -2.0, 7.0));
 
     // Nothing has crossed a face at step 0.
     assert_eq!(run.rows("inlet").steps, [] as [u64; 0]);

@@ -121,8 +121,8 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
     chosen
 }
 
-/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a finer one on request or where no
-/// coarser cells divide the edges.
+/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a
+/// finer one on request or where no coarser cells divide the edges.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
@@ -231,8 +231,8 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
     smallest.is_finite().then_some(2.0 * smallest)
 }
 
-/// Returns the order of the method: second, and first where surfaces of bodies are staircases or partly covered cells, and where water flows or seeps
-/// round edges of structures, at which its stress or velocity has no bound.
+/// Returns the order of the method: second, and first where surfaces of bodies are staircases or partly covered cells,
+/// and where water flows or seeps round edges of structures, at which its stress or velocity has no bound.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
     if let Some(seepage) = &scene.seepage {

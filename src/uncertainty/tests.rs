@@ -212,20 +212,13 @@ fn seepage_without_grains_has_grids_of_its_own_cells() {
 }
 
 #[test]
-fn cells_without_a_common_divisor_are_refused_with_a_remedy() {
+fn cells_without_a_common_divisor_are_refined() {
     let own = plan(FAST, &["domain.size=[0.019, 0.02]"]);
-    let error = Members::of(&own, false, false, false).unwrap_err();
-    let Error::Case(problems) = error else {
-        panic!("{error:?}");
-    };
-    assert!(
-        problems[0].to_string().contains("--finer"),
-        "{}",
-        problems[0]
-    );
-    let finer = Members::of(&own, true, false, false).unwrap();
-    assert_eq!(finer.grids.len(), 2);
-    assert!(finer.grids[0].0 < 1.0);
+    for finer in [false, true] {
+        let found = Members::of(&own, finer, false, false).unwrap();
+        assert_eq!(found.grids.len(), 2);
+        assert!(found.grids[0].0 < 1.0);
+    }
 }
 
 #[test]

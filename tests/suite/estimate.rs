@@ -218,8 +218,8 @@ fn the_failure_of_the_case_is_a_numerical_one() {
     );
 }
 
-/// A pilot runs coarse cells and writes the case with what it found; the plan of this case is the same wherever it is made, and a change of the case
-/// is noticed.
+/// A pilot runs coarse cells and writes the case with what it found; the plan of this case is the same wherever it is
+/// made, and a change of the case is noticed.
 #[test]
 fn a_pilot_gives_the_plan_speed_and_pressure() {
     let _beside = beside_others();
@@ -230,7 +230,8 @@ fn a_pilot_gives_the_plan_speed_and_pressure() {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": 1e-5,
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}}, "ramp_time": 0.5}}},
+                {"name": "in", "face": "x_min", "condition": {"velocity": {
+                    "profile": {"parabolic": {"peak": 0.01}}, "ramp_time": 0.5}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
         "structures": [{"name": "sill", "shape": {"box": {"from": [0.02, -1], "to": [0.025, 0.013]}}}],
         "time": {"end": 40}, "accuracy": "normal"

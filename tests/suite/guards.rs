@@ -451,7 +451,8 @@ fn water_that_throws_a_body_out_is_what_failed() {
         "domain": {"size": [0.06, 0.02, 0.02], "spacing": 0.001},
         "materials": {"rock": {"density": 2650}},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 1e-6, "lattice": "d3q27", "collision": {"trt": {}}, "time_step": 1e-4,
+            "density": 1000, "kinematic_viscosity": 1e-6,
+            "lattice": "d3q27", "collision": {"trt": {}}, "time_step": 1e-4,
             "boundaries": [
                 {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [2.5, 0, 0]}}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},

@@ -195,7 +195,8 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
             };
             let rim = uniform.is_some() && ends_at_walls(flow, patch);
             let ramp = model.ramp_time();
-            // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 + a) of the open part a.
+            // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 +
+            // a) of the open part a.
             let back = sections[axis].map_or(0.0, |found| (1.0 - found.open) / (1.0 + found.open));
             if normal > 0.0 {
                 causes.push(Cause {

@@ -1,8 +1,9 @@
 //! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
 //!
 //! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice, the change of density that the loss of pressure along the flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies outside what was measured, or sound of a sudden start has not
-//! died away, nothing is promised, and the plan says why.
+//! compressibility of the lattice, the change of density that the loss of pressure along the flow makes, and sound in
+//! a flow that oscillates. Where a feature, an operator or a motion lies outside what was measured, or sound of a
+//! sudden start has not died away, nothing is promised, and the plan says why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};
@@ -93,7 +94,8 @@ pub(crate) fn judge(
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
     };
     if scene.bodies.iter().any(crosses) {
-        let text = "of bodies that cross cells the promise is for the mean force over some cells, not for that of a step";
+        let text = "of bodies that cross cells the promise is for the mean force over some cells, \
+            not for that of a step";
         scene.chosen.details.push(text.to_owned());
     }
     if scene

@@ -21,8 +21,9 @@
 //!
 //! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
 //!
-//! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of sound. Incompressible water follows
-//! at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the rate γ above, off by
+//! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of
+//! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the rate γ
+//! above, off by
 //!
 //! e = |x² - i d|/|1 - x² + i d|,  x = ω/ω₀ = λ/(cT),  d = 2γω/ω₀².
 

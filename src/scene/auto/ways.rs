@@ -1,8 +1,9 @@
 //! The narrowest places of the widest ways of the water, by clearance.
 //!
-//! The clearance of a point is its distance to the nearest solid: walls, bodies and their periodic images, blocks, structures. A way is as wide as
-//! twice the smallest clearance along it. Samples of a grid are joined in the order of their clearance; the sample that first joins two openings, or
-//! closes a ring round a periodic axis, is the narrowest place of the widest way. Near this place the same is done with finer samples.
+//! The clearance of a point is its distance to the nearest solid: walls, bodies and their periodic images, blocks,
+//! structures. A way is as wide as twice the smallest clearance along it. Samples of a grid are joined in the order of
+//! their clearance; the sample that first joins two openings, or closes a ring round a periodic axis, is the narrowest
+//! place of the widest way. Near this place the same is done with finer samples.
 
 use super::gaps::Sets;
 use crate::dem::polyhedron::Solid as Hull;
@@ -18,7 +19,8 @@ use nalgebra::Vector3;
 const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
 /// Fewest samples along an axis.
 const FEWEST: f64 = 8.0;
-/// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the coarser grid are among them.
+/// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the
+/// coarser grid are among them.
 const FINER: [usize; 2] = [15, 7];
 /// Samples on each side of the narrowest place that are looked at again.
 const ABOUT: usize = 2;
@@ -30,7 +32,7 @@ const MOST_SOLIDS: usize = 20_000;
 /// Solids that are looked for about a point.
 const NEAREST: usize = 4;
 
-/// What stands beside a way.
+/// Kinds of solids beside a way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beside {
     /// Spheres or discs, and no wall.
@@ -50,7 +52,7 @@ pub(crate) struct Way {
     pub(crate) what: String,
     /// Its width \[m\].
     pub(crate) width: f64,
-    /// What stands beside it.
+    /// Kind of the solids beside it.
     pub(crate) beside: Beside,
 }
 
@@ -115,7 +117,7 @@ impl Body {
     }
 }
 
-/// What a point is near to.
+/// A solid near a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Neighbour {
     Body(usize),

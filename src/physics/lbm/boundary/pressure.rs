@@ -54,9 +54,9 @@ pub struct Pressure {
     /// this is the only opening besides imposed velocities, else `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
-    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the middle of the opening, and the
-    /// pressure in each cell. Water at rest in the gravity g has ρ g. Default: none; a pressure that is held on the mean takes the
-    /// gradient of the water by itself.
+    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the middle
+    /// of the opening, and the pressure in each cell. Water at rest in the gravity g has ρ g. Default: none; a
+    /// pressure that is held on the mean takes the gradient of the water by itself.
     #[serde(default)]
     pub gradient: Option<Vector>,
 }
