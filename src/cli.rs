@@ -15,7 +15,6 @@ use crate::figures::erosion_law::Published;
 use crate::figures::picture::PictureOptions;
 use crate::plan::Plan;
 use crate::provenance;
-use crate::scene::findings::number;
 use crate::simulation::run::RunOptions;
 use crate::simulation::watch;
 use crate::sweep::study::Run;
@@ -613,9 +612,8 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     let path = case.case.with_extension("pilot.json");
     pilot::write(&tree, &path)?;
     report(&format!(
-        "the water reached {} m/s and {} Pa; `solver {}` runs the case with it",
-        number(found.speed),
-        number(found.pressure),
+        "{}; `solver {}` runs the case with it",
+        pilot::told(&found),
         path.display()
     ));
     let directory = case.case.parent().unwrap_or_else(|| Path::new(""));

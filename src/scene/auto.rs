@@ -33,6 +33,8 @@ use crate::case::accuracy::Accuracy;
 use crate::case::contact::Contact;
 use crate::case::coupling::Coupling;
 use crate::error::Remedy;
+use crate::lbm::boundary::Condition;
+use crate::lbm::boundary::pressure::Held;
 use serde::Serialize;
 use serde_json::json;
 use spacing::Spacing;
@@ -148,6 +150,7 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
         flow.lattice = chosen.lattice;
         flow.storage = chosen.storage;
     }
+    hold_means_in_eddies(scene);
     if let (Some(seepage), Some(chosen)) = (&mut scene.seepage, &like.seepage) {
         seepage.coupling_time = chosen.coupling_time;
     }
@@ -156,6 +159,20 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     }
     scene.chosen = like.chosen.clone();
     scene.density_causes.clone_from(&like.density_causes);
+}
+
+/// Holds imposed pressures on the mean where eddies are modelled and the case does not say where they hold: in each cell they do not let eddies out.
+fn hold_means_in_eddies(scene: &mut Scene) {
+    let Some(flow) = scene.flow.as_mut().filter(|flow| flow.turbulence.is_some()) else {
+        return;
+    };
+    for patch in flow.faces.iter_mut().flatten() {
+        if let Condition::Pressure(pressure) = &mut patch.condition
+            && pressure.gradient.is_none()
+        {
+            pressure.held.get_or_insert(Held::Mean);
+        }
+    }
 }
 
 /// Solids that touch from wall to wall let nothing through.
@@ -195,6 +212,7 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
         step::choose(scene, lbm, accuracy.target(), &ways, findings);
         promise::judge(scene, case, lbm, accuracy.target(), findings);
     }
+    hold_means_in_eddies(scene);
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);
     }

@@ -10,6 +10,7 @@ use super::{member, outcome};
 use crate::case::fluid::Pilot;
 use crate::error::{Error, Problem, Severity};
 use crate::plan::Plan;
+use crate::scene::findings::number;
 use crate::sweep::members::Member;
 use crate::sweep::runner::Runner;
 use crate::sweep::study::Run;
@@ -103,21 +104,31 @@ fn read(plan: &Plan, pilot: &Member, output: &Path) -> Result<Pilot, Error> {
     let fail = |what: &str| Error::Io(format!("{}: {what}", path.display()));
     let text = fs::read_to_string(&path).map_err(|e| fail(&e.to_string()))?;
     let summary: Value = serde_json::from_str(&text).map_err(|e| fail(&e.to_string()))?;
-    let number = |name: &str| {
+    let value = |name: &str| {
         summary[name]
             .as_f64()
             .ok_or_else(|| fail(&format!("no {name}")))
     };
     let spacing = pilot.case["domain"]["spacing"].as_f64();
     let spacing = spacing.ok_or_else(|| Error::Internal("a pilot without a spacing".into()))?;
-    let sound = spacing / (3.0_f64.sqrt() * number("time")? / number("steps")?);
+    let sound = spacing / (3.0_f64.sqrt() * value("time")? / value("steps")?);
     let density = plan.scene.flow.as_ref().map_or(0.0, |flow| flow.density);
     Ok(Pilot {
-        speed: number("lattice_velocity")? * 3.0_f64.sqrt() * sound,
-        pressure: number("compression")? * density * sound * sound,
+        speed: value("lattice_velocity")? * 3.0_f64.sqrt() * sound,
+        pressure: value("compression")? * density * sound * sound,
         of: crate::plan::hash_without_pilot(&plan.case_text)
             .ok_or_else(|| Error::Internal("a case that is no JSON".into()))?,
     })
+}
+
+/// Returns what a pilot found in words.
+#[must_use]
+pub fn told(pilot: &Pilot) -> String {
+    format!(
+        "the water reached {} m/s and {} Pa",
+        number(pilot.speed),
+        number(pilot.pressure)
+    )
 }
 
 /// Writes the case with its pilot.

@@ -107,7 +107,8 @@ fn weir(limit: f64) -> Value {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": {"velocity": [0.01, 0]}}}}},
+                {"name": "in", "face": "x_min", "condition": {"velocity": {
+                    "profile": {"uniform": {"velocity": [0.01, 0]}}, "ramp_time": 0.01}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
         "structures": [{"name": "weir", "shape": {"box": {"from": [3e-4, -1e-4], "to": [4e-4, 2e-4]}}}],
         "guards": {"max_lattice_velocity": limit},

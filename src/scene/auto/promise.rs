@@ -1,7 +1,7 @@
 //! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
 //!
 //! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice, the change of density that the loss of pressure along the flow makes, and sound in
+//! compressibility of the lattice or, where it is larger, the change of density that the loss of pressure along the flow makes, and sound in
 //! a flow that oscillates. Where a feature, an operator or a motion lies outside what was measured, or sound of a
 //! sudden start has not died away, nothing is promised, and the plan says why.
 
@@ -86,7 +86,8 @@ pub(crate) fn judge(
         .cloned()
         .collect();
     let of_losses = density::total(&losses, flow.time_step, scene.grid.spacing, flow.density);
-    let promised = error + compressibility + of_sound + of_losses;
+    // Both are changes of density with the pressure.
+    let promised = error + compressibility.max(of_losses) + of_sound;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;

@@ -21,7 +21,7 @@ const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
 const FEWEST: f64 = 8.0;
 /// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the
 /// coarser grid are among them.
-const FINER: [usize; 2] = [15, 7];
+const FINER: [usize; 2] = [15, 5];
 /// Samples on each side of the narrowest place that are looked at again.
 const ABOUT: usize = 2;
 /// Ways wider than this many widths of the bodies beside them are open water.
@@ -106,6 +106,17 @@ impl Body {
             reach: shape.radius(),
             width: widths.fold(f64::INFINITY, f64::min),
         })
+    }
+
+    /// Returns a lower bound of the distance of a point that is given from the centre \[m\].
+    fn at_least(&self, from: Point) -> f64 {
+        let about = Vector3::from(from).norm() - self.reach;
+        let Form::Hull(mesh) = &self.form else {
+            return about;
+        };
+        let [low, high] = mesh.extent();
+        let outside = |a: usize| (low[a] - from[a]).max(from[a] - high[a]);
+        (0..3).map(outside).fold(about, f64::max)
     }
 
     /// Returns the distance of a point that is given from the centre \[m\], negative inside.
@@ -231,6 +242,16 @@ impl<'a> Ground<'a> {
                 Neighbour::Structure(k),
             );
         }
+        self.each_image(at, |k, body, from| {
+            if body.at_least(from) < found[NEAREST - 1].0 {
+                offer(&mut found, body.distance(from), Neighbour::Body(k));
+            }
+        });
+        found
+    }
+
+    /// Calls `each` with the bodies, and the place of a point from the centre of each of their images.
+    fn each_image(&self, at: Point, mut each: impl FnMut(usize, &Body, Point)) {
         let turns = |a: usize| {
             let periodic = a < self.dimension && self.scene.grid.periodic[a];
             if periodic { -1..=1 } else { 0..=0 }
@@ -240,17 +261,27 @@ impl<'a> Ground<'a> {
                 for y in turns(1) {
                     for z in turns(2) {
                         let by = [f64::from(x), f64::from(y), f64::from(z)];
-                        let from = self
-                            .relative(body, std::array::from_fn(|a| at[a] + by[a] * self.size[a]));
-                        let at_least = Vector3::from(from).norm() - body.reach;
-                        if at_least < found[NEAREST - 1].0 {
-                            offer(&mut found, body.distance(from), Neighbour::Body(k));
-                        }
+                        let image = std::array::from_fn(|a| at[a] + by[a] * self.size[a]);
+                        each(k, body, self.relative(body, image));
                     }
                 }
             }
         }
-        found
+    }
+
+    /// Returns the distance of a point to the nearest solid \[m\].
+    fn clearance(&self, at: Point) -> f64 {
+        let walls = (0..self.walls.len()).map(|wall| self.wall(wall, at));
+        let structures = self
+            .structures()
+            .map(|(_, structure)| structure.solid.distance(at));
+        let mut least = walls.chain(structures).fold(f64::INFINITY, f64::min);
+        self.each_image(at, |_, body, from| {
+            if body.at_least(from) < least {
+                least = least.min(body.distance(from));
+            }
+        });
+        least
     }
 
     fn relative(&self, body: &Body, at: Point) -> Point {
@@ -466,7 +497,9 @@ fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
             return vec![(0, 0.0)];
         }
         let (step, count) = (samples.step[a], samples.count[a].cast_signed());
-        let ends = [-1.0, 1.0].map(|sign| (body.at[a] + sign * (body.reach + cap)) / step - 0.5);
+        // Of a period the nearest images count.
+        let reach = (body.reach + cap).min(1.5 * ground.size[a]);
+        let ends = [-1.0, 1.0].map(|sign| (body.at[a] + sign * reach) / step - 0.5);
         #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
         let [first, last] = [ends[0].ceil() as isize, ends[1].floor() as isize];
         let periodic = ground.scene.grid.periodic[a];
@@ -596,7 +629,7 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
         .map(|k| {
             let at = inner.point(k);
             if inside(at) {
-                ground.nearest(at)[0].0
+                ground.clearance(at)
             } else {
                 f64::NEG_INFINITY
             }
