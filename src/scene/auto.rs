@@ -161,7 +161,8 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     scene.density_causes.clone_from(&like.density_causes);
 }
 
-/// Holds imposed pressures on the mean where eddies are modelled and the case does not say where they hold: in each cell they do not let eddies out.
+/// Holds imposed pressures on the mean where eddies are modelled and the case does not say where they hold: in each
+/// cell they do not let eddies out.
 fn hold_means_in_eddies(scene: &mut Scene) {
     let Some(flow) = scene.flow.as_mut().filter(|flow| flow.turbulence.is_some()) else {
         return;

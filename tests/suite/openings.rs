@@ -113,7 +113,9 @@ fn openings_let_the_stated_discharge_in() {
 #[test]
 fn hydrostatic_pressures_hold_water_at_rest() {
     let _beside = beside_others();
-    let reservoir = |name: &str, face: &str| json!({"name": name, "face": face, "condition": {"pressure": {"value": 0, "gradient": [0, -9810]}}});
+    let hydrostatic = json!({"pressure": {"value": 0, "gradient": [0, -9810]}});
+    let reservoir =
+        |name: &str, face: &str| json!({"name": name, "face": face, "condition": hydrostatic});
     let case = json!({
         "domain": {"size": [0.04, 0.02], "spacing": 0.001},
         "gravity": [0, -9.81],
