@@ -566,6 +566,9 @@ fn plan(
     stability: Stability,
 ) -> Result<(), Error> {
     let mut plan = prepare(case)?;
+    if pilot && !first_rank() {
+        return Ok(());
+    }
     if pilot {
         plan = match piloted(&plan, case) {
             Ok(plan) => plan,

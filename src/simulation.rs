@@ -163,14 +163,17 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         next.saturating_sub(now.step).clamp(1, most)
     }
 
-    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective, as
-    /// the error is known to all ranks.
+    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective for
+    /// numerical errors, which all ranks know; others may be of one rank alone.
     fn cause_of(&mut self, error: Error, steps: u64) -> Error {
         let now = &self.now;
+        if !matches!(error, Error::Numerical(_)) {
+            return guards::of_solids(error, &now.plan);
+        }
         let state = (now.lattice(), &now.particles);
         match self
             .guards
-            .failed_water(now.step + steps, state, &now.plan, &now.domain)
+            .failed_water((now.step + steps, &error), state, &now.plan, &now.domain)
         {
             Some(water) => water,
             None => guards::of_solids(error, &now.plan),

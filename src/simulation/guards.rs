@@ -26,6 +26,7 @@ use crate::case::fluid::Precision;
 use crate::coupling::lattice::LatticeFlow;
 use crate::coupling::structure_map::StructureMap;
 use crate::dem::deepest::{Deepest, With};
+use crate::dem::escape::Escape;
 use crate::dem::particles::Particles;
 use crate::dem::space::{Components, Space};
 use crate::error::Error;
@@ -511,10 +512,10 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
-    /// Returns the failure of the water, if it has failed when the solids did. Collective.
+    /// Returns the failure of the water, if it has failed when the solids did with `error`. Collective.
     pub fn failed_water<Sp: Space, S: Stored>(
         &mut self,
-        step: u64,
+        (step, error): (u64, &Error),
         (flow, particles): (Option<&dyn LatticeFlow<Sp, S>>, &Particles<Sp>),
         plan: &Plan,
         domain: &Domain,
@@ -523,7 +524,12 @@ impl Guards {
         let found = self.inspect(When::Step(step), Some(flow), particles, plan, domain);
         match found {
             Err(Error::Numerical(text)) => Some(Error::Numerical(format!(
-                "{text}; a body or grain left the box with this water"
+                "{text}; {}",
+                if Escape::in_text(&error.to_string()).is_some() {
+                    "a body or grain left the box with this water"
+                } else {
+                    "the motion of bodies or grains failed with it"
+                }
             ))),
             Err(other) => Some(other),
             Ok(()) => None,

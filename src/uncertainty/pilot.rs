@@ -35,6 +35,15 @@ pub fn command(
     report: Report<'_>,
 ) -> Result<(Pilot, Value), Error> {
     enough_cores(run)?;
+    if plan.scene.flow.is_none() {
+        return Err(Error::Case(vec![Problem {
+            path: "fluid".into(),
+            value: String::new(),
+            reason: "a pilot measures the water of a lattice, and the case has none".into(),
+            remedy: "run the case itself".into(),
+            severity: Severity::Error,
+        }]));
+    }
     let (chosen, ratio) = coarse(plan)?;
     let planned = chosen.prepared.as_ref().map_or(0.0, |p| p.seconds);
     report(&format!(

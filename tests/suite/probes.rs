@@ -1,4 +1,4 @@
-//! Probes tell their values for the time that they report.
+//! Forces in the tables of probes belong to the time in the same row.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::json;

@@ -162,7 +162,12 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
         _ => None,
     };
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
-        let open = axis < grid.dimension && opens(flow, axis);
+        let open = flow.patches().any(|patch| {
+            let nature = patch.condition.model().nature();
+            let drives =
+                nature.surface == Surface::Opening && nature.strength == Strength::Velocity;
+            drives && patch.face.axis() == axis
+        });
         open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
     });
     // Discharge through the openings of each axis, with the path of the largest.

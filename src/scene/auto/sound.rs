@@ -22,8 +22,8 @@
 //! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
 //!
 //! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of
-//! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the rate γ
-//! above, off by
+//! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the
+//! rate γ above, off by
 //!
 //! e = |x² - i d|/|1 - x² + i d|,  x = ω/ω₀ = λ/(cT),  d = 2γω/ω₀².
 
@@ -332,6 +332,32 @@ mod tests {
         let diffusivity = sound * sound * width * width / (12.0 * viscosity);
         let constant = length * length / diffusivity;
         approx::assert_relative_eq!(time, TIME_CONSTANTS * constant, max_relative = 1e-12);
+    }
+
+    /// Water in a closed box of length L under a force that oscillates, without friction: the pressure at its ends is
+    /// that of incompressible water times tan(z)/z, z = ωL/(2c) (L. D. Landau and E. M. Lifshitz, Fluid Mechanics,
+    /// 1987, section 64).
+    #[test]
+    fn waves_under_a_force_are_as_large_as_in_a_closed_box() {
+        let waves = Waves {
+            length: 2.0,
+            period: 1.0,
+            surface_over_volume: 0.0,
+            viscosity: 0.0,
+        };
+        for x in [0.05, 0.1, 0.3, 0.6, 0.9] {
+            // c = λ/(xT).
+            let time_step = x / (3.0_f64.sqrt() * waves.length);
+            let z = 0.5 * PI * x;
+            let exact = z.tan() / z - 1.0;
+            let found = waves.error(1.0, time_step);
+            assert!(
+                exact <= found && found <= 1.3 * exact,
+                "{x}: {exact} {found}"
+            );
+        }
+        let (_, step) = waves.longest_step(1.0, 0.01);
+        assert!(waves.error(1.0, step) <= 0.01 && waves.error(1.0, 1.2 * step) > 0.01);
     }
 
     /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C. Kosten, Sound absorbing

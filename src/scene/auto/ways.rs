@@ -681,3 +681,95 @@ fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    /// Widths and kinds of the ways of a scene of water under a force along x.
+    fn ways(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, Beside)> {
+        let [bodies, structures] = solids;
+        let force: Vec<f64> = (0..size.as_array().unwrap().len())
+            .map(|a| if a == 0 { 0.1 } else { 0.0 })
+            .collect();
+        let case = json!({
+            "domain": {"size": size, "spacing": 5e-5, "periodic": periodic},
+            "materials": {"steel": {"density": 7800}},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8, "body_force": {"constant": force}}},
+            "bodies": bodies, "structures": structures, "time": {"end": 0.01}
+        });
+        let document =
+            crate::case::Document::read(&case.to_string(), &[], std::path::Path::new("")).unwrap();
+        let plan = crate::plan::Plan::prepare(document).unwrap();
+        let found = of(&plan.scene, plan.scene.flow.as_ref().unwrap());
+        found
+            .into_iter()
+            .map(|way| (way.width, way.beside))
+            .collect()
+    }
+
+    fn body(shape: &Value, at: [f64; 3]) -> Value {
+        json!([{"name": "b", "shape": shape, "position": at, "motion": {"fixed": {}}, "material": "steel"}])
+    }
+
+    fn near(found: f64, exact: f64) -> bool {
+        (found / exact - 1.0).abs() < 0.08
+    }
+
+    #[test]
+    fn the_way_past_baffles_is_the_gap_at_their_ends() {
+        let wall = |name: &str, from: [f64; 2], to: [f64; 2]| json!({"name": name, "shape": {"box": {"from": from, "to": to}}});
+        let baffles = json!([
+            wall("a", [5e-4, -1.0], [6e-4, 6.7e-4]),
+            wall("b", [1.5e-3, 3.3e-4], [1.6e-3, 1.0])
+        ]);
+        let found = ways(&json!([2e-3, 1e-3]), &["x"], [json!([]), baffles]);
+        assert!(
+            found.len() == 1 && found[0].1 == Beside::Structure && near(found[0].0, 3.3e-4),
+            "{found:?}"
+        );
+        let disc = json!([{"name": "d", "shape": {"disc": {"centre": [1.03e-3, 5.2e-4], "radius": 3.9e-4}}}]);
+        let found = ways(&json!([2e-3, 1e-3]), &["x"], [json!([]), disc]);
+        assert!(found.len() == 1 && near(found[0].0, 1.3e-4), "{found:?}");
+    }
+
+    /// Water passes a sphere that nearly fills a square duct in the corners: the largest sphere between the walls and
+    /// the ball has the radius (2^½ H/2 - R)/(1 + 2^½).
+    #[test]
+    fn the_way_past_a_sphere_in_a_duct_is_in_the_corners() {
+        for radius in [4e-4, 4.5e-4] {
+            let ball = body(&json!({"sphere": {"radius": radius}}), [1e-3, 5e-4, 5e-4]);
+            let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]);
+            let exact = 2.0 * (0.5_f64.sqrt() * 1e-3 - radius) / (1.0 + 2.0_f64.sqrt());
+            assert!(
+                found.len() == 1 && found[0].1 == Beside::BallAndWall && near(found[0].0, exact),
+                "{found:?} {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn wide_water_has_no_narrow_way() {
+        let ball = body(&json!({"sphere": {"radius": 1e-4}}), [1e-3, 5e-4, 5e-4]);
+        assert_eq!(
+            ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]),
+            []
+        );
+    }
+
+    /// A slab that reaches from wall to wall leaves a slot above itself.
+    #[test]
+    fn the_way_over_a_block_is_the_slot() {
+        let block = body(
+            &json!({"cuboid": {"edges": [5e-4, 9.9e-4, 8e-4]}}),
+            [1e-3, 5e-4, 4e-4],
+        );
+        let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [block, json!([])]);
+        assert!(
+            found.len() == 1 && found[0].1 == Beside::Faces && near(found[0].0, 2e-4),
+            "{found:?}"
+        );
+    }
+}
