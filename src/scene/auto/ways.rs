@@ -697,7 +697,8 @@ mod tests {
             "domain": {"size": size, "spacing": 5e-5, "periodic": periodic},
             "materials": {"steel": {"density": 7800}},
             "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8, "body_force": {"constant": force}}},
+                "density": 1000, "kinematic_viscosity": 1e-6,
+                "relaxation_time": 0.8, "body_force": {"constant": force}}},
             "bodies": bodies, "structures": structures, "time": {"end": 0.01}
         });
         let document =
@@ -720,7 +721,10 @@ mod tests {
 
     #[test]
     fn the_way_past_baffles_is_the_gap_at_their_ends() {
-        let wall = |name: &str, from: [f64; 2], to: [f64; 2]| json!({"name": name, "shape": {"box": {"from": from, "to": to}}});
+        let wall = |name: &str, from: [f64; 2], to: [f64; 2]| {
+            let shape = json!({"box": {"from": from, "to": to}});
+            json!({"name": name, "shape": shape})
+        };
         let baffles = json!([
             wall("a", [5e-4, -1.0], [6e-4, 6.7e-4]),
             wall("b", [1.5e-3, 3.3e-4], [1.6e-3, 1.0])
