@@ -254,7 +254,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     }
     let bound = (0.5 * most, h, flow.density);
     let part = density::longest_step(causes, bound).map_or(0.5, |(_, step)| 0.99 * step / dt);
-    let ramp = if cause.velocity > 0.0 && cause.pressure == 0.0 {
+    let ramp = if cause.sound > 0.0 && cause.path.starts_with(PATH) && cause.pressure == 0.0 {
         ", let the velocity grow (`ramp_time`)"
     } else {
         ""

@@ -16,6 +16,7 @@ pub mod density;
 pub(crate) mod features;
 pub(crate) mod gaps;
 pub mod measured;
+mod moving;
 pub(crate) mod promise;
 mod resistance;
 mod sections;
@@ -206,6 +207,8 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
     });
     if let Some(flow) = &scene.flow {
         scene.density_causes = density::causes(scene, flow, &ways);
+        let of_bodies = moving::causes(scene, flow);
+        scene.density_causes.extend(of_bodies);
     }
     if let (Some(accuracy), Some(lbm)) = (asked(written), lattice) {
         scene.chosen.accuracy = Some(accuracy);

@@ -89,8 +89,15 @@ fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
     Some(Speed { what, path, value })
 }
 
-/// Those imposed by boundaries, by the start and by bodies.
+/// Returns the speeds imposed by boundaries, by the start and by bodies.
 pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    let mut speeds = imposed_on_fluid(flow);
+    speeds.extend(of_bodies(scene, false));
+    speeds
+}
+
+/// Returns the speeds imposed by boundaries and by the start.
+pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut speeds = Vec::new();
     let mut add = |what: &str, path: String, value: f64| {
@@ -144,11 +151,39 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         ),
         Initial::File(_) => {}
     }
-    for (n, body) in scene.bodies.iter().enumerate() {
-        let surface = norm(body.velocity) + norm(body.angular_velocity) * body.radius;
-        add("the moving body", format!("bodies[{n}].motion"), surface);
-    }
     speeds
+}
+
+/// Returns the largest speeds at the surfaces of bodies whose motion is written: with both parts of their motion, or
+/// with their rotation alone.
+pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<Item = Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let bodies = scene.bodies.iter().enumerate();
+    let speeds = bodies.map(move |(n, body)| Speed {
+        what: "the moving body".into(),
+        path: format!("bodies[{n}].motion"),
+        value: norm(body.angular_velocity) * body.radius
+            + if rotation_alone {
+                0.0
+            } else {
+                norm(body.velocity)
+            },
+    });
+    speeds.filter(|speed| speed.value != 0.0)
+}
+
+/// Returns the largest speed at which bodies move through the fluid: as written, or as they settle or rise.
+pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
+        what: "the moving body".into(),
+        path: format!("bodies[{n}].motion"),
+        value: norm(body.velocity),
+    });
+    let speeds = driven.chain(settles(scene, flow));
+    speeds
+        .filter(|speed| speed.value > 0.0)
+        .max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
 /// That of a pressure difference.

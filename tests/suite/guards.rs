@@ -475,3 +475,40 @@ fn water_that_throws_a_body_out_is_what_failed() {
         );
     }
 }
+
+/// A disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
+fn moving_disc(cell: f64) -> Value {
+    json!({
+        "domain": {"size": [0.06, 0.04], "spacing": 1e-3, "periodic": ["x", "y"]},
+        "materials": {"steel": {"density": 7800}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 0.06 / cell, "collision": {"trt": {}}
+        }},
+        "bodies": [{
+            "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.012, 0.02017],
+            "motion": {"driven": {"velocity": [cell * 1e-3, 0]}}, "material": "steel"
+        }],
+        "coupling": {"bounce_back": {"scheme": "interpolated"}},
+        "time": {"end": 35.0 / cell}
+    })
+}
+
+/// The plan calls a body that moves unstable where its run fails, and names a spacing at which it does not.
+#[test]
+fn a_body_that_moves_fails_where_the_plan_says_so() {
+    let fails = ran(1, &moving_disc(20.0), &[]);
+    assert_eq!(fails.done.code, Some(4), "{}", fails.done.stderr);
+    assert!(
+        fails.done.stderr.contains("moving-disc-10"),
+        "{}",
+        fails.done.stderr
+    );
+    let spacing = [
+        "--set",
+        "domain.spacing=0.0005",
+        "--set",
+        "fluid.lattice_boltzmann.time_step=0.0015",
+    ];
+    let holds = ran(1, &moving_disc(20.0), &spacing);
+    assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
+}

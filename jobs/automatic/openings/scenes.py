@@ -3,6 +3,8 @@
     python3 scenes.py --solver SOLVER --output DIR --table results.csv --seed 50 --count 300 [--most-seconds 20]
     python3 scenes.py --table results.csv --summary
 
+With `--moving` the scenes are bodies that are driven, settle or rise in fluid without openings.
+
 Each scene is drawn from a family by its number and the seed: ducts and channels from laminar to turbulent, sudden and ramped starts, long and narrow
 passages, jets from patches, bodies at random places, wakes that reach the outlet, screens, structures, pressures at both ends, outflows, stated
 time steps. Levels of accuracy and what the plan chooses are drawn as well. A case that the plan calls `unstable` is run all the same
@@ -226,7 +228,79 @@ def stated(draw):
     return case
 
 
+def moving(draw, dimension):
+    """A disc or sphere in water at rest, the size of the box in its diameters, and a place in it."""
+    diameter = 10 ** draw.uniform(-3, -1.5)
+    size = [diameter * draw.uniform(3, 8) for _ in range(dimension)]
+    size[-1] = diameter * draw.uniform(5, 10)
+    at = [draw.uniform(0.7 * diameter, edge - 0.7 * diameter) for edge in size]
+    shape = {"disc": {"radius": 0.5 * diameter}} if dimension == 2 else {"sphere": {"radius": 0.5 * diameter}}
+    walled = draw.random() < 0.5
+    return diameter, size, at, shape, [] if walled else ["x", "y", "z"][:dimension]
+
+
+def driven(draw):
+    """A body that is driven, level by level or with a stated grid, from a sudden start."""
+    dimension = draw.choice([2, 2, 3])
+    diameter, size, at, shape, periodic = moving(draw, dimension)
+    fluid = dict(draw.choice([WATER, OIL]))
+    speed = 10 ** draw.uniform(0, 2.7) * fluid["kinematic_viscosity"] / diameter
+    at[-1] = 0.75 * size[-1]
+    velocity = [0] * (dimension - 1) + [-speed]
+    bodies = [{"name": "b", "shape": shape, "position": at, "motion": {"driven": {"velocity": velocity}}, "material": "steel"}]
+    case = case_of(draw, size, fluid, [], draw.uniform(0.1, 0.5) * size[-1] / speed, bodies=bodies)
+    case["domain"]["periodic"] = periodic
+    grid_of(draw, case, diameter, speed)
+    return case
+
+
+def settling(draw):
+    """A body that settles or rises."""
+    dimension = draw.choice([2, 2, 3])
+    diameter, size, at, shape, periodic = moving(draw, dimension)
+    fluid = dict(draw.choice([WATER, OIL]))
+    periodic = [axis for axis in periodic if axis != "xyz"[dimension - 1]]
+    density = draw.choice([1100, 1500, 2650])
+    speed = 10 ** draw.uniform(0, 2.5) * fluid["kinematic_viscosity"] / diameter
+    lighter = density / fluid["density"] - 1
+    case = case_of(draw, size, fluid, [], draw.uniform(1, 4) * size[-1] / speed)
+    # Weight at which drag (Schiller and Naumann 1933) allows this speed.
+    reynolds = speed * diameter / fluid["kinematic_viscosity"]
+    drag = 24 / reynolds * (1 + 0.15 * reynolds**0.687)
+    case["gravity"] = [0] * (dimension - 1) + [-0.75 * drag * speed**2 / (lighter * diameter)]
+    at[-1] = 0.75 * size[-1]
+    case["bodies"] = [{"name": "b", "shape": shape, "position": at, "motion": {"free": {}}, "material": "steel"}]
+    case["materials"] = {"steel": {"density": density}}
+    case["domain"]["periodic"] = periodic
+    case["box_walls"] = [f"{'xyz'[axis]}_{end}" for axis in range(dimension) if "xyz"[axis] not in periodic for end in ("min", "max")]
+    # The deepest overlap is about a hundredth of a diameter, also after a fall without drag.
+    energy = max(speed**2, 2 * size[-1] * abs(lighter * case["gravity"][-1]))
+    stiffness = 1e4 * density * diameter ** (dimension - 2) * energy
+    case["contact"] = {"linear": {"normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 20}}
+    grid_of(draw, case, diameter, speed)
+    return case
+
+
+def grid_of(draw, case, diameter, speed):
+    """States the grid, the time step and the coupling in half of the scenes."""
+    if draw.random() < 0.5:
+        return
+    del case["accuracy"]
+    fluid = case["fluid"]["lattice_boltzmann"]
+    dimension = len(case["domain"]["size"])
+    spacing = diameter / draw.uniform(6, 16)
+    case["domain"]["spacing"] = spacing
+    case["domain"]["size"] = [spacing * max(8, round(edge / spacing)) for edge in case["domain"]["size"]]
+    fluid["time_step"] = 10 ** draw.uniform(-1.7, -0.6) * spacing / speed
+    operators = [{"trt": {}}, {"bgk": {}}] if dimension == 2 else [{"trt": {}}, {"mrt": {}}, {"cumulant": {}}]
+    fluid["collision"] = draw.choice(operators)
+    if dimension == 3:
+        fluid["lattice"] = "d3q27"
+    case["coupling"] = draw.choice([{"bounce_back": {"scheme": "interpolated"}}, {"bounce_back": {"scheme": "half_way"}}, {"partially_saturated": {}}])
+
+
 FAMILIES = [channel, long_channel, transitional, duct, turbulent, jet, disc, sphere, slit, structures, pressures, stated]
+MOVING = [driven, settling]
 
 
 def planned(options, path):
@@ -245,7 +319,8 @@ def words_of(text):
 
 
 def scene(options, number):
-    family = FAMILIES[number % len(FAMILIES)]
+    families = MOVING if options.moving else FAMILIES
+    family = families[number % len(families)]
     draw = random.Random(f"{options.seed}-{number}")
     case = family(draw)
     folder = os.path.join(options.output, f"{options.seed}-{number}")
@@ -297,8 +372,10 @@ def read(table):
 def summary(rows):
     print("| family | scenes | valid | of these failed | unstable | of these ran | refused | left out |")
     print("|---|---|---|---|---|---|---|---|")
-    families = [family.__name__ for family in FAMILIES]
+    families = [family.__name__ for family in [*FAMILIES, *MOVING]]
     for name in [*families, "all"]:
+        if not any(name in ("all", row["family"]) for row in rows):
+            continue
         mine = [row for row in rows if name in ("all", row["family"])]
         of = lambda verdict: [row for row in mine if row["verdict"] == verdict]
         failed = sum(row["exit"] not in ("0",) for row in of("valid"))
@@ -316,6 +393,7 @@ def main():
     words.add_argument("--first", type=int, default=0)
     words.add_argument("--count", type=int, default=300)
     words.add_argument("--most-seconds", type=float, default=20)
+    words.add_argument("--moving", action="store_true")
     words.add_argument("--summary", action="store_true")
     options = words.parse_args()
     rows = read(options.table)

@@ -22,7 +22,7 @@ pub use kernel::{Collision, Site};
 use super::lattice::VelocitySet;
 use crate::error::Finding;
 use crate::family::{self, Description};
-use border::{Border, Situation};
+use border::{Border, MovingBody, Situation};
 use linear_stability::Wave;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,6 +113,9 @@ pub trait Model {
 
     /// Up to where runs like it were seen to hold; none where no map judges this operator.
     fn border(&self, situation: &Situation) -> Option<Border>;
+
+    /// Returns the border for a body that moves through the fluid; none where no map judges this operator.
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border>;
 
     /// The cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;

@@ -12,7 +12,8 @@
 //! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
 //!   begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
-//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D up to a cell Reynolds number of 7.
+//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D and around what moves up to a cell
+//! Reynolds number of 7.
 //! Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a factor, and beyond that the case
 //! is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
 //! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about
@@ -40,8 +41,9 @@ const MOST_TAU: f64 = 1.5;
 /// at 0.5302 and held at 0.5491.
 const LEAST_TAU: f64 = 0.51;
 const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
-/// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D: runs failed from 11 on.
-const CELL_REYNOLDS_AT_OPENINGS: f64 = 7.0;
+/// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D and around what moves, held
+/// by links: runs failed from 11 and from 12 on.
+const MOST_CELL_REYNOLDS: f64 = 7.0;
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
 const USUAL_MACH: f64 = 0.1;
 /// Part of `guards.max_compression` that all changes of density together may take.
@@ -61,14 +63,18 @@ const DRAFT: f64 = 0.1;
 
 /// Returns the smallest relaxation time at which two of them are stable at a lattice velocity.
 fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
-    let mut patches = flow.patches();
-    if !patches.any(|patch| patch.condition.model().passes_water()) {
-        LEAST_TAU
-    } else if scene.grid.dimension == 2 {
-        (0.5 + 3.0 * lattice_velocity / CELL_REYNOLDS_AT_OPENINGS)
-            .clamp(LEAST_TAU, LEAST_TAU_AT_OPENINGS)
-    } else {
-        LEAST_TAU_AT_OPENINGS
+    let opens = flow
+        .patches()
+        .any(|patch| patch.condition.model().passes_water());
+    let bounded = 0.5 + 3.0 * lattice_velocity / MOST_CELL_REYNOLDS;
+    let links = matches!(scene.coupling, Some(Coupling::BounceBack(_)));
+    match (opens, scene.grid.dimension) {
+        (true, 3) => LEAST_TAU_AT_OPENINGS,
+        (true, _) => bounded.clamp(LEAST_TAU, LEAST_TAU_AT_OPENINGS),
+        (false, _) if links && speed::through_the_fluid(scene, flow).is_some() => {
+            bounded.max(LEAST_TAU)
+        }
+        (false, _) => LEAST_TAU,
     }
 }
 

@@ -5,7 +5,7 @@
 //! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours reduce the velocity.
 
 use super::super::Scene;
-use super::super::bodies::Mobility;
+use super::super::bodies::{Body, Mobility};
 use super::super::flow::Flow;
 use super::super::grains::GrainSource;
 use std::f64::consts::PI;
@@ -48,15 +48,23 @@ pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: 
     unit * (low * high).sqrt()
 }
 
+fn of_volume(volume: f64) -> f64 {
+    (6.0 * volume / PI).cbrt()
+}
+
+/// Returns the diameter of a body \[m\]; of a polyhedron that of the sphere of its volume.
+pub(crate) fn diameter(body: &Body) -> f64 {
+    let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
+    volume.map_or(2.0 * body.radius, of_volume)
+}
+
 /// What moves freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume), material.
 fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
-    let of_volume = |volume: f64| (6.0 * volume / PI).cbrt();
     for (n, body) in scene.bodies.iter().enumerate() {
-        let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
         if body.mobility == Mobility::Free {
-            let diameter = volume.map_or(2.0 * body.radius, of_volume);
-            list.push((format!("bodies[{n}].motion.free"), diameter, body.material));
+            let path = format!("bodies[{n}].motion.free");
+            list.push((path, diameter(body), body.material));
         }
     }
     if let Some(grains) = &scene.grains {
@@ -81,24 +89,22 @@ fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     list
 }
 
-/// The fastest of what settles or rises under gravity [m/s], and its JSON path: no faster than a free fall through the domain, or as
-/// long as the run.
-pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+/// Returns the speed [m/s] at which a sphere (2-D: a disc) of a diameter \[m\] and a material settles or rises: no faster
+/// than in a free fall through the domain, or as long as the run.
+pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize) -> f64 {
     let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let gravity = size(scene.gravity);
-    let dimension = scene.grid.dimension;
-    let height = size(scene.grid.size);
-    let speed = |diameter: f64, material: usize| {
-        let lighter = (scene.density(material) / flow.density - 1.0).abs() * gravity;
-        let force = lighter * scene.mass(material, 0.5 * diameter) / scene.density(material);
-        let terminal = terminal_speed(dimension, flow.density * force, diameter, flow);
-        terminal
-            .min((2.0 * lighter * height).sqrt())
-            .min(lighter * scene.time.end)
-    };
+    let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
+    let force = lighter * scene.mass(material, 0.5 * diameter) / scene.density(material);
+    terminal_speed(scene.grid.dimension, flow.density * force, diameter, flow)
+        .min((2.0 * lighter * size(scene.grid.size)).sqrt())
+        .min(lighter * scene.time.end)
+}
+
+/// Returns the speed of the fastest of what settles or rises under gravity [m/s], and its JSON path.
+pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     free(scene)
         .into_iter()
-        .map(|(path, diameter, material)| (path, speed(diameter, material)))
+        .map(|(path, diameter, material)| (path, of_body(scene, flow, diameter, material)))
         .filter(|(_, speed)| *speed > 0.0)
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }

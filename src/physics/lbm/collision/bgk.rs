@@ -7,7 +7,7 @@ pub mod kernel;
 
 pub use kernel::Bgk;
 
-use super::border::{Border, Bounds, Situation};
+use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::trt::{self, AntisymmetricRate, Trt};
 use super::{Dispatch, Kernels, Model};
 use crate::error::number;
@@ -56,6 +56,10 @@ impl Model for Parameters {
             [&DUCT_19, &DUCT_27],
             true,
         )
+    }
+
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border> {
+        Some(body.border(border::SPHERE))
     }
 
     fn fails_at_faces(&self) -> f64 {

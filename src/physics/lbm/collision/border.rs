@@ -1,8 +1,8 @@
 //! The cell Reynolds number up to which runs with an operator were stable.
 //!
 //! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
-//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings in 2-D), a square
-//! ducts between an inlet and an outlet (openings in 3-D, without and with an eddy viscosity).
+//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a cylinder behind an inlet (openings in 2-D), square
+//! ducts between an inlet and an outlet (openings in 3-D, without and with an eddy viscosity), a disc and a sphere that start to move.
 
 use crate::lbm::lattice::VelocitySet;
 
@@ -74,6 +74,60 @@ impl Situation {
         self.surroundings == Surroundings::Openings
             && self.velocities.dimension() == 3
             && !self.eddies
+    }
+}
+
+/// A body that moves through the fluid, whose stability is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MovingBody {
+    /// Whether links at its surface return the populations; otherwise its cells are partially saturated.
+    pub links: bool,
+    /// Number of dimensions of the flow.
+    pub dimension: usize,
+    /// Whether an eddy viscosity is added.
+    pub eddies: bool,
+}
+
+/// A disc that moves, held by links, with any operator of 2-D. Beside the map discs of other sizes failed at 9.7 at a
+/// lattice velocity of 0.15.
+const DISC: &[Bounds] = &[
+    Bounds::up_to(0.11, 10.0, 11.0),
+    Bounds::up_to(0.15, 7.0, 8.0),
+    Bounds::up_to(0.21, 2.0, 4.0),
+    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+];
+
+/// A disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water beside it passes the guard.
+const SATURATED_DISC: &[Bounds] = &[
+    Bounds::up_to(0.11, 80.0, f64::INFINITY),
+    Bounds::up_to(0.15, 20.0, 40.0),
+    Bounds::up_to(0.21, 5.0, 7.0),
+    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+];
+
+/// A sphere that moves, in partially saturated cells, with any operator of 3-D.
+const SATURATED_SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.15, 80.0, f64::INFINITY),
+    Bounds::up_to(f64::INFINITY, 40.0, 80.0),
+];
+
+/// A sphere that moves, held by links, with one or two relaxation times.
+pub(super) const SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.11, 10.0, 12.0),
+    Bounds::up_to(0.15, 7.0, 10.0),
+    Bounds::up_to(f64::INFINITY, 5.0, 7.0),
+];
+
+impl MovingBody {
+    /// Returns the border of an operator that holds a sphere with links within the bounds `sphere`.
+    pub(super) fn border(&self, sphere: &'static [Bounds]) -> Border {
+        let (map, bounds) = match (self.dimension, self.links) {
+            (2, true) => ("moving-disc-10", DISC),
+            (2, false) => ("moving-disc-10", SATURATED_DISC),
+            (_, true) => ("moving-sphere-8", sphere),
+            (_, false) => ("moving-sphere-8", SATURATED_SPHERE),
+        };
+        Border { map, bounds }
     }
 }
 

@@ -20,7 +20,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::border::{self, Border, Bounds, Situation};
+use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::products::{POPULATION, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};
 use crate::family::Description;
@@ -57,6 +57,12 @@ const DUCT: &[Bounds] = &[
     Bounds::up_to(f64::INFINITY, 17.6, 23.0),
 ];
 
+const SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.11, 80.0, f64::INFINITY),
+    Bounds::up_to(0.15, 40.0, 80.0),
+    Bounds::up_to(f64::INFINITY, 10.0, 12.0),
+];
+
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
         Description::new("cumulants", "requested; robust at high Reynolds numbers")
@@ -72,6 +78,10 @@ impl Model for Parameters {
             return Some(border::duct(DUCT));
         }
         (!situation.eddies).then_some(border::cube(CUBE))
+    }
+
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border> {
+        (!body.eddies).then_some(body.border(SPHERE))
     }
 
     fn fails_at_faces(&self) -> f64 {

@@ -39,7 +39,7 @@ pub mod kernel;
 
 pub use kernel::{Mrt, Rates};
 
-use super::border::{self, Border, Bounds, Situation};
+use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::second_order::SecondOrder;
 use super::{Dispatch, Kernels, Model};
 use crate::family::Description;
@@ -151,6 +151,12 @@ impl Parameters {
     }
 }
 
+const SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.06, 80.0, f64::INFINITY),
+    Bounds::up_to(0.15, 40.0, 80.0),
+    Bounds::up_to(f64::INFINITY, 10.0, 12.0),
+];
+
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
         if self.second_order() {
@@ -185,6 +191,10 @@ impl Model for Parameters {
                 (true, true) => CUBE_SECOND_ORDER_EDDIES,
             },
         ))
+    }
+
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border> {
+        (!body.eddies).then_some(body.border(SPHERE))
     }
 
     fn fails_at_faces(&self) -> f64 {

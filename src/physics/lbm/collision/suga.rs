@@ -27,7 +27,7 @@
 //! the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ and
 //! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
-use super::border::{self, Border, Bounds, Situation};
+use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::linear_stability::{self, Wave};
 use super::mrt::{self, Rates};
 use super::products::{POPULATION, n};
@@ -70,6 +70,13 @@ const CUBE_EDDIES: &[Bounds] = &[
     Bounds::up_to(f64::INFINITY, 20.0, 60.0),
 ];
 const CUBE_SECOND_ORDER: &[Bounds] = &Bounds::always(20.0, 30.0);
+
+const SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.06, 80.0, f64::INFINITY),
+    Bounds::up_to(0.11, 40.0, 80.0),
+    Bounds::up_to(0.15, 14.0, 20.0),
+    Bounds::up_to(f64::INFINITY, 7.0, 10.0),
+];
 
 impl Model for Parameters {
     fn describe(&self, _: f64) -> Description {
@@ -134,6 +141,10 @@ impl Model for Parameters {
             (false, true) => CUBE_EDDIES,
             (false, false) => CUBE,
         }))
+    }
+
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border> {
+        (!body.eddies).then_some(body.border(SPHERE))
     }
 
     fn fails_at_faces(&self) -> f64 {

@@ -13,7 +13,7 @@ pub mod kernel;
 
 pub use kernel::{AntisymmetricRate, Trt, antisymmetric_rate};
 
-use super::border::{self, Border, Bounds, Situation, Surroundings};
+use super::border::{self, Border, Bounds, MovingBody, Situation, Surroundings};
 use super::{Dispatch, Kernels, Model};
 use crate::family::Description;
 use crate::lbm::lattice::VelocitySet;
@@ -67,6 +67,10 @@ impl Model for Parameters {
 
     fn border(&self, situation: &Situation) -> Option<Border> {
         border_of_two_rates(situation, FREE, LID, CUBE, [&DUCT_19, &DUCT_27], false)
+    }
+
+    fn border_of_moving(&self, body: &MovingBody) -> Option<Border> {
+        Some(body.border(border::SPHERE))
     }
 
     fn fails_at_faces(&self) -> f64 {

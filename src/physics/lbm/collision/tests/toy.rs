@@ -1,7 +1,7 @@
 //! The file of an operator that exists in this test only.
 
 use crate::family::Description;
-use crate::lbm::collision::border::{Border, Situation};
+use crate::lbm::collision::border::{Border, MovingBody, Situation};
 use crate::lbm::collision::{Collision, Dispatch, Kernels, Model, Site};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::Lattice;
@@ -23,6 +23,10 @@ impl Model for Parameters {
     }
 
     fn border(&self, _: &Situation) -> Option<Border> {
+        None
+    }
+
+    fn border_of_moving(&self, _: &MovingBody) -> Option<Border> {
         None
     }
 
