@@ -154,163 +154,209 @@ pub(crate) fn longest_step(
 /// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow
 /// ways along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
-    let mut causes = Vec::new();
-    let (density, viscosity) = (flow.density, flow.kinematic_viscosity);
-    let grid = &scene.grid;
-    let start = match flow.initial {
-        Initial::Uniform { velocity, .. } => Some(velocity),
-        _ => None,
-    };
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
-        let open = flow.patches().any(|patch| {
-            let nature = patch.condition.model().nature();
-            let drives =
-                nature.surface == Surface::Opening && nature.strength == Strength::Velocity;
-            drives && patch.face.axis() == axis
-        });
+        let imposed = |patch: &Patch| imposes_a_velocity(patch) && patch.face.axis() == axis;
+        let open = flow.patches().any(imposed);
         open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
     });
-    // Discharge through the openings of each axis, with the path of the largest.
-    let mut through: [Option<(f64, String)>; 3] = [None, None, None];
-    for patch in flow.patches() {
-        let model = patch.condition.model();
-        let nature = model.nature();
-        if nature.surface != Surface::Opening || nature.strength != Strength::Velocity {
-            continue;
-        }
-        let (Some(speed), Some(path)) = (
-            model.speed(),
-            model.speed().and_then(|s| patch.path(s.field)),
-        ) else {
-            continue;
-        };
-        let axis = patch.face.axis();
-        if let Some(start) = start {
-            let uniform = uniform(patch);
-            let normal = match uniform {
-                Some(velocity) => (velocity[axis] - start[axis]).abs(),
-                // Waves over the face even out within some steps.
-                None => {
-                    let own = match model.inflow(&patch.place(grid, PATH)) {
-                        Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(speed.value),
-                        _ => speed.value,
-                    };
-                    own + start[axis].abs()
-                }
-            };
-            let rim = uniform.is_some() && ends_at_walls(flow, patch);
-            let ramp = model.ramp_time();
-            // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 +
-            // a) of the open part a.
-            let back = sections[axis].map_or(0.0, |found| (1.0 - found.open) / (1.0 + found.open));
-            if normal > 0.0 {
-                causes.push(Cause {
-                    what: "the sound of the start",
-                    path: path.clone(),
-                    pressure: 0.0,
-                    velocity: normal,
-                    sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { AT_A_RIM } else { 1.0 },
-                    most: if ramp > 0.0 {
-                        2.0 * density * normal * grid.size[axis] / ramp
-                    } else {
-                        f64::INFINITY
-                    },
-                    over: if rim { OVER } else { OVER_AT_A_START },
-                });
-            }
-        }
-        if let Some(velocity) = uniform(patch).filter(|_| ends_at_walls(flow, patch)) {
-            let normal = velocity[axis].abs();
-            let friction = RIM_OF_FRICTION[grid.dimension - 2];
-            causes.push(Cause {
-                what: "a uniform profile beside a wall",
-                path: path.clone(),
-                pressure: friction * density * viscosity * normal / grid.spacing,
-                velocity: normal,
-                sound: 3.0 * RIM_OF_INERTIA,
-                most: f64::INFINITY,
-                over: OVER,
-            });
-        }
-        let place = patch.place(grid, PATH);
-        if let Inflow::Mean(mean) = model.inflow(&place) {
-            let depth = grid.spacing.powi(if grid.dimension == 2 { 1 } else { 2 });
-            let discharge = mean.abs() * place.area() * depth;
-            let known = through[axis].as_ref().map_or(0.0, |(q, _)| *q);
-            if discharge > known {
-                through[axis] = Some((discharge, path));
-            }
+    let inlets = flow.patches().filter(|patch| imposes_a_velocity(patch));
+    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::of).collect();
+    let mut causes = Vec::new();
+    for inlet in &inlets {
+        let open = sections[inlet.axis].as_ref().map(|found| found.open);
+        causes.extend(inlet.start(scene, flow, open));
+        causes.extend(inlet.rim(scene, flow));
+    }
+    causes.extend(flow.patches().filter_map(|patch| lid(scene, flow, patch)));
+    for (axis, sections) in sections.iter().enumerate() {
+        // The opening with the largest discharge through each axis.
+        let through = inlets.iter().filter(|inlet| inlet.axis == axis);
+        let discharges = through.filter_map(|inlet| Some((inlet.discharge(scene)?, inlet)));
+        let largest = discharges.fold(None, |known: Option<(f64, &Inlet)>, found| match known {
+            Some(known) if known.0 >= found.0 => Some(known),
+            _ => (found.0 > 0.0).then_some(found),
+        });
+        if let Some((discharge, inlet)) = largest {
+            let loss = loss(scene, flow, axis, discharge, sections.as_ref(), ways);
+            causes.extend(
+                loss.map(|(what, pressure)| Cause::steady(what, inlet.path.clone(), pressure)),
+            );
         }
     }
-    for patch in flow.patches() {
-        let model = patch.condition.model();
-        let moves = model.nature().surface == Surface::MovingWall;
-        let (Some(speed), true) = (model.speed(), moves && lid_meets_wall(flow, patch)) else {
-            continue;
-        };
-        if let Some(path) = patch.path(speed.field) {
-            let friction = LID_OF_FRICTION[grid.dimension - 2];
-            causes.push(Cause {
-                what: "the corner of a moving wall",
-                path,
-                pressure: friction * density * viscosity * speed.value / grid.spacing,
-                velocity: speed.value,
-                sound: 3.0 * LID_OF_INERTIA,
-                most: f64::INFINITY,
-                over: OVER_AT_A_LID,
-            });
-        }
-    }
-    for (axis, inflow) in through.into_iter().enumerate() {
-        let Some((discharge, path)) = inflow else {
-            continue;
-        };
-        // Each of them holds the loss of the whole way.
-        let mut losses = Vec::new();
-        if let Some(pressure) = in_channel(scene, flow, axis, discharge) {
-            losses.push(("friction in the channel", pressure));
-        }
-        if let Some(sections) = &sections[axis] {
-            let speed = discharge / sections.smallest * (1.0 - sections.open);
-            let winding = if scene.structures.is_empty() {
-                1.0
-            } else {
-                WINDING
-            };
-            let friction = viscosity * sections.friction * discharge;
-            let pressure = winding * density * (friction + 0.75 * speed * speed);
-            losses.push(("the way between solids", pressure));
-        }
-        for (_, gap) in ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0) {
-            let resistance = sound::resistance(&sound::Way::of(gap));
-            let speed = discharge / gap.width;
-            let pressure =
-                density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
-            losses.push(("a narrow way", pressure));
-        }
-        let largest = losses.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        causes.extend(largest.map(|(what, pressure)| Cause::steady(what, path, pressure)));
-    }
-    let force = flow.body_force.largest();
-    let against: f64 = (0..grid.dimension)
-        .filter(|a| !grid.periodic[*a] && !opens(flow, *a))
-        .map(|a| force[a].abs() * grid.size[a])
-        .sum();
-    if against > 0.0 {
-        causes.push(Cause::steady(
-            "the body force against walls",
-            format!("{PATH}.body_force"),
-            against,
-        ));
-    }
+    causes.extend(force_against_walls(scene, flow));
     if let Some(pilot) = &flow.pilot {
-        // What was measured stands in place of what formulas say of the losses.
+        // The measured loss stands in place of what formulas say of the losses.
         causes.retain(|cause| !cause.is_loss());
         let pressure = PILOT_MARGIN * pilot.pressure;
         let path = format!("{PATH}.pilot.pressure");
         causes.push(Cause::steady("the pressure in a pilot", path, pressure));
     }
     causes
+}
+
+fn imposes_a_velocity(patch: &Patch) -> bool {
+    let nature = patch.condition.model().nature();
+    nature.surface == Surface::Opening && nature.strength == Strength::Velocity
+}
+
+/// An opening that imposes a velocity.
+struct Inlet<'a> {
+    patch: &'a Patch,
+    axis: usize,
+    /// Largest speed [m/s].
+    speed: f64,
+    /// JSON path of the field that decides the speed.
+    path: String,
+}
+
+impl<'a> Inlet<'a> {
+    fn of(patch: &'a Patch) -> Option<Self> {
+        let speed = patch.condition.model().speed()?;
+        Some(Self {
+            patch,
+            axis: patch.face.axis(),
+            speed: speed.value,
+            path: patch.path(speed.field)?,
+        })
+    }
+
+    /// Returns the uniform profile if it ends at walls, where it makes a rim [m/s].
+    fn uniform_at_walls(&self, flow: &Flow) -> Option<[f64; 3]> {
+        uniform(self.patch).filter(|_| ends_at_walls(flow, self.patch))
+    }
+
+    /// Returns the sound of the start; none where the fluid starts from a file or a flow of its own. `open` is the open
+    /// part of the narrowest section.
+    fn start(&self, scene: &Scene, flow: &Flow, open: Option<f64>) -> Option<Cause> {
+        let Initial::Uniform {
+            velocity: start, ..
+        } = flow.initial
+        else {
+            return None;
+        };
+        let (axis, model) = (self.axis, self.patch.condition.model());
+        let normal = match uniform(self.patch) {
+            Some(velocity) => (velocity[axis] - start[axis]).abs(),
+            // Waves over the face even out within some steps.
+            None => {
+                let own = match model.inflow(&self.patch.place(&scene.grid, PATH)) {
+                    Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(self.speed),
+                    _ => self.speed,
+                };
+                own + start[axis].abs()
+            }
+        };
+        let rim = self.uniform_at_walls(flow).is_some();
+        let ramp = model.ramp_time();
+        // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 + a) of
+        // the open part a.
+        let back = open.map_or(0.0, |open| (1.0 - open) / (1.0 + open));
+        (normal > 0.0).then(|| Cause {
+            what: "the sound of the start",
+            path: self.path.clone(),
+            pressure: 0.0,
+            velocity: normal,
+            sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { AT_A_RIM } else { 1.0 },
+            most: if ramp > 0.0 {
+                2.0 * flow.density * normal * scene.grid.size[axis] / ramp
+            } else {
+                f64::INFINITY
+            },
+            over: if rim { OVER } else { OVER_AT_A_START },
+        })
+    }
+
+    fn rim(&self, scene: &Scene, flow: &Flow) -> Option<Cause> {
+        let normal = self.uniform_at_walls(flow)?[self.axis].abs();
+        let friction = RIM_OF_FRICTION[scene.grid.dimension - 2];
+        Some(Cause {
+            what: "a uniform profile beside a wall",
+            path: self.path.clone(),
+            pressure: friction * flow.density * flow.kinematic_viscosity * normal
+                / scene.grid.spacing,
+            velocity: normal,
+            sound: 3.0 * RIM_OF_INERTIA,
+            most: f64::INFINITY,
+            over: OVER,
+        })
+    }
+
+    /// Returns the discharge [m2/s in 2-D, m3/s in 3-D]; none of a profile without a stated mean.
+    fn discharge(&self, scene: &Scene) -> Option<f64> {
+        let grid = &scene.grid;
+        let place = self.patch.place(grid, PATH);
+        let Inflow::Mean(mean) = self.patch.condition.model().inflow(&place) else {
+            return None;
+        };
+        let depth = grid.spacing.powi(if grid.dimension == 2 { 1 } else { 2 });
+        Some(mean.abs() * place.area() * depth)
+    }
+}
+
+/// Returns the pressure in the corner of a wall that moves along itself and ends at a wall at rest.
+fn lid(scene: &Scene, flow: &Flow, patch: &Patch) -> Option<Cause> {
+    let model = patch.condition.model();
+    let moves = model.nature().surface == Surface::MovingWall;
+    let speed = model
+        .speed()
+        .filter(|_| moves && lid_meets_wall(flow, patch))?;
+    let friction = LID_OF_FRICTION[scene.grid.dimension - 2];
+    Some(Cause {
+        what: "the corner of a moving wall",
+        path: patch.path(speed.field)?,
+        pressure: friction * flow.density * flow.kinematic_viscosity * speed.value
+            / scene.grid.spacing,
+        velocity: speed.value,
+        sound: 3.0 * LID_OF_INERTIA,
+        most: f64::INFINITY,
+        over: OVER_AT_A_LID,
+    })
+}
+
+/// Returns the loss of pressure along an axis at a discharge \[Pa\], and its name: the largest of the channel's, that
+/// between solids and those of narrow ways, each of which holds the loss of the whole way.
+fn loss(
+    scene: &Scene,
+    flow: &Flow,
+    axis: usize,
+    discharge: f64,
+    sections: Option<&Sections>,
+    ways: &[(usize, Gap)],
+) -> Option<(&'static str, f64)> {
+    let (density, viscosity) = (flow.density, flow.kinematic_viscosity);
+    let channel = in_channel(scene, flow, axis, discharge);
+    let channel = channel.map(|pressure| ("friction in the channel", pressure));
+    let between = sections.map(|sections| {
+        let speed = discharge / sections.smallest * (1.0 - sections.open);
+        let winding = if scene.structures.is_empty() {
+            1.0
+        } else {
+            WINDING
+        };
+        let friction = viscosity * sections.friction * discharge;
+        let pressure = winding * density * (friction + 0.75 * speed * speed);
+        ("the way between solids", pressure)
+    });
+    let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
+    let narrow = narrow.map(|(_, gap)| {
+        let resistance = sound::resistance(&sound::Way::of(gap));
+        let speed = discharge / gap.width;
+        let pressure = density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
+        ("a narrow way", pressure)
+    });
+    let all = channel.into_iter().chain(between).chain(narrow);
+    all.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn force_against_walls(scene: &Scene, flow: &Flow) -> Option<Cause> {
+    let grid = &scene.grid;
+    let force = flow.body_force.largest();
+    let against: f64 = (0..grid.dimension)
+        .filter(|a| !grid.periodic[*a] && !opens(flow, *a))
+        .map(|a| force[a].abs() * grid.size[a])
+        .sum();
+    let path = format!("{PATH}.body_force");
+    (against > 0.0).then(|| Cause::steady("the body force against walls", path, against))
 }
 
 /// Returns what bounds the water along an axis.
