@@ -173,6 +173,28 @@ impl<N: Lanes> Gaussian<N> {
     }
 }
 
+/// Returns the deviation of the density and the momentum of a cell, without half of a force.
+#[inline(always)]
+fn density_and_momentum<N: Lanes, G: Site<N, Q>, const Q: usize>(g: &G) -> (N, [N; 3]) {
+    let mut sums = [[n::<N>(0.0); 3]; 3];
+    let mut m = [n::<N>(0.0); 3];
+    unroll!(axes x < 3 => {
+        unroll!(axes y < 3 => {
+            let (plus, minus) = (g.incoming(POPULATION[x][y][1]), g.incoming(POPULATION[x][y][2]));
+            sums[x][y] = g.incoming(POPULATION[x][y][0]) + (plus + minus);
+            m[2] = m[2] + (plus - minus);
+        });
+    });
+    let mut by_x = [n::<N>(0.0); 3];
+    unroll!(axes x < 3 => {
+        by_x[x] = sums[x][0] + (sums[x][1] + sums[x][2]);
+        m[1] = m[1] + (sums[x][1] - sums[x][2]);
+    });
+    let drho = by_x[0] + (by_x[1] + by_x[2]);
+    m[0] = by_x[1] - by_x[2];
+    (drho, m)
+}
+
 impl<const FORCED: bool> Collision for Cumulant<FORCED> {
     type Rates<N: Lanes> = N;
 
@@ -194,22 +216,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
     ) -> [N; 3] {
         const { assert!(Q == 27, "the cumulants are those of D3Q27") };
         // Density and velocity first: the moments are about it.
-        let mut sums = [[n::<N>(0.0); 3]; 3];
-        let mut m = [n::<N>(0.0); 3];
-        unroll!(axes x < 3 => {
-            unroll!(axes y < 3 => {
-                let (plus, minus) = (g.incoming(POPULATION[x][y][1]), g.incoming(POPULATION[x][y][2]));
-                sums[x][y] = g.incoming(POPULATION[x][y][0]) + (plus + minus);
-                m[2] = m[2] + (plus - minus);
-            });
-        });
-        let mut by_x = [n::<N>(0.0); 3];
-        unroll!(axes x < 3 => {
-            by_x[x] = sums[x][0] + (sums[x][1] + sums[x][2]);
-            m[1] = m[1] + (sums[x][1] - sums[x][2]);
-        });
-        let drho = by_x[0] + (by_x[1] + by_x[2]);
-        m[0] = by_x[1] - by_x[2];
+        let (drho, mut m) = density_and_momentum(g);
         if FORCED {
             unroll!(axes a < 3 => {
                 m[a] = m[a] + n::<N>(0.5 * self.force[a]);

@@ -41,6 +41,80 @@ fn moments<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
     [rest + sum, plus - minus, sum]
 }
 
+/// Lets the populations leave that have these moments: δρ, J, B_aa and B_xy, B_yz, B_zx.
+#[inline(always)]
+fn leave<N: Lanes, G: Site<N, Q>, const Q: usize>(
+    g: &mut G,
+    drho: N,
+    after: [N; 3],
+    second: [N; 3],
+    mixed: [N; 3],
+) {
+    let trace = second[0] + second[1] + second[2];
+    let common = trace.neg_mul_add(n::<N>(1.5), drho);
+
+    let at = |x: usize, y: usize, z: usize| POPULATION[x][y][z];
+    g.leave(at(0, 0, 0), common * n::<N>(8.0 / 27.0));
+    let first = common * n::<N>(2.0 / 27.0);
+    unroll!(axes a < 3 => {
+        let (x, y, z) = ([1, 0, 0][a], [0, 1, 0][a], [0, 0, 1][a]);
+        let even = second[a].mul_add(n::<N>(1.0 / 3.0), first);
+        g.leave(at(x, y, z), after[a].mul_add(n::<N>(2.0 / 9.0), even));
+        g.leave(
+            at(2 * x, 2 * y, 2 * z),
+            after[a].neg_mul_add(n::<N>(2.0 / 9.0), even),
+        );
+    });
+    let edge = common * n::<N>(1.0 / 54.0);
+    unroll!(axes a < 3 => {
+        let b = (a + 1) % 3;
+        // 1 along a and `sign` along b.
+        let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
+        let even = (second[a] + second[b]).mul_add(n::<N>(1.0 / 12.0), edge);
+        let same = mixed[a].mul_add(n::<N>(1.0 / 6.0), even);
+        let other = mixed[a].neg_mul_add(n::<N>(1.0 / 6.0), even);
+        let (sum, difference) = (after[a] + after[b], after[a] - after[b]);
+        g.leave(at(x, y, z), sum.mul_add(n::<N>(1.0 / 18.0), same));
+        g.leave(
+            at(2 * x, 2 * y, 2 * z),
+            sum.neg_mul_add(n::<N>(1.0 / 18.0), same),
+        );
+        let (x, y, z) = ([1, 0, 2][a], [2, 1, 0][a], [0, 2, 1][a]);
+        g.leave(at(x, y, z), difference.mul_add(n::<N>(1.0 / 18.0), other));
+        let opposite = [0, 2, 1];
+        g.leave(
+            at(opposite[x], opposite[y], opposite[z]),
+            difference.neg_mul_add(n::<N>(1.0 / 18.0), other),
+        );
+    });
+    let corner = trace.mul_add(n::<N>(1.0 / 48.0), common * n::<N>(1.0 / 216.0));
+    let same = mixed[0].mul_add(n::<N>(1.0 / 24.0), corner);
+    let other = mixed[0].neg_mul_add(n::<N>(1.0 / 24.0), corner);
+    let (sum, difference) = (mixed[1] + mixed[2], mixed[1] - mixed[2]);
+    let (jsum, jdifference) = (after[0] + after[1], after[0] - after[1]);
+    let even = [
+        sum.mul_add(n::<N>(1.0 / 24.0), same),
+        sum.neg_mul_add(n::<N>(1.0 / 24.0), same),
+        difference.neg_mul_add(n::<N>(1.0 / 24.0), other),
+        difference.mul_add(n::<N>(1.0 / 24.0), other),
+    ];
+    let odd = [
+        jsum + after[2],
+        jsum - after[2],
+        jdifference + after[2],
+        jdifference - after[2],
+    ];
+    unroll!(four k < 4 => {
+        let (x, y, z) = ([1, 1, 1, 1][k], [1, 1, 2, 2][k], [1, 2, 1, 2][k]);
+        g.leave(at(x, y, z), odd[k].mul_add(n::<N>(1.0 / 72.0), even[k]));
+        let opposite = [0, 2, 1];
+        g.leave(
+            at(opposite[x], opposite[y], opposite[z]),
+            odd[k].neg_mul_add(n::<N>(1.0 / 72.0), even[k]),
+        );
+    });
+}
+
 impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
     const ON_GPU: Option<&'static str> = Some(if FORCED {
         "forced_second_order"
@@ -147,69 +221,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
                 mixed[a] = mixed[a] + cross_source[a];
             }
         });
-        let trace = second[0] + second[1] + second[2];
-        let common = trace.neg_mul_add(n::<N>(1.5), drho);
-
-        let at = |x: usize, y: usize, z: usize| POPULATION[x][y][z];
-        g.leave(at(0, 0, 0), common * n::<N>(8.0 / 27.0));
-        let first = common * n::<N>(2.0 / 27.0);
-        unroll!(axes a < 3 => {
-            let (x, y, z) = ([1, 0, 0][a], [0, 1, 0][a], [0, 0, 1][a]);
-            let even = second[a].mul_add(n::<N>(1.0 / 3.0), first);
-            g.leave(at(x, y, z), after[a].mul_add(n::<N>(2.0 / 9.0), even));
-            g.leave(
-                at(2 * x, 2 * y, 2 * z),
-                after[a].neg_mul_add(n::<N>(2.0 / 9.0), even),
-            );
-        });
-        let edge = common * n::<N>(1.0 / 54.0);
-        unroll!(axes a < 3 => {
-            let b = (a + 1) % 3;
-            // 1 along a and `sign` along b.
-            let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
-            let even = (second[a] + second[b]).mul_add(n::<N>(1.0 / 12.0), edge);
-            let same = mixed[a].mul_add(n::<N>(1.0 / 6.0), even);
-            let other = mixed[a].neg_mul_add(n::<N>(1.0 / 6.0), even);
-            let (sum, difference) = (after[a] + after[b], after[a] - after[b]);
-            g.leave(at(x, y, z), sum.mul_add(n::<N>(1.0 / 18.0), same));
-            g.leave(
-                at(2 * x, 2 * y, 2 * z),
-                sum.neg_mul_add(n::<N>(1.0 / 18.0), same),
-            );
-            let (x, y, z) = ([1, 0, 2][a], [2, 1, 0][a], [0, 2, 1][a]);
-            g.leave(at(x, y, z), difference.mul_add(n::<N>(1.0 / 18.0), other));
-            let opposite = [0, 2, 1];
-            g.leave(
-                at(opposite[x], opposite[y], opposite[z]),
-                difference.neg_mul_add(n::<N>(1.0 / 18.0), other),
-            );
-        });
-        let corner = trace.mul_add(n::<N>(1.0 / 48.0), common * n::<N>(1.0 / 216.0));
-        let same = mixed[0].mul_add(n::<N>(1.0 / 24.0), corner);
-        let other = mixed[0].neg_mul_add(n::<N>(1.0 / 24.0), corner);
-        let (sum, difference) = (mixed[1] + mixed[2], mixed[1] - mixed[2]);
-        let (jsum, jdifference) = (after[0] + after[1], after[0] - after[1]);
-        let even = [
-            sum.mul_add(n::<N>(1.0 / 24.0), same),
-            sum.neg_mul_add(n::<N>(1.0 / 24.0), same),
-            difference.neg_mul_add(n::<N>(1.0 / 24.0), other),
-            difference.mul_add(n::<N>(1.0 / 24.0), other),
-        ];
-        let odd = [
-            jsum + after[2],
-            jsum - after[2],
-            jdifference + after[2],
-            jdifference - after[2],
-        ];
-        unroll!(four k < 4 => {
-            let (x, y, z) = ([1, 1, 1, 1][k], [1, 1, 2, 2][k], [1, 2, 1, 2][k]);
-            g.leave(at(x, y, z), odd[k].mul_add(n::<N>(1.0 / 72.0), even[k]));
-            let opposite = [0, 2, 1];
-            g.leave(
-                at(opposite[x], opposite[y], opposite[z]),
-                odd[k].neg_mul_add(n::<N>(1.0 / 72.0), even[k]),
-            );
-        });
+        leave(g, drho, after, second, mixed);
         u
     }
 }

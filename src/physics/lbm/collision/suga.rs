@@ -30,7 +30,7 @@
 use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::linear_stability::{self, Wave};
 use super::mrt::{self, Rates};
-use super::products::{POPULATION, n};
+use super::products::{self, Basis, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};
 use crate::error::{Finding, Remedy, Severity, number};
 use crate::family::Description;
@@ -210,22 +210,25 @@ pub struct Suga {
     pub force: [f64; 3],
 }
 
-/// Numbers (rest, +, -) to moments (1, c, P = 3c² - 2).
-#[inline(always)]
-fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
-    let sum = plus + minus;
-    [
-        rest + sum,
-        plus - minus,
-        rest.neg_mul_add(N::splat(2.0), sum),
-    ]
-}
+/// The polynomials 1, c, P = 3c² - 2; scaled moments (1/3, c/2, P/6) give the numbers.
+struct Polynomials;
 
-/// Scaled moments (1/3, c/2, P/6) back to numbers (rest, +, -).
-#[inline(always)]
-fn compose<N: Lanes>([one, c, p]: [N; 3]) -> [N; 3] {
-    let sum = one + p;
-    [p.neg_mul_add(N::splat(2.0), one), sum + c, sum - c]
+impl Basis for Polynomials {
+    #[inline(always)]
+    fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
+        let sum = plus + minus;
+        [
+            rest + sum,
+            plus - minus,
+            rest.neg_mul_add(N::splat(2.0), sum),
+        ]
+    }
+
+    #[inline(always)]
+    fn compose<N: Lanes>([one, c, p]: [N; 3]) -> [N; 3] {
+        let sum = one + p;
+        [p.neg_mul_add(N::splat(2.0), one), sum + c, sum - c]
+    }
 }
 
 /// 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
@@ -254,30 +257,7 @@ impl Collision for Suga {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the moments of Suga are those of D3Q27") };
-        // Along x and y within each plane of c_z, then along z: t[a][b][c] is the moment of the product of polynomials a, b, c.
-        let mut t = [[[n::<N>(0.0); 3]; 3]; 3];
-        unroll!(axes z < 3 => {
-            let mut rows = [[n::<N>(0.0); 3]; 3];
-            unroll!(axes y < 3 => {
-                rows[y] = analyse(
-                    g.incoming(POPULATION[0][y][z]),
-                    g.incoming(POPULATION[1][y][z]),
-                    g.incoming(POPULATION[2][y][z]),
-                );
-            });
-            unroll!(axes a < 3 => {
-                let column = analyse(rows[0][a], rows[1][a], rows[2][a]);
-                t[a][0][z] = column[0];
-                t[a][1][z] = column[1];
-                t[a][2][z] = column[2];
-            });
-        });
-        unroll!(axes x < 3 => {
-            unroll!(axes y < 3 => {
-                t[x][y] = analyse(t[x][y][0], t[x][y][1], t[x][y][2]);
-            });
-        });
-
+        let mut t = products::moments::<Polynomials, N, G, Q>(g);
         let drho = t[0][0][0];
         let mut force = [N::splat(0.0); 3];
         let mut m = [t[1][0][0], t[0][1][0], t[0][0][1]];
@@ -403,23 +383,7 @@ impl Collision for Suga {
             t[x][y][z] = t[x][y][z] * n::<N>(scale(1, 0, 0));
         });
 
-        unroll!(axes x < 3 => {
-            unroll!(axes y < 3 => {
-                t[x][y] = compose(t[x][y]);
-            });
-        });
-        unroll!(axes z < 3 => {
-            let mut columns = [[n::<N>(0.0); 3]; 3];
-            unroll!(axes a < 3 => {
-                columns[a] = compose([t[a][0][z], t[a][1][z], t[a][2][z]]);
-            });
-            unroll!(axes y < 3 => {
-                let [rest, plus, minus] = compose([columns[0][y], columns[1][y], columns[2][y]]);
-                g.leave(POPULATION[0][y][z], rest);
-                g.leave(POPULATION[1][y][z], plus);
-                g.leave(POPULATION[2][y][z], minus);
-            });
-        });
+        products::leave::<Polynomials, N, G, Q>(g, t);
         u
     }
 }

@@ -1,7 +1,7 @@
 //! The kernel of multiple relaxation times ([`super`]).
 
 use crate::lbm::collision::kernel::{Collision, Site};
-use crate::lbm::collision::products::{POPULATION, n};
+use crate::lbm::collision::products::{self, Basis, n};
 use crate::lbm::lanes::Lanes;
 use crate::lbm::lattice::{Lattice, unroll};
 
@@ -82,25 +82,28 @@ pub struct Mrt<const FORCED: bool> {
     pub force: [f64; 3],
 }
 
-/// Numbers (rest, +, -) to moments (1, c, K = 1 - 3c²).
-#[inline(always)]
-fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
-    let sum = plus + minus;
-    [
-        rest + sum,
-        plus - minus,
-        sum.neg_mul_add(N::splat(2.0), rest),
-    ]
+/// The polynomials 1, c, K = 1 - 3c²; scaled moments (1/6, c/2, K/3) give the numbers.
+struct Polynomials;
+
+impl Basis for Polynomials {
+    #[inline(always)]
+    fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
+        let sum = plus + minus;
+        [
+            rest + sum,
+            plus - minus,
+            sum.neg_mul_add(N::splat(2.0), rest),
+        ]
+    }
+
+    #[inline(always)]
+    fn compose<N: Lanes>([one, c, k]: [N; 3]) -> [N; 3] {
+        let both = k.neg_mul_add(N::splat(0.5), one);
+        [one.mul_add(N::splat(4.0), k), both + c, both - c]
+    }
 }
 
-/// Scaled moments (1/6, c/2, K/3) back to numbers (rest, +, -).
-#[inline(always)]
-fn compose<N: Lanes>([one, c, k]: [N; 3]) -> [N; 3] {
-    let both = k.neg_mul_add(N::splat(0.5), one);
-    [one.mul_add(N::splat(4.0), k), both + c, both - c]
-}
-
-/// What the moment of the product of polynomials a, b, c (0: 1, 1: c, 2: K) is scaled by before [`compose`]: weight over norm.
+/// What the moment of the product of polynomials a, b, c (0: 1, 1: c, 2: K) is scaled by before [`Basis::compose`]: weight over norm.
 const fn scale(a: usize, b: usize, c: usize) -> f64 {
     const NORM: [f64; 3] = [6.0, 2.0, 3.0];
     1.0 / (NORM[a] * NORM[b] * NORM[c])
@@ -127,30 +130,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "these moments are those of D3Q27") };
-        // Along x and y within each plane of c_z, then along z: t[a][b][c] is the moment of the product of polynomials a, b, c.
-        let mut t = [[[n::<N>(0.0); 3]; 3]; 3];
-        unroll!(axes z < 3 => {
-            let mut rows = [[n::<N>(0.0); 3]; 3];
-            unroll!(axes y < 3 => {
-                rows[y] = analyse(
-                    g.incoming(POPULATION[0][y][z]),
-                    g.incoming(POPULATION[1][y][z]),
-                    g.incoming(POPULATION[2][y][z]),
-                );
-            });
-            unroll!(axes a < 3 => {
-                let column = analyse(rows[0][a], rows[1][a], rows[2][a]);
-                t[a][0][z] = column[0];
-                t[a][1][z] = column[1];
-                t[a][2][z] = column[2];
-            });
-        });
-        unroll!(axes x < 3 => {
-            unroll!(axes y < 3 => {
-                t[x][y] = analyse(t[x][y][0], t[x][y][1], t[x][y][2]);
-            });
-        });
-
+        let mut t = products::moments::<Polynomials, N, G, Q>(g);
         let drho = t[0][0][0];
         let mut force = [N::splat(0.0); 3];
         let mut m = [t[1][0][0], t[0][1][0], t[0][0][1]];
@@ -251,23 +231,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             t[x][y][z] = t[x][y][z] * n::<N>(scale(1, 0, 0));
         });
 
-        unroll!(axes x < 3 => {
-            unroll!(axes y < 3 => {
-                t[x][y] = compose(t[x][y]);
-            });
-        });
-        unroll!(axes z < 3 => {
-            let mut columns = [[n::<N>(0.0); 3]; 3];
-            unroll!(axes a < 3 => {
-                columns[a] = compose([t[a][0][z], t[a][1][z], t[a][2][z]]);
-            });
-            unroll!(axes y < 3 => {
-                let [rest, plus, minus] = compose([columns[0][y], columns[1][y], columns[2][y]]);
-                g.leave(POPULATION[0][y][z], rest);
-                g.leave(POPULATION[1][y][z], plus);
-                g.leave(POPULATION[2][y][z], minus);
-            });
-        });
+        products::leave::<Polynomials, N, G, Q>(g, t);
         u
     }
 }
