@@ -2,11 +2,17 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `start` | everything before the first step: state from the plan or a checkpoint, preparation |
+//! | `start` | the steps from a plan or a checkpoint to a run before its first step |
+//! | `outside` | options, folder, requests and messages meanwhile |
+//! | `grains` | grains and bodies: made or read, and brought to rest |
+//! | `restore` | the state from a checkpoint |
 //! | `warm_up` | the flow around grains at rest before the run |
 //! | `runner` | the loop, requests, checkpoints |
 //! | `summary` | the table at the end and `summary.json` |
 
+mod grains;
+mod outside;
+mod restore;
 mod runner;
 mod start;
 mod summary;

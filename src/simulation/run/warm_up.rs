@@ -1,93 +1,140 @@
 //! The warm-up: the fluid flows around grains at rest until it is steady.
 
+use super::super::Present;
 use super::super::guards::Guards;
-use super::super::watch::Watch;
+use super::outside::Outside;
 use crate::case::time::WarmUp;
-use crate::checkpoint::{self, Saved};
+use crate::checkpoint::{self, Saved, State};
 use crate::coupling::lattice::LatticeFlow;
-use crate::dem::particles::Particles;
+use crate::coupling::water::Water;
 use crate::dem::space::Space;
 use crate::error::Error;
-use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests};
-use decomposition::Domain;
+use decomposition::Communicator;
+use serde_json::{Value, json};
 
 /// Steps between two looks at whether the fluid is steady.
 const LOOK_EVERY: u64 = 100;
 
-/// The fluid flows round grains that stand still until it is steady: steps taken, and a line to print. It goes on from `reached`,
-/// the steps taken and the velocities at the last look (three numbers a cell, \[z\]\[y\]\[x\]), and hands the same to `keep` where the
-/// outside asks for it. Collective.
+/// The progress of a warm-up.
+pub(super) struct Reached {
+    /// Steps taken.
+    pub(super) steps: u64,
+    /// Velocities at the last look, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
+    pub(super) velocities: Option<Vec<f64>>,
+}
+
+/// Lets the fluid flow around grains at rest until it is steady, from `reached` on, and returns the steps taken.
+/// `attributes` go into the checkpoints that the outside requests. Collective.
+///
+/// # Errors
+/// When the fluid fails or a checkpoint cannot be written, and after a request to stop.
 pub(super) fn warm_up<Sp: Space, S: Saved>(
-    plan: &Plan,
-    flow: &mut dyn LatticeFlow<Sp, S>,
-    particles: &mut Particles<Sp>,
-    domain: &Domain,
-    (watch, guards): (&mut Watch, &mut Guards),
-    reached: (u64, Option<Vec<f64>>),
-    mut keep: impl FnMut(
-        u64,
-        &[f64],
-        &dyn LatticeFlow<Sp, S>,
-        &Particles<Sp>,
-        (&mut Watch, &Guards),
-        Request,
-    ) -> Result<(), Error>,
-) -> Result<(u64, String), Error> {
+    now: &mut Present<Sp, S>,
+    guards: &mut Guards,
+    reached: Reached,
+    mut attributes: Value,
+    outside: &mut Outside,
+) -> Result<u64, Error> {
+    let (plan, domain) = (&now.plan, &now.domain);
+    let Some(flow) = now.flow.as_mut().and_then(Water::lattice_mut) else {
+        return Ok(0);
+    };
     let Some(WarmUp::FluidOnly {
         relative_change, ..
     }) = plan.scene.time.warm_up
     else {
-        return Ok((0, String::new()));
+        return Ok(0);
     };
-    let communicator = domain.communicator();
-    let cells = checkpoint::cells_in_order(flow.fluid());
-    let (mut step, before) = reached;
-    let mut before = before.unwrap_or_else(|| vec![0.0; 3 * cells.len()]);
-    let mut change = f64::INFINITY;
-    let mut ask_at = step + watch.steps();
+    let mut look = Look::new(flow, reached.velocities);
+    let mut step = reached.steps;
+    let mut ask_at = step + outside.steps();
     while step < plan.clock.warm_up_steps {
-        flow.advance(particles, domain)?;
+        flow.advance(&mut now.particles, domain)?;
         step += 1;
-        guards.check_warm_up(step, flow, particles, plan, domain)?;
-        if step % LOOK_EVERY == 0 {
+        guards.check_warm_up(step, flow, &now.particles, plan, domain)?;
+        if step.is_multiple_of(LOOK_EVERY) {
             flow.fetch()?;
-            let (mut moved, mut size) = (0.0_f64, 0.0_f64);
-            for (&cell, old) in cells.iter().zip(before.chunks_exact_mut(3)) {
-                let (_, u) = flow.fluid().state(cell);
-                for a in 0..3 {
-                    moved = moved.max((u[a] - old[a]).abs());
-                    size = size.max(u[a].abs());
-                }
-                old.copy_from_slice(&u);
-            }
-            change = communicator.all_reduce_max_f64(moved)
-                / communicator.all_reduce_max_f64(size).max(1e-300);
-            if change < relative_change {
+            look.at(flow, domain.communicator());
+            if look.change < relative_change {
                 break;
             }
         }
         if step >= ask_at {
-            let request = watch.ask(communicator);
-            ask_at = step + watch.steps();
+            let request = outside.ask(domain.communicator());
+            ask_at = step + outside.steps();
             if request != Request::None {
                 flow.fetch()?;
-                keep(step, &before, flow, particles, (watch, guards), request)?;
+                attributes["preparation"] = json!({ "warm_up": step });
+                attributes["guards"] = json!(guards.state());
+                let state = State::<Sp, S> {
+                    fluid: Some(flow.fluid()),
+                    averages: None,
+                    seepage: Vec::new(),
+                    particles: &now.particles,
+                    dem: now.dem.as_ref(),
+                    earlier: Some(&look.velocities),
+                };
+                outside.keep(&state, &attributes, request)?;
             }
         }
     }
     flow.fetch()?;
-    let short = if change < relative_change {
+    outside
+        .progress
+        .note(&line(step, look.change, relative_change));
+    Ok(step)
+}
+
+/// The velocities at the last look, and how much they differed from those at the look before.
+struct Look {
+    /// Cells in the order of the velocities.
+    cells: Vec<usize>,
+    velocities: Vec<f64>,
+    change: f64,
+}
+
+impl Look {
+    fn new<Sp: Space, S: Saved>(
+        flow: &dyn LatticeFlow<Sp, S>,
+        velocities: Option<Vec<f64>>,
+    ) -> Self {
+        let cells = checkpoint::cells_in_order(flow.fluid());
+        Self {
+            velocities: velocities.unwrap_or_else(|| vec![0.0; 3 * cells.len()]),
+            cells,
+            change: f64::INFINITY,
+        }
+    }
+
+    /// Compares the velocities with those of the last look and stores them. Collective.
+    fn at<Sp: Space, S: Saved>(
+        &mut self,
+        flow: &dyn LatticeFlow<Sp, S>,
+        communicator: &Communicator,
+    ) {
+        let (mut moved, mut size) = (0.0_f64, 0.0_f64);
+        for (&cell, old) in self.cells.iter().zip(self.velocities.chunks_exact_mut(3)) {
+            let (_, u) = flow.fluid().state(cell);
+            for a in 0..3 {
+                moved = moved.max((u[a] - old[a]).abs());
+                size = size.max(u[a].abs());
+            }
+            old.copy_from_slice(&u);
+        }
+        self.change = communicator.all_reduce_max_f64(moved)
+            / communicator.all_reduce_max_f64(size).max(1e-300);
+    }
+}
+
+/// Returns the message at the end of a warm-up.
+fn line(steps: u64, change: f64, limit: f64) -> String {
+    let short = if change < limit {
         String::new()
     } else {
-        format!(
-            "; warning: not steady, time.warm_up asks for {relative_change:.1e} and allows no more steps"
-        )
+        format!("; warning: not steady, time.warm_up asks for {limit:.1e} and allows no more steps")
     };
-    Ok((
-        step,
-        format!(
-            "fluid warmed up for {step} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"
-        ),
-    ))
+    format!(
+        "fluid warmed up for {steps} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"
+    )
 }

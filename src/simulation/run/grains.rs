@@ -1,0 +1,228 @@
+//! The grains and bodies of a run that is being started: made or read, and brought to rest.
+
+use super::super::Present;
+use super::super::agreement;
+use super::super::preparation;
+use super::super::resume::{self, Stage};
+use super::super::setup;
+use super::outside::Outside;
+use super::restore::{self, Origin};
+use crate::checkpoint::{self, Saved, State};
+use crate::dem::Dem;
+use crate::dem::particles::Particles;
+use crate::dem::space::Space;
+use crate::dem::state::Contacts;
+use crate::error::Error;
+use crate::number::real;
+use crate::plan::Plan;
+use crate::preparation::rest::Rest;
+use crate::preparation::supervision::Request;
+use crate::scene::observe::Action;
+use crate::scene::sample::Grain;
+use decomposition::Communicator;
+use io::checkpoint::{Found, Reader};
+use serde_json::{Value, json};
+
+/// Grains, bodies and blocks before the slabs are cut: all of them on the first rank.
+pub(super) struct Grains<Sp: Space> {
+    pub(super) particles: Particles<Sp>,
+    pub(super) source: Source,
+}
+
+/// The source of grains.
+pub(super) enum Source {
+    /// A case without solids.
+    None,
+    /// A checkpoint, with these contacts.
+    Checkpoint(Contacts),
+    /// A sample.
+    Sample {
+        /// The entry of `summary.json`.
+        report: Value,
+        /// Mean radius \[m\].
+        radius: f64,
+    },
+}
+
+/// Returns the grains of the checkpoint, or else those of the sample, which is made where it is missing. Collective.
+///
+/// # Errors
+/// When a checkpoint or a sample cannot be read, made or saved, and after a request to stop.
+pub(super) fn prepare<Sp: Space>(
+    plan: &Plan,
+    origin: &Origin,
+    outside: &mut Outside,
+) -> Result<Grains<Sp>, Error> {
+    if !plan.scene.has_solids() && !generates(plan) {
+        return Ok(Grains {
+            particles: Particles::new(),
+            source: Source::None,
+        });
+    }
+    match origin.found() {
+        Some(found) => read(plan, found, origin.walls(), &outside.communicator),
+        None => make(plan, origin, outside),
+    }
+}
+
+/// Reads the grains and contacts of a checkpoint. Collective.
+fn read<Sp: Space>(
+    plan: &Plan,
+    found: &Found,
+    walls: Option<&[Option<usize>]>,
+    communicator: &Communicator,
+) -> Result<Grains<Sp>, Error> {
+    let reader = restore::reader(found)?;
+    // The first rank alone reads the grains, so that it alone may find them wrong.
+    let read = read_tables(plan, &reader, communicator);
+    let (mut particles, mut contacts) = agreement::agree(communicator, read)?;
+    if let Some(walls) = walls {
+        contacts.take_walls(walls)?;
+    }
+    setup::blocks::shapes(plan, &mut particles)?;
+    Ok(Grains {
+        particles,
+        source: Source::Checkpoint(contacts),
+    })
+}
+
+fn read_tables<Sp: Space>(
+    plan: &Plan,
+    reader: &Reader,
+    communicator: &Communicator,
+) -> Result<(Particles<Sp>, Contacts), Error> {
+    let (grains, contacts) = checkpoint::read_tables(reader, communicator.rank())?;
+    resume::bounds(plan).hold(&grains, &contacts)?;
+    Ok((Particles::from_table(&grains)?, contacts))
+}
+
+/// Makes the grains of a sample, or continues with an unfinished one, and adds bodies and blocks. Collective.
+fn make<Sp: Space>(
+    plan: &Plan,
+    origin: &Origin,
+    outside: &mut Outside,
+) -> Result<Grains<Sp>, Error> {
+    let (communicator, progress) = (&outside.communicator, &outside.progress);
+    let earlier = origin.unfinished_sample();
+    if let Some(found) = earlier {
+        progress.note(&format!(
+            "continuing with the sample: {}",
+            found.path.display()
+        ));
+    }
+    let tell = |line: &str| progress.note(line);
+    let prepared = preparation::grains::<Sp>(
+        plan,
+        &outside.start.folder,
+        communicator,
+        &mut outside.watch,
+        &tell,
+        &resume::attributes(plan),
+        earlier,
+    )?;
+    progress.note(&prepared.line);
+    let mut particles = Particles::<Sp>::new();
+    setup::blocks::shapes(plan, &mut particles)?;
+    setup::bodies(plan, communicator, &mut particles)?;
+    setup::blocks::blocks(plan, communicator, &mut particles)?;
+    let (grains, first) = (&prepared.grains, plan.scene.first_grain());
+    setup::grains(plan, communicator, &mut particles, grains, first);
+    let radius = typical_radius(plan, grains, communicator);
+    Ok(Grains {
+        particles,
+        source: Source::Sample {
+            report: prepared.report,
+            radius,
+        },
+    })
+}
+
+/// Brings bonded grains to rest, adds a report to the notes and opens the walls of the preparation alone, unless that was
+/// done before the checkpoint. Collective.
+///
+/// # Errors
+/// When the solids fail or a checkpoint cannot be written, and after a request to stop.
+pub(super) fn settle<Sp: Space, S: Saved>(
+    now: &mut Present<Sp, S>,
+    origin: &Origin,
+    notes: &mut Value,
+    outside: &mut Outside,
+) -> Result<(), Error> {
+    if origin.flowed() {
+        return Ok(());
+    }
+    let Some(engine) = &mut now.dem else {
+        return Ok(());
+    };
+    let rest = match &origin.stage {
+        Some(Stage::Rest(state)) => Some(Rest::restore(state.clone())),
+        _ => Rest::begin(&now.plan.scene, engine, &mut now.particles, &now.domain)?,
+    };
+    if let Some(rest) = rest {
+        let mut attributes = attributes(&now.plan, notes);
+        let keep = |rest: &Rest,
+                    particles: &Particles<Sp>,
+                    dem: &Dem<Sp>,
+                    outside: &mut Outside,
+                    request: Request| {
+            attributes["preparation"] = json!({ "settling": rest.state() });
+            let state = State::<Sp, S> {
+                fluid: None,
+                averages: None,
+                seepage: Vec::new(),
+                particles,
+                dem: Some(dem),
+                earlier: None,
+            };
+            outside.keep(&state, &attributes, request)
+        };
+        let (line, report) = rest.run(engine, &mut now.particles, &now.domain, outside, keep)?;
+        outside.progress.note(&line);
+        notes["settling"] = report;
+    }
+    let gates = setup::temporary_walls(&now.plan);
+    if !gates.is_empty() {
+        engine.open_walls(&gates);
+        now.particles.forget_loads();
+        engine.prepare(&mut now.particles, &now.domain)?;
+    }
+    // What the preparation pressed is not the run's.
+    engine.forget_deepest();
+    if now.plan.scene.marks_start() {
+        now.particles.mark_start();
+    }
+    Ok(())
+}
+
+/// Returns the attributes of the checkpoints of a preparation.
+pub(super) fn attributes(plan: &Plan, notes: &Value) -> Value {
+    let mut attributes = resume::attributes(plan);
+    attributes["typical_radius"] = notes["typical_radius"].clone();
+    attributes["notes"] = notes.clone();
+    attributes
+}
+
+fn generates(plan: &Plan) -> bool {
+    let mut regions = plan.scene.regions.iter();
+    regions.any(|region| matches!(region.action, Action::Generate { .. }))
+}
+
+/// Returns the mean radius of the grains, or of the bodies and blocks: it sets the skin of the lists, never a result.
+/// Collective.
+fn typical_radius(plan: &Plan, grains: &[Grain], communicator: &Communicator) -> f64 {
+    let radii: Vec<f64> = if grains.is_empty() {
+        let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
+        let of_blocks = blocks.map(|block| block.solid.shape.radius());
+        let of_bodies = plan.scene.bodies.iter().map(|body| body.radius);
+        of_bodies.chain(of_blocks).collect()
+    } else {
+        grains.iter().map(|g| g.radius).collect()
+    };
+    let mean = radii.iter().sum::<f64>() / real(radii.len().max(1));
+    let agreed = communicator.all_reduce_max_f64(if communicator.rank() == 0 { mean } else { 0.0 });
+    if agreed > 0.0 {
+        agreed
+    } else {
+        plan.scene.grid.spacing
+    }
+}

@@ -1,0 +1,112 @@
+//! The options, the folder and the user of a run that is being started.
+
+use super::super::progress::Progress;
+use super::super::setup;
+use super::super::watch::Watch;
+use super::Start;
+use crate::checkpoint::{Saved, State};
+use crate::dem::space::Space;
+use crate::error::Error;
+use crate::lbm::lanes::Level;
+use crate::plan::Plan;
+use crate::preparation::supervision::{Request, Requests};
+use decomposition::Communicator;
+use serde_json::Value;
+use std::time::{Duration, Instant};
+
+/// Everything around a run that is being started: its options and folder, requests to it and messages of it.
+pub(super) struct Outside {
+    pub(super) communicator: Communicator,
+    pub(super) start: Start,
+    pub(super) watch: Watch,
+    pub(super) progress: Progress,
+}
+
+impl Outside {
+    /// Listens for requests and notes the ranks and threads.
+    ///
+    /// # Errors
+    /// When signals cannot be caught.
+    pub(super) fn open(
+        plan: &Plan,
+        communicator: Communicator,
+        start: Start,
+    ) -> Result<Self, Error> {
+        let every = plan.scene.checkpoint.every_wall_seconds;
+        let every = (every > 0.0).then(|| Duration::from_secs_f64(every));
+        let mut folders = vec![start.folder.path()];
+        folders.extend(start.parent.as_deref());
+        let watch = Watch::new(&folders, start.begun, start.limit, every)?;
+        let mut outside = Self {
+            communicator,
+            start,
+            watch,
+            progress: Progress::new(false, 0),
+        };
+        // A run that changes its slabs has said the rest.
+        let speaks = outside.speaks() && outside.start.slabs.is_none();
+        outside.progress = Progress::new(speaks, 0);
+        outside.progress.note(&format!(
+            "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
+            outside.communicator.size(),
+            outside.start.threads,
+            setup::axis(plan.scene.grid.split_axis),
+            Level::best().name()
+        ));
+        Ok(outside)
+    }
+
+    /// Returns whether this rank prints messages.
+    pub(super) fn speaks(&self) -> bool {
+        self.communicator.rank() == 0 && !self.start.quiet
+    }
+
+    /// Saves a preparation as a checkpoint at step 0, and ends it if requested. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] after a request to stop, [`Error::Io`] when the checkpoint cannot be written.
+    pub(super) fn keep<Sp: Space, S: Saved>(
+        &mut self,
+        state: &State<'_, Sp, S>,
+        attributes: &Value,
+        request: Request,
+    ) -> Result<(), Error> {
+        let begun = Instant::now();
+        let folder = &self.start.folder;
+        let written = state.write(
+            &folder.checkpoints(),
+            0,
+            0.0,
+            attributes.clone(),
+            2,
+            &self.communicator,
+        );
+        match written {
+            Ok(()) => folder.forget_preparation(),
+            Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
+                self.progress.note(&format!(
+                    "the preparation is not saved: it needs {needed} bytes, {path} has {free}; it continues"
+                ));
+            }
+            Err(error) => return Err(Error::Io(error.to_string())),
+        }
+        self.watch.wrote(begun.elapsed());
+        if request == Request::Stop {
+            if self.communicator.rank() == 0 {
+                self.watch.forget_file();
+            }
+            return Err(Error::Stopped("in the preparation".into()));
+        }
+        Ok(())
+    }
+}
+
+impl Requests for Outside {
+    fn steps(&self) -> u64 {
+        self.watch.steps()
+    }
+
+    fn ask(&mut self, communicator: &Communicator) -> Request {
+        self.watch.ask(communicator)
+    }
+}

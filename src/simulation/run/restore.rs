@@ -1,0 +1,228 @@
+//! The state of a run that continues from a checkpoint.
+
+use super::super::Present;
+use super::super::agreement;
+use super::super::gates::Gates;
+use super::super::guards::Guards;
+use super::super::recorders::{Recorders, saved_guards};
+use super::super::removal::Removal;
+use super::super::resume::{self, Resumed, Stage};
+use super::super::setup;
+use super::grains::Source;
+use super::outside::Outside;
+use crate::checkpoint::{self, Saved};
+use crate::coupling::water::Water;
+use crate::dem::space::Space;
+use crate::dem::state::Contacts;
+use crate::error::Error;
+use crate::plan::Plan;
+use io::checkpoint::{Found, Reader};
+use serde_json::{Value, json};
+
+/// The checkpoint from which a run continues, if any, and the stage in which it was saved.
+pub(super) struct Origin {
+    resumed: Option<Resumed>,
+    pub(super) stage: Option<Stage>,
+}
+
+impl Origin {
+    /// Checks that the checkpoint fits the plan, and writes the case into the folder where it is new. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the checkpoint does not fit or the case cannot be written, the same on all ranks.
+    pub(super) fn read(plan: &Plan, outside: &mut Outside) -> Result<Self, Error> {
+        let resumed = outside.start.resumed.take();
+        if let Some(resumed) = &resumed {
+            resume::fits(plan, resumed)?;
+        }
+        if resumed.as_ref().is_none_or(|resumed| resumed.changed) {
+            let file = outside.start.folder.path().join("case.json");
+            agreement::on_first(&outside.communicator, || {
+                io::atomic::write(&file, plan.case_text.as_bytes())
+                    .map_err(|e| Error::Io(e.to_string()))
+            })?;
+        }
+        let stage = resumed.as_ref().map(Resumed::stage).transpose()?;
+        Ok(Self { resumed, stage })
+    }
+
+    /// Returns the checkpoint with the state. A sample in the making was saved without anything else.
+    pub(super) fn found(&self) -> Option<&Found> {
+        let resumed = self.resumed.as_ref().map(|resumed| &resumed.found);
+        resumed.filter(|_| !matches!(self.stage, Some(Stage::Sample)))
+    }
+
+    /// Returns the checkpoint of a sample in the making.
+    pub(super) fn unfinished_sample(&self) -> Option<&Found> {
+        let resumed = self.resumed.as_ref().map(|resumed| &resumed.found);
+        resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
+    }
+
+    /// Returns the index in the earlier run of each wall; none where the walls are the same.
+    pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
+        self.resumed.as_ref()?.walls.as_deref()
+    }
+
+    /// Returns the index in the earlier run of each region; none where the regions are the same.
+    fn regions(&self) -> Option<&[Option<usize>]> {
+        self.resumed.as_ref()?.regions.as_deref()
+    }
+
+    /// Returns whether the run was past its preparation.
+    pub(super) fn runs(&self) -> bool {
+        matches!(self.stage, Some(Stage::Run))
+    }
+
+    /// Returns whether the fluid had been advanced.
+    pub(super) fn flowed(&self) -> bool {
+        matches!(self.stage, Some(Stage::Run | Stage::WarmUp(_)))
+    }
+
+    /// Returns the steps of the warm-up that were done.
+    pub(super) fn warm_up_steps(&self) -> u64 {
+        match self.stage {
+            Some(Stage::WarmUp(steps)) => steps,
+            _ => 0,
+        }
+    }
+}
+
+/// Parts of a run beside the simulated state.
+pub(super) struct Parts {
+    pub(super) notes: Value,
+    pub(super) removal: Removal,
+    pub(super) gates: Gates,
+    pub(super) guards: Guards,
+    /// States of the recorders, of a run past its preparation.
+    pub(super) recorders: Option<Recorders>,
+    /// Velocities of the last look of an unfinished warm-up.
+    pub(super) earlier: Option<Vec<f64>>,
+}
+
+impl Parts {
+    fn new(plan: &Plan) -> Self {
+        Self {
+            notes: json!({}),
+            removal: Removal::new(plan),
+            gates: Gates::new(plan),
+            guards: Guards::new(plan),
+            recorders: None,
+            earlier: None,
+        }
+    }
+}
+
+/// Opens the file of a checkpoint.
+///
+/// # Errors
+/// [`Error::Io`] when it cannot be read.
+pub(super) fn reader(found: &Found) -> Result<Reader<'static>, Error> {
+    Reader::open(found).map_err(|e| Error::Io(e.to_string()))
+}
+
+/// Completes the state by the checkpoint, or by the contacts of a new sample. Collective.
+///
+/// # Errors
+/// When the checkpoint cannot be read or a grain stands in a new wall.
+pub(super) fn state<Sp: Space, S: Saved>(
+    now: &mut Present<Sp, S>,
+    origin: &Origin,
+    source: Source,
+    outside: &Outside,
+) -> Result<Parts, Error> {
+    let mut parts = Parts::new(&now.plan);
+    if let Some(found) = origin.found() {
+        let reader = reader(found)?;
+        flow(now, origin, &reader, &mut parts)?;
+        let attributes = reader.attributes();
+        now.step = found.manifest.step;
+        parts.notes = attributes["notes"].clone();
+        let meters = saved_guards(attributes);
+        parts.guards.restore(meters.unwrap_or_default());
+        if origin.runs() {
+            let saved = Recorders::read(attributes)?;
+            parts.removal.restore(&saved.removal, origin.regions())?;
+            parts.recorders = Some(saved);
+        }
+        if let Source::Checkpoint(contacts) = source {
+            solids(now, origin, found, &contacts, &mut parts)?;
+        }
+        let place = found.path.display();
+        outside.progress.note(&if origin.runs() {
+            format!("continuing from step {}: {place}", now.step)
+        } else {
+            format!("continuing the preparation: {place}")
+        });
+    } else if let Source::Sample { report, radius } = source {
+        let mut engine = setup::dem::<Sp>(&now.plan, radius)?;
+        engine.prepare(&mut now.particles, &now.domain)?;
+        parts.notes = json!({ "preparation": report, "typical_radius": radius });
+        now.dem = Some(engine);
+    }
+    Ok(parts)
+}
+
+/// Reads the water. Collective.
+fn flow<Sp: Space, S: Saved>(
+    now: &mut Present<Sp, S>,
+    origin: &Origin,
+    reader: &Reader,
+    parts: &mut Parts,
+) -> Result<(), Error> {
+    let communicator = now.domain.communicator();
+    if origin.flowed()
+        && let Some(flow) = now.flow.as_mut().and_then(Water::lattice_mut)
+    {
+        let read = checkpoint::read_fluid(flow.fluid_mut(), reader);
+        agreement::agree(communicator, read)?;
+        if let Some(Stage::WarmUp(_)) = origin.stage {
+            let read = checkpoint::read_earlier(flow.fluid(), reader);
+            parts.earlier = Some(agreement::agree(communicator, read)?);
+        }
+        flow.restart();
+    }
+    if origin.runs()
+        && let Some(flow) = now.flow.as_mut().and_then(Water::seepage_mut)
+    {
+        let read = checkpoint::read_seepage(reader);
+        flow.restore(&agreement::agree(communicator, read)?)?;
+    }
+    Ok(())
+}
+
+/// Makes the engine of the solids with the saved contacts. Collective.
+fn solids<Sp: Space, S: Saved>(
+    now: &mut Present<Sp, S>,
+    origin: &Origin,
+    found: &Found,
+    contacts: &Contacts,
+    parts: &mut Parts,
+) -> Result<(), Error> {
+    let radius = found.manifest.attributes["typical_radius"].as_f64();
+    let radius = radius.unwrap_or(1.0);
+    let (plan, particles) = (&now.plan, &mut now.particles);
+    let mut engine = setup::dem::<Sp>(plan, radius)?;
+    if !plan.scene.marks_start() {
+        particles.forget_start();
+    } else if origin.flowed() && plan.scene.follows_grains() && !particles.has_start() {
+        return Err(Error::Io(format!(
+            "{} does not contain the initial positions of the grains, because its run had no displacements; \
+             remove `output.grains.displacement` and `analysis.ground_collapse`, or start a new run",
+            found.path.display()
+        )));
+    }
+    engine.restore(contacts)?;
+    if let Some(walls) = origin.walls() {
+        resume::drive_walls(plan, &mut engine);
+        let new = (walls, &parts.gates, now.step);
+        resume::clear_of_new_walls(plan, new, particles, &now.domain)?;
+    }
+    if origin.flowed() {
+        engine.open_walls(&setup::temporary_walls(plan));
+        parts.gates.restore(now.step, &mut engine);
+    }
+    engine.prepare(particles, &now.domain)?;
+    parts.notes["typical_radius"] = json!(radius);
+    now.dem = Some(engine);
+    Ok(())
+}
