@@ -137,7 +137,7 @@ fn make<Sp: Space>(
     })
 }
 
-/// Brings bonded grains to rest, adds a report to the notes and opens the walls of the preparation alone, unless that was
+/// Brings bonded grains to rest, adds a report to the notes and opens the walls of the preparation, unless that was
 /// done before the checkpoint. Collective.
 ///
 /// # Errors
