@@ -4,18 +4,19 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `run` | launch of runs; `run/start` the state before the first step, `run/warm_up`, `run/runner` the loop, `run/summary` |
-//! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; the fluid with its coupling |
+//! | `run` | launch of runs; `run/start` the state before the first step, `run/runner` the loop, `run/summary` |
+//! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; fluid with its coupling |
 //! | `preparation` | the sample of grains, its reports and checkpoints |
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
-//! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of the threads of a rank |
+//! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
+//! | `schedule` | the events that are due after a step |
 //! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
 //! | `blocks`, `energy`, `versions` | parts of `summary.json` |
 //! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
-//! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of the phases of a step |
+//! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of phases |
 
 mod affinity;
 pub(crate) mod agreement;
@@ -38,6 +39,7 @@ mod recorders;
 pub mod removal;
 mod resume;
 pub mod run;
+mod schedule;
 mod settled;
 pub mod setup;
 mod table;
@@ -63,7 +65,8 @@ use erosion::ErosionRecorder;
 use gates::Gates;
 use guards::Guards;
 use phases::{Phase, Phases};
-use removal::Removal;
+use removal::{Departed, Removal};
+use schedule::Schedule;
 use view::View;
 
 /// What is simulated, as it is now.
@@ -138,31 +141,6 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.now.view()
     }
 
-    /// How many steps the water can make at once ([`crate::lbm::fluid::Fluid::at_once`]) before somebody looks at it: at least one. The same on
-    /// every rank.
-    fn steps_at_once(&self) -> u64 {
-        let now = &self.now;
-        let most = now.flow.as_ref().map_or(1, Water::at_once);
-        let alone = now.dem.is_none()
-            && now.averages.is_none()
-            && !self.recorder.measures()
-            && !self.collapse.measures();
-        if most < 2 || !alone {
-            return 1;
-        }
-        let saves = now.plan.scene.checkpoint.every;
-        let saves = saves.map(|every| now.plan.clock.every(every));
-        let next_save = saves.map_or(u64::MAX, |every| every.next_from(now.step + 1));
-        let due = [
-            now.plan.clock.steps,
-            self.outputs.next_due(),
-            next_save,
-            self.guards.next_look(now.step),
-        ];
-        let next = due.into_iter().min().unwrap_or(u64::MAX);
-        next.saturating_sub(now.step).clamp(1, most)
-    }
-
     /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective for
     /// numerical errors, which all ranks know; others may be of one rank alone.
     fn cause_of(&mut self, error: Error, steps: u64) -> Error {
@@ -180,103 +158,118 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         }
     }
 
-    /// One step, or several of water alone where nobody looks between them. Collective.
+    /// Advances by one step, or by several of water alone where nobody looks between them. Collective.
     ///
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
-        let steps = self.steps_at_once();
+        let due = Schedule::of(self);
+        self.advance_water(due)?;
+        self.advance_solids(due)?;
+        self.now.step += due.steps;
+        let removed = self.change_solids(due)?;
         let now = &mut self.now;
-        let balances = Guards::balances(now.step);
+        if let Some(flow) = &mut now.flow {
+            flow.update_bodies(&mut now.particles, &now.domain)?;
+        }
+        self.phases.done(Phase::Mapping);
+        self.record(&removed)?;
+        if due.output {
+            self.outputs.write_due(&self.now.view())?;
+        }
+        self.phases.done(Phase::Output);
+        self.check()
+    }
+
+    /// Advances the water, and balances its mass and momentum where that is due: before the solids move, because their
+    /// positions in this step define the forces. Collective.
+    fn advance_water(&mut self, due: Schedule) -> Result<(), Error> {
+        let now = &mut self.now;
         if let Some(flow) = &mut now.flow
-            && balances
+            && due.balance
         {
             flow.fetch()?;
         }
         self.guards.before(now.step, now.lattice(), &now.domain);
         if let Some(flow) = &mut now.flow {
-            if steps > 1 {
-                flow.advance_many(steps)?;
+            if due.steps > 1 {
+                flow.advance_many(due.steps)?;
             } else {
                 flow.advance(&mut now.particles, &now.domain)?;
             }
-            // The checks of the guards alone do without.
-            let next = now.step + steps;
-            let saves = now.plan.scene.checkpoint.every;
-            let saves = saves.is_some_and(|every| now.plan.clock.every(every).falls_on(next));
-            let measures =
-                now.averages.is_some() || self.recorder.measures() || self.collapse.measures();
-            let due = next >= self.outputs.next_due().min(now.plan.clock.steps);
-            if balances || saves || measures || due {
+            if due.populations {
                 flow.fetch()?;
             }
         }
         self.phases.done(Phase::Fluid);
         self.guards.after(now.lattice(), &now.domain);
         self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    fn advance_solids(&mut self, due: Schedule) -> Result<(), Error> {
+        let now = &mut self.now;
         if let Some(dem) = &mut now.dem {
             let each = u64::from(now.plan.clock.solid_steps_per_step);
             let moved = dem.advance_many(&mut now.particles, &now.domain, each);
             if let Err(error) = moved {
-                return Err(self.cause_of(error, steps));
+                return Err(self.cause_of(error, due.steps));
             }
         }
         self.phases.done(Phase::Grains);
-        now.step += steps;
+        Ok(())
+    }
+
+    /// Moves the gates, removes and generates grains, and returns those removed. Collective.
+    fn change_solids(&mut self, due: Schedule) -> Result<Vec<Departed>, Error> {
+        let now = &mut self.now;
         let time = now.time();
         let mut changed = false;
         if let Some(dem) = &mut now.dem {
             let when = (now.step, &now.plan);
             changed = self.gates.act(when, dem, &mut now.particles, &now.domain)?;
         }
-        let removed =
-            self.removal
-                .leaving(&mut now.particles, &now.plan, &now.domain, now.step, time)?;
-        let appeared = self
-            .removal
-            .appearing(&mut now.particles, &now.plan, &now.domain, time)?;
+        let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
+        let removed = (self.removal).leaving(particles, plan, domain, now.step, time)?;
+        let appeared = self.removal.appearing(particles, plan, domain, time)?;
         changed |= !removed.is_empty() || appeared > 0;
         if let Some(dem) = &mut now.dem {
             // Known to all ranks without a message.
             if changed {
-                dem.prepare(&mut now.particles, &now.domain)?;
+                dem.prepare(particles, domain)?;
             }
-            let looked_at = self.outputs.next_due() <= now.step
-                || self.recorder.measures()
-                || self.collapse.measures();
-            if changed || now.flow.is_some() || looked_at {
-                now.particles.refresh_ghosts(&now.domain)?;
+            if changed || due.ghosts {
+                particles.refresh_ghosts(domain)?;
             }
         }
         self.phases.done(Phase::Removal);
-        if let Some(flow) = &mut now.flow {
-            flow.update_bodies(&mut now.particles, &now.domain)?;
-        }
-        self.phases.done(Phase::Mapping);
+        Ok(removed)
+    }
+
+    /// Adds the state to the averages and the rows that are due to the records. Collective.
+    fn record(&mut self, removed: &[Departed]) -> Result<(), Error> {
+        let now = &mut self.now;
         let flow = now.flow.as_ref().and_then(Water::lattice);
         if let (Some(averages), Some(flow)) = (&mut now.averages, flow) {
             averages.sample(now.step, flow);
         }
         let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
-        self.recorder.record_due(
-            &now.view(),
-            &removed,
-            breaks,
-            self.guards.mass_error().unwrap_or(f64::NAN),
-        )?;
+        let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
+        let view = now.view();
+        (self.recorder).record_due(&view, removed, breaks, mass_error)?;
         self.guards.also_seen(self.recorder.take_speed());
-        self.collapse.record_due(&now.view(), &removed)?;
+        self.collapse.record_due(&view, removed)?;
         self.phases.done(Phase::Analysis);
-        if self.outputs.next_due() <= now.step {
-            self.outputs.write_due(&now.view())?;
-        }
-        self.phases.done(Phase::Output);
-        let deepest = now.dem.as_ref().map(Dem::deepest);
-        let solids = (&now.particles, deepest);
+        Ok(())
+    }
+
+    /// Looks at the state where it is time. Collective.
+    fn check(&mut self) -> Result<(), Error> {
+        let now = &self.now;
+        let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
         self.guards
             .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
         if self.guards.take_unfetched() {
-            self.fetch()?;
             self.look()?;
         }
         self.phases.done(Phase::Guards);
@@ -321,7 +314,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.collapse.record_end(&view)
     }
 
-    /// Drops what was written at the present step because a run ended there. Call it where a resumed run goes on. Collective.
+    /// Drops what was written at the present step because a run ended there. Call it where a resumed run
+    /// goes on. Collective.
     ///
     /// # Errors
     /// When a file cannot be written; the same on all ranks.
