@@ -1,32 +1,35 @@
 //! Records of the erosion in a piping run: `removed.csv`, `bonds.csv` and `erosion.csv`.
 //!
-//! Removed grains and broken bonds are recorded after every fluid step. Every `erosion_law.every` seconds the state of the hole is written as one row.
-//! Let x be the axis of the flow, y the axis across the hole and L, d_h its length and width:
+//! Removed grains and broken bonds are recorded after every fluid step. Every `erosion_law.every` seconds the state of
+//! the hole is written as one row. Let x be the axis of the flow, y the axis across the hole and L, d_h its length and
+//! width:
 //!
-//! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, with zero velocity in solid cells.
-//!   [`hole_faces`] finds the faces in s(y), relative to the mean of s outside the hole at the first row.
-//! - **Gradient.** [`shear_by_gradient`] of V_x(y) at those faces, times the dynamic viscosity.
-//! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as in hole erosion
-//!   tests. Losses in the chambers make it an upper bound.
-//! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, and therefore
-//!   independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any case
-//!   the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole pressure drop. The additional force on
-//!   the grains behind a face is the traction of the flow in the hole:
-//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean diameters
-//!   behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so that a deeper layer adds only
-//!   noise. G is the difference of the mean pressures of the water at the two ends of that layer, in the planes of cells just
-//!   outside the hole box; phi is measured once, from the grains beside the hole at the first row.
-//! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or within
-//!   [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise inside. Before the
-//!   first row the faces are those of the box in the case.
+//! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, with zero velocity in
+//!   solid cells. [`hole_faces`] finds the faces in s(y), relative to the mean of s outside the hole at the first row.
+//! - **Gradient.** [`crate::analysis::erosion_law::shear_by_gradient`] of V_x(y) at those faces, times the dynamic
+//!   viscosity.
+//! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as in
+//!   hole erosion tests. Losses in the chambers make it an upper bound.
+//! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, and
+//!   therefore independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any
+//!   case the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole
+//!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole:
+//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean
+//!   diameters behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so
+//!   that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
+//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains beside the
+//!   hole at the first row.
+//! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
+//!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
+//!   inside. Before the first row the faces are those of the box in the case.
 //!
 //! - **Mechanism.** Whether the hole erodes at its faces or the bulk fails: [`mechanism`].
 //!
-//! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses are kg/m;
-//! in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
+//! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses
+//! are kg/m; in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
 //!
-//! Rank 0 writes. Rows are appended. A resumed run first truncates the tables to its checkpoint, so that they equal those of
-//! an uninterrupted run.
+//! Rank 0 writes. Rows are appended. A resumed run first truncates the tables to its checkpoint, so that they equal
+//! those of an uninterrupted run.
 
 mod hole;
 mod imposed;
@@ -36,10 +39,9 @@ use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
 use super::table::{Table, append};
 use super::view::View;
-use crate::analysis::erosion_law::hole::Profile;
 use crate::analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
-    RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
+    RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_traction,
 };
 use crate::dem::space::{Components, Space};
 use crate::dem::{BondBreak, Failure};
@@ -48,8 +50,8 @@ use crate::number::real;
 use crate::plan::Plan;
 use crate::plan::interval::Interval;
 use crate::scene::observe::Action;
-use decomposition::{Domain, ExactSum, Fixed};
-use hole::{BEHIND, Hole, cell_sums, depth, excess_force};
+use decomposition::{Domain, ExactSum};
+use hole::{BEHIND, Hole, Sums, cell_sums, excess_force, profile};
 use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
 use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
 use serde::{Deserialize, Serialize};
@@ -123,9 +125,9 @@ pub struct ErosionRecorder {
 }
 
 impl ErosionRecorder {
-    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
-    /// step. `removed.csv` is written where a region removes grains, `bonds.csv` where bonds can break, `erosion.csv` where
-    /// the case asks for the erosion law.
+    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to
+    /// that step. `removed.csv` is written where a region removes grains, `bonds.csv` where bonds can break,
+    /// `erosion.csv` where the case asks for the erosion law.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -175,8 +177,8 @@ impl ErosionRecorder {
         })
     }
 
-    /// How long the fluid had run when the clock started \[s\]: pressure ramps count from the fluid's own start. Call it once
-    /// at the end of the warm-up; it is part of the state.
+    /// How long the fluid had run when the clock started \[s\]: pressure ramps count from the fluid's own start. Call
+    /// it once at the end of the warm-up; it is part of the state.
     pub fn set_flow_age(&mut self, seconds: f64) {
         self.state.flow_age = seconds;
     }
@@ -207,10 +209,10 @@ impl ErosionRecorder {
         self.law.is_some() || self.interval.is_some()
     }
 
-    /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is due.
-    /// Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing are those
-    /// of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN where it was not measured yet; it is used only where
-    /// [`Self::is_due`] holds.
+    /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is
+    /// due. Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing
+    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN where it was
+    /// not measured yet; it is used only where [`Self::is_due`] holds.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -269,8 +271,8 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one of this step.
-    /// [`Self::state`] is not that of a run that goes on afterwards.
+    /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one
+    /// of this step. [`Self::state`] is not that of a run that goes on afterwards.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -288,8 +290,8 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`] where the run
-    /// goes on.
+    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`]
+    /// where the run goes on.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.
@@ -490,6 +492,7 @@ impl ErosionRecorder {
         self.speed.take()
     }
 
+    /// Writes the state of the hole as a row. Collective.
     fn write_row<S: Space>(&mut self, view: &View<'_, S>, mass_error: f64) -> Result<(), Error> {
         let (Some(hole), Some(start)) = (self.law, self.state.start) else {
             return Ok(());
@@ -497,82 +500,22 @@ impl ErosionRecorder {
         let (Some(flow), Some(units)) = (&view.plan.scene.flow, &view.plan.units) else {
             return Ok(());
         };
-        let spacing = units.spacing;
         let sums = cell_sums(view, &hole);
-        let mean = |sum: &Fixed, cells: i64| sum.to_f64() / real(cells.max(1));
-        let velocity: Vec<f64> = sums
-            .velocity
-            .iter()
-            .zip(&sums.cells)
-            .map(|(sum, &cells)| units.velocity_to_si(mean(sum, cells)))
-            .collect();
-        let solid: Vec<f64> = sums
-            .solid
-            .iter()
-            .zip(&sums.cells)
-            .map(|(&solid, &cells)| real(solid) / real(cells.max(1)))
-            .collect();
-        let profile = |values| Profile {
-            origin: 0.0,
-            spacing,
-            values,
-        };
-        let intact = *self.state.intact.get_or_insert_with(|| {
-            let beside = |values: &[i64]| -> i64 {
-                let rows = values.iter().enumerate();
-                rows.filter(|(row, _)| !hole.covers(hole.across, *row))
-                    .map(|(_, n)| n)
-                    .sum()
-            };
-            real(beside(&sums.solid)) / real(beside(&sums.cells).max(1))
-        });
-        let faces = hole_faces(profile(&solid), intact, hole.middle());
-        self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);
-        let time = view.time + self.state.flow_age;
-        let pressure_difference = pressure_difference(view.plan, time);
+        let faces = self.find_faces(&sums, &hole, units.spacing);
+        let of_faces = |measure: &dyn Fn(HoleFaces) -> f64| faces.map_or(f64::NAN, measure);
+        let pressure_difference = pressure_difference(view.plan, view.time + self.state.flow_age);
         let length = hole.length();
         let viscosity = flow.density * flow.kinematic_viscosity;
-        let gradient = faces
-            .and_then(|faces| shear_by_gradient(profile(&velocity), faces, viscosity))
-            .map_or(f64::NAN, |shear| shear.mean());
-        let force = faces.map(|faces| {
-            let reach = BEHIND * start.diameter;
-            let [before, behind] = [0, 1].map(|end: usize| {
-                let (mut sum, mut cells) = (Fixed::ZERO, 0);
-                for (row, deviation) in sums.deviation[end].iter().enumerate() {
-                    let depth = depth(faces, (real(row) + 0.5) * spacing);
-                    if (0.0..=reach).contains(&depth) {
-                        sum.merge(*deviation);
-                        cells += sums.water[end][row];
-                    }
-                }
-                units.density_deviation_to_pressure(if cells > 0 {
-                    sum.to_f64() / real(cells)
-                } else {
-                    f64::NAN
-                })
-            });
-            excess_force(view, &hole, &start, faces, (before - behind) / length)
+        let gradient = of_faces(&|faces| sums.shear(units, faces, viscosity));
+        let traction = of_faces(&|faces| {
+            let ends = sums.end_pressures(units, faces, BEHIND * start.diameter);
+            let gradient = (ends[0] - ends[1]) / length;
+            shear_by_traction(excess_force(view, &hole, &start, faces, gradient), length)
         });
-        let discharge = faces.map_or(f64::NAN, |faces| {
-            let mut through = Fixed::ZERO;
-            for (row, sum) in sums.middle.iter().enumerate() {
-                let at = (real(row) + 0.5) * spacing;
-                if faces.lower <= at && at <= faces.upper {
-                    through.merge(*sum);
-                }
-            }
-            let area = if view.plan.scene.grid.dimension == 3 {
-                spacing * spacing / hole.depth
-            } else {
-                spacing
-            };
-            units.velocity_to_si(through.to_f64()) * area
-        });
-        let width = faces.map_or(f64::NAN, |faces| faces.width());
-        let displacement = faces.map_or(f64::NAN, |faces| {
-            bulk_displacement(view, &hole, start.diameter, faces)
-        });
+        let depth = (view.plan.scene.grid.dimension == 3).then_some(hole.depth);
+        let discharge = of_faces(&|faces| sums.discharge(units, faces, depth));
+        let width = of_faces(&|faces| faces.width());
+        let displacement = of_faces(&|faces| bulk_displacement(view, &hole, start.diameter, faces));
         self.state.mechanism.note_displacement(displacement);
         let share = self.state.mechanism.face_share(self.broken());
         let row = ErosionRecord {
@@ -581,13 +524,13 @@ impl ErosionRecorder {
             eroded_mass: self.state.eroded_mass,
             eroded_fraction: self.state.eroded_mass / start.mass,
             eroded_grains: self.state.eroded_grains,
-            lower_face: faces.map_or(f64::NAN, |faces| faces.lower),
-            upper_face: faces.map_or(f64::NAN, |faces| faces.upper),
+            lower_face: of_faces(&|faces| faces.lower),
+            upper_face: of_faces(&|faces| faces.upper),
             hole_width: width,
             hole_length: length,
             shear_gradient: gradient,
             shear_balance: shear_by_balance(pressure_difference, width, length),
-            shear_traction: force.map_or(f64::NAN, |force| shear_by_traction(force, length)),
+            shear_traction: traction,
             pressure_difference,
             discharge,
             bonds_broken: self.state.bonds_inside + self.state.bonds_at_wall,
@@ -604,6 +547,15 @@ impl ErosionRecorder {
             view.domain.communicator(),
             append(&mut self.rows, &(row.to_csv() + "\n")),
         )
+    }
+
+    /// Finds the faces of the hole and keeps them, with the solid fraction beside the hole at the first row.
+    fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
+        let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
+        let solid = sums.solid_fractions();
+        let faces = hole_faces(profile(spacing, &solid), intact, hole.middle());
+        self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);
+        faces
     }
 }
 

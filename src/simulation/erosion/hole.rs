@@ -1,14 +1,16 @@
 //! Measurements in the hole of an erosion run: sums over its cells, and the force on its faces.
 
 use super::Start;
-use crate::analysis::erosion_law::HoleFaces;
+use crate::analysis::erosion_law::hole::Profile;
+use crate::analysis::erosion_law::{HoleFaces, shear_by_gradient};
 use crate::dem::space::{Components, Space};
-use crate::number::whole;
+use crate::number::{real, whole};
 use crate::plan::Plan;
 use crate::scene::observe::ErosionLaw;
 use crate::simulation::removal::boxed;
 use crate::simulation::view::View;
-use decomposition::{ExactSum, Fixed};
+use crate::units::LatticeUnits;
+use decomposition::{Communicator, ExactSum, Fixed};
 
 /// Grains up to this many mean diameters behind a face count for the traction.
 pub(super) const BEHIND: f64 = 2.0;
@@ -83,7 +85,8 @@ impl Hole {
 
 /// Sums over the cells of all ranks; lattice units.
 pub(super) struct Sums {
-    /// Per row across the hole: velocity along it, solid cells, cells, and the velocity in the plane through its middle.
+    /// Per row across the hole: velocity along it, solid cells, cells, and the velocity in the plane through its
+    /// middle.
     pub(super) velocity: Vec<Fixed>,
     pub(super) solid: Vec<i64>,
     pub(super) cells: Vec<i64>,
@@ -95,7 +98,104 @@ pub(super) struct Sums {
     pub(super) speed: f64,
 }
 
-/// One pass over the cells of this rank, then the sums of all ranks.
+impl Sums {
+    /// Adds the sums of all ranks; the speed becomes the root of the largest square. Collective.
+    fn reduce(&mut self, communicator: &Communicator) {
+        let [before, behind] = &mut self.deviation;
+        for fixed in [&mut self.velocity, &mut self.middle, before, behind] {
+            Fixed::all_reduce(fixed, communicator);
+        }
+        let [before, behind] = &mut self.water;
+        for counts in [&mut self.solid, &mut self.cells, before, behind] {
+            communicator.all_reduce_sum_i64s(counts);
+        }
+        self.speed = communicator.all_reduce_max_f64(self.speed).sqrt();
+    }
+
+    /// Returns the solid fraction of each row.
+    pub(super) fn solid_fractions(&self) -> Vec<f64> {
+        let rows = self.solid.iter().zip(&self.cells);
+        rows.map(|(&solid, &cells)| real(solid) / real(cells.max(1)))
+            .collect()
+    }
+
+    /// Returns the mean solid fraction of the rows beside the hole.
+    pub(super) fn solid_fraction_beside(&self, hole: &Hole) -> f64 {
+        let beside = |values: &[i64]| -> i64 {
+            let rows = values.iter().enumerate();
+            rows.filter(|(row, _)| !hole.covers(hole.across, *row))
+                .map(|(_, n)| n)
+                .sum()
+        };
+        real(beside(&self.solid)) / real(beside(&self.cells).max(1))
+    }
+
+    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN where it cannot be
+    /// measured.
+    pub(super) fn shear(&self, units: &LatticeUnits, faces: HoleFaces, viscosity: f64) -> f64 {
+        let rows = self.velocity.iter().zip(&self.cells);
+        let velocity: Vec<f64> = rows
+            .map(|(sum, &cells)| units.velocity_to_si(sum.to_f64() / real(cells.max(1))))
+            .collect();
+        shear_by_gradient(profile(units.spacing, &velocity), faces, viscosity)
+            .map_or(f64::NAN, |shear| shear.mean())
+    }
+
+    /// Returns the mean pressures \[Pa\] before and behind the hole, up to `reach` behind a face; NaN without water
+    /// there.
+    pub(super) fn end_pressures(
+        &self,
+        units: &LatticeUnits,
+        faces: HoleFaces,
+        reach: f64,
+    ) -> [f64; 2] {
+        [0, 1].map(|end: usize| {
+            let (mut sum, mut cells) = (Fixed::ZERO, 0);
+            for (row, deviation) in self.deviation[end].iter().enumerate() {
+                let depth = depth(faces, (real(row) + 0.5) * units.spacing);
+                if (0.0..=reach).contains(&depth) {
+                    sum.merge(*deviation);
+                    cells += self.water[end][row];
+                }
+            }
+            units.density_deviation_to_pressure(if cells > 0 {
+                sum.to_f64() / real(cells)
+            } else {
+                f64::NAN
+            })
+        })
+    }
+
+    /// Returns the discharge between the faces \[m2/s\], in 3-D the mean over a box of this depth.
+    pub(super) fn discharge(
+        &self,
+        units: &LatticeUnits,
+        faces: HoleFaces,
+        depth: Option<f64>,
+    ) -> f64 {
+        let spacing = units.spacing;
+        let mut through = Fixed::ZERO;
+        for (row, sum) in self.middle.iter().enumerate() {
+            let at = (real(row) + 0.5) * spacing;
+            if faces.lower <= at && at <= faces.upper {
+                through.merge(*sum);
+            }
+        }
+        let area = depth.map_or(spacing, |depth| spacing * spacing / depth);
+        units.velocity_to_si(through.to_f64()) * area
+    }
+}
+
+/// Returns the values of the rows as a profile across the box.
+pub(super) fn profile(spacing: f64, values: &[f64]) -> Profile<'_> {
+    Profile {
+        origin: 0.0,
+        spacing,
+        values,
+    }
+}
+
+/// Sums over the cells of this rank in one pass, then over all ranks. Collective.
 pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
     let grid = &view.plan.scene.grid;
     let across = grid.cells[hole.across];
@@ -151,16 +251,7 @@ pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
             }
         }
     }
-    let communicator = view.domain.communicator();
-    let [before, behind] = &mut sums.deviation;
-    for fixed in [&mut sums.velocity, &mut sums.middle, before, behind] {
-        Fixed::all_reduce(fixed, communicator);
-    }
-    let [before, behind] = &mut sums.water;
-    for counts in [&mut sums.solid, &mut sums.cells, before, behind] {
-        communicator.all_reduce_sum_i64s(counts);
-    }
-    sums.speed = communicator.all_reduce_max_f64(sums.speed).sqrt();
+    sums.reduce(view.domain.communicator());
     sums
 }
 
