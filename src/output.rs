@@ -1,7 +1,8 @@
 //! Output of fields and series: selection, schedule, and conversion to SI.
 //!
-//! [`Outputs`] connects the run and the files. It determines the outputs due at a step, requests them from the [`View`], converts them with
-//! [`crate::units`] and passes named arrays to [`io`]. A step without output costs one comparison.
+//! [`Outputs`] connects the run and the files. It determines the outputs due at a step, requests them from the
+//! [`View`], converts them with [`crate::units`] and passes named arrays to [`io`]. A step without output costs one
+//! comparison.
 //!
 //! | file | content |
 //! |---|---|
@@ -10,7 +11,7 @@
 //! | `view` | access to the state of a run |
 //! | `fluid`, `vorticity` | fields of the fluid; the vorticity, with the adjacent planes of other slabs |
 //! | `averages` | time averages and their profile |
-//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order that does not depend on the ranks |
+//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in the same order on any ranks |
 //! | `structures` | surfaces at rest, once |
 //! | `probes` | values over time |
 //! | `info` | description of a file or folder |
@@ -33,19 +34,19 @@ pub mod view;
 mod vorticity;
 
 use crate::case::geometry::Axis;
+use crate::case::observe::FluidOutput;
 use crate::dem::space::Space;
 use crate::error::Error;
 use crate::output::view::View;
 use crate::plan::Plan;
-use crate::plan::interval::Interval;
-use averages::AverageFields;
+use averages::{AverageFields, Averages};
 use blocks::Blocks;
 use contacts::Contacts;
 use decomposition::Domain;
 use fluid::Fields;
 use grains::Grains;
 use group::RankGroup;
-use io::{Mode, Moment, Series};
+use io::{Image, Mesh, Mode, Moment, Series};
 use probes::Probe;
 use schedule::Schedule;
 use seepage::SeepageFields;
@@ -83,10 +84,11 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Writes the series `structures` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables `probe_NAME.csv` in `folder`, which is there.
+    /// Writes the series `structures` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables
+    /// `probe_NAME.csv` in `folder`, which is there.
     ///
-    /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written up to
-    /// that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
+    /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written
+    /// up to that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -98,67 +100,41 @@ impl Outputs {
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
         let written = &plan.scene.output;
-        let group = RankGroup(domain.communicator());
-        let every = |interval: f64| Some(plan.clock.every(interval));
+        let place = Place {
+            plan,
+            folder,
+            group: RankGroup(domain.communicator()),
+            resumed_at,
+        };
         if resumed_at.is_none() && !plan.scene.structures.is_empty() {
-            structures::write(&plan.scene, folder, &provenance, &group)?;
+            structures::write(&plan.scene, folder, &provenance, &place.group)?;
         }
-        let fluid = match &written.fluid {
-            Some(output) => {
-                let fields = if plan.scene.seepage.is_some() {
-                    FluidFields::Seepage(SeepageFields::new(&output.fields, output.precision))
-                } else {
-                    FluidFields::Lattice(Box::new(Fields::new(&output.fields, output.precision)))
-                };
-                let every = every(output.every);
-                Some(Output::open(
-                    folder, "fluid", every, fields, &group, resumed_at,
-                )?)
-            }
-            None => None,
-        };
-        let grains = match &written.grains {
-            Some(output) => {
-                let every = every(output.every);
-                let columns = Grains::new(output.displacement);
-                Some(Output::open(
-                    folder, "grains", every, columns, &group, resumed_at,
-                )?)
-            }
-            None => None,
-        };
-        let contacts = match &written.contacts {
-            Some(output) => {
-                let every = every(output.every);
-                let columns = Contacts::default();
-                Some(Output::open(
-                    folder, "contacts", every, columns, &group, resumed_at,
-                )?)
-            }
-            None => None,
-        };
-        let blocks = match &written.blocks {
-            Some(output) => {
-                let every = every(output.every);
-                let faces = Blocks::default();
-                Some(Output::open(
-                    folder, "blocks", every, faces, &group, resumed_at,
-                )?)
-            }
-            None => None,
-        };
-        let averages = match &written.averages {
-            Some(output) => {
-                // Without an interval only the end of the run is left.
-                let every = output.every.and_then(every);
-                let fields = AverageFields::new(output.profile.map(Axis::index));
-                let mut output =
-                    Output::open(folder, "averages", every, fields, &group, resumed_at)?;
-                output.open_profile(folder, &group, resumed_at)?;
-                Some(output)
-            }
-            None => None,
-        };
+        let fluid = written.fluid.as_ref().map(|output| {
+            let fields = FluidFields::new(output, plan.scene.seepage.is_some());
+            place.open("fluid", Some(output.every), fields)
+        });
+        let fluid = fluid.transpose()?;
+        let grains = written.grains.as_ref().map(|output| {
+            let columns = Grains::new(output.displacement);
+            place.open("grains", Some(output.every), columns)
+        });
+        let grains = grains.transpose()?;
+        let contacts = written.contacts.as_ref();
+        let contacts = contacts
+            .map(|output| place.open("contacts", Some(output.every), Contacts::default()))
+            .transpose()?;
+        let blocks = written.blocks.as_ref();
+        let blocks = blocks
+            .map(|output| place.open("blocks", Some(output.every), Blocks::default()))
+            .transpose()?;
+        let averages = written.averages.as_ref().map(|output| {
+            // Without an interval only the end of the run is left.
+            let fields = AverageFields::new(output.profile.map(Axis::index));
+            let mut averages = place.open("averages", output.every, fields)?;
+            averages.open_profile(folder, &place.group, resumed_at)?;
+            Ok(averages)
+        });
+        let averages = averages.transpose()?;
         let probes = Probe::all(plan, folder, domain, resumed_at)?;
         let mut outputs = Self {
             folder: folder.to_owned(),
@@ -172,25 +148,29 @@ impl Outputs {
             next: 0,
         };
         outputs.next = outputs.earliest();
+        outputs.log_series();
+        Ok(outputs)
+    }
+
+    fn log_series(&self) {
         let series = [
-            ("fluid", outputs.fluid.is_some()),
-            ("grains", outputs.grains.is_some()),
-            ("contacts", outputs.contacts.is_some()),
-            ("blocks", outputs.blocks.is_some()),
-            ("averages", outputs.averages.is_some()),
+            ("fluid", self.fluid.is_some()),
+            ("grains", self.grains.is_some()),
+            ("contacts", self.contacts.is_some()),
+            ("blocks", self.blocks.is_some()),
+            ("averages", self.averages.is_some()),
         ];
         let series: Vec<&str> = series.iter().filter(|s| s.1).map(|s| s.0).collect();
         log::debug!(
             "series {series:?} and {} probes in {}, the first due at step {}",
-            outputs.probes.len(),
-            folder.display(),
-            outputs.next
+            self.probes.len(),
+            self.folder.display(),
+            self.next
         );
-        Ok(outputs)
     }
 
-    /// Writes the outputs due at the step of the view. Call it before the first step, after a restart too, and after every
-    /// step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
+    /// Writes the outputs due at the step of the view. Call it before the first step, after a restart too, and after
+    /// every step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
@@ -216,8 +196,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes everything as it is now, unless that was done at this step: the end of a run is the last output of each series and
-    /// the last row of each probe. Collective.
+    /// Writes everything as it is now, unless that was done at this step: the end of a run is the last output of each
+    /// series and the last row of each probe. Collective.
     ///
     /// # Errors
     /// As [`Self::write_due`].
@@ -233,8 +213,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is about to go
-    /// on, so that its files become those of a run that never ended there. Collective.
+    /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is
+    /// about to go on, so that its files become those of a run that never ended there. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -298,126 +278,40 @@ impl Outputs {
         view: &View<S>,
         due: impl Fn(&Schedule) -> bool,
     ) -> Result<(), Error> {
-        let grid = &view.plan.scene.grid;
+        let (scene, grid) = (&view.plan.scene, &view.plan.scene.grid);
         let communicator = view.domain.communicator();
-        let group = RankGroup(communicator);
-        let provenance = &self.provenance;
-        let when = Moment {
-            step: view.step,
-            time: view.time,
-        };
+        let file = File::of(view, &self.provenance);
         if let Some(output) = &mut self.fluid {
-            if output.is_wanted(view.step, &due) {
-                let first = communicator.rank() == 0;
-                let image = match (&mut output.buffers, view.seepage) {
-                    (FluidFields::Seepage(fields), Some(seepage)) => {
-                        fields.read(seepage, first);
-                        fields.image(seepage, first)
-                    }
-                    (FluidFields::Seepage(_), None) => return Err(probes::no_fluid()),
-                    (FluidFields::Lattice(fields), _) => {
-                        let fluid = probes::fluid(view)?;
-                        fields.read(fluid, grid, view.domain)?;
-                        fields.image(fluid, grid)
-                    }
-                };
-                let mode = Mode::Collective;
-                group.checked(
-                    output
-                        .series
-                        .write_image(when, &image, provenance, &group, mode),
-                )?;
-                output.last = Some(view.step);
-            }
-            output.schedule.pass(view.step);
+            output.write(view.step, &due, |fields, series| {
+                fields.write(view, &file, series)
+            })?;
         }
         if let Some(output) = &mut self.grains {
-            if output.is_wanted(view.step, &due) {
-                output.buffers.read(view.particles, grid, communicator)?;
-                let mesh = output.buffers.mesh(grid.dimension);
-                let mode = Mode::Collective;
-                group.checked(
-                    output
-                        .series
-                        .write_mesh(when, &mesh, provenance, &group, mode),
-                )?;
-                output.last = Some(view.step);
-            }
-            output.schedule.pass(view.step);
+            output.write(view.step, &due, |columns, series| {
+                columns.read(view.particles, grid, communicator)?;
+                file.write_mesh(series, &columns.mesh(grid.dimension))
+            })?;
         }
         if let Some(output) = &mut self.contacts {
-            if output.is_wanted(view.step, &due) {
-                let (dem, particles) = (view.dem, view.particles);
-                output.buffers.read(dem, particles, grid, communicator)?;
-                let mesh = output.buffers.mesh(grid.dimension);
-                let mode = Mode::Collective;
-                group.checked(
-                    output
-                        .series
-                        .write_mesh(when, &mesh, provenance, &group, mode),
-                )?;
-                output.last = Some(view.step);
-            }
-            output.schedule.pass(view.step);
+            output.write(view.step, &due, |columns, series| {
+                columns.read(view.dem, view.particles, grid, communicator)?;
+                file.write_mesh(series, &columns.mesh(grid.dimension))
+            })?;
         }
         if let Some(output) = &mut self.blocks {
-            if output.is_wanted(view.step, &due) {
-                let scene = &view.plan.scene;
-                output.buffers.read(view.particles, scene, communicator)?;
-                let mesh = output.buffers.mesh();
-                let mode = Mode::Collective;
-                group.checked(
-                    output
-                        .series
-                        .write_mesh(when, &mesh, provenance, &group, mode),
-                )?;
-                output.last = Some(view.step);
-            }
-            output.schedule.pass(view.step);
+            output.write(view.step, &due, |faces, series| {
+                faces.read(view.particles, scene, communicator)?;
+                file.write_mesh(series, &faces.mesh())
+            })?;
         }
-        self.write_averages(view, due)
-    }
-
-    fn write_averages<S: Space>(
-        &mut self,
-        view: &View<S>,
-        due: impl Fn(&Schedule) -> bool,
-    ) -> Result<(), Error> {
         let Some(output) = &mut self.averages else {
             return Ok(());
         };
-        let group = RankGroup(view.domain.communicator());
         let averages = view.averages.ok_or_else(averages::none)?;
-        if averages.samples() > 0 && output.is_wanted(view.step, &due) {
-            let fluid = probes::fluid(view)?;
-            let grid = &view.plan.scene.grid;
-            if let Some(axis) = output.buffers.profile {
-                let rows = averages::profile(averages, fluid, grid, axis, group.0);
-                group.on_root(|| {
-                    let table = output.buffers.table.as_mut();
-                    table.map_or(Ok(()), |table| {
-                        rows.iter().try_for_each(|row| {
-                            table.row(view.step, &[&[view.time], row.as_slice()].concat())
-                        })
-                    })
-                })?;
-            }
-            output.buffers.read(averages, fluid.units());
-            let image = output.buffers.image(fluid, grid);
-            let when = Moment {
-                step: view.step,
-                time: view.time,
-            };
-            let (provenance, mode) = (&self.provenance, Mode::Collective);
-            group.checked(
-                output
-                    .series
-                    .write_image(when, &image, provenance, &group, mode),
-            )?;
-            output.last = Some(view.step);
-        }
-        output.schedule.pass(view.step);
-        Ok(())
+        let due = |schedule: &Schedule| averages.samples() > 0 && due(schedule);
+        output.write(view.step, due, |fields, series| {
+            fields.write(averages, view, &file, series)
+        })
     }
 
     fn earliest(&self) -> u64 {
@@ -439,16 +333,20 @@ impl Outputs {
     }
 }
 
-impl<T> Output<T> {
-    fn open(
-        folder: &Path,
-        name: &str,
-        every: Option<Interval>,
-        buffers: T,
-        group: &RankGroup,
-        resumed_at: Option<u64>,
-    ) -> Result<Self, Error> {
-        let (series, schedule, last) = match resumed_at {
+/// The folder of all outputs, and the step at which a resumed run opens them.
+struct Place<'a> {
+    plan: &'a Plan,
+    folder: &'a Path,
+    group: RankGroup<'a>,
+    resumed_at: Option<u64>,
+}
+
+impl Place<'_> {
+    /// Opens a series with an output every so many seconds, if any. Collective.
+    fn open<T>(&self, name: &str, every: Option<f64>, buffers: T) -> Result<Output<T>, Error> {
+        let (group, folder) = (&self.group, self.folder);
+        let every = every.map(|interval| self.plan.clock.every(interval));
+        let (series, schedule, last) = match self.resumed_at {
             None => {
                 let series = group.checked(Series::create(folder, name, group))?;
                 (series, Schedule::new(every), None)
@@ -461,14 +359,107 @@ impl<T> Output<T> {
                 (series, Schedule::resumed(every, step, written), last)
             }
         };
-        Ok(Self {
+        Ok(Output {
             series,
             schedule,
             last,
             buffers,
         })
     }
+}
 
+/// The parts that the files of all series at one step have in common.
+struct File<'a> {
+    when: Moment,
+    provenance: &'a [(String, String)],
+    group: RankGroup<'a>,
+}
+
+impl<'a> File<'a> {
+    fn of<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
+        Self {
+            when: Moment {
+                step: view.step,
+                time: view.time,
+            },
+            provenance,
+            group: RankGroup(view.domain.communicator()),
+        }
+    }
+
+    fn write_image(&self, series: &mut Series, image: &Image) -> Result<(), Error> {
+        let (group, mode) = (&self.group, Mode::Collective);
+        let written = series.write_image(self.when, image, self.provenance, group, mode);
+        group.checked(written).map(drop)
+    }
+
+    fn write_mesh(&self, series: &mut Series, mesh: &Mesh) -> Result<(), Error> {
+        let (group, mode) = (&self.group, Mode::Collective);
+        let written = series.write_mesh(self.when, mesh, self.provenance, group, mode);
+        group.checked(written).map(drop)
+    }
+}
+
+impl FluidFields {
+    fn new(output: &FluidOutput, seeps: bool) -> Self {
+        let (fields, precision) = (&output.fields, output.precision);
+        if seeps {
+            Self::Seepage(SeepageFields::new(fields, precision))
+        } else {
+            Self::Lattice(Box::new(Fields::new(fields, precision)))
+        }
+    }
+
+    fn write<S: Space>(
+        &mut self,
+        view: &View<S>,
+        file: &File,
+        series: &mut Series,
+    ) -> Result<(), Error> {
+        let first = view.domain.rank() == 0;
+        let image = match (self, view.seepage) {
+            (Self::Seepage(fields), Some(seepage)) => {
+                fields.read(seepage, first);
+                fields.image(seepage, first)
+            }
+            (Self::Seepage(_), None) => return Err(probes::no_fluid()),
+            (Self::Lattice(fields), _) => {
+                let (fluid, grid) = (probes::fluid(view)?, &view.plan.scene.grid);
+                fields.read(fluid, grid, view.domain)?;
+                fields.image(fluid, grid)
+            }
+        };
+        file.write_image(series, &image)
+    }
+}
+
+impl AverageFields {
+    /// Writes a row of the profile, if one is requested, and the fields. Collective.
+    fn write<S: Space>(
+        &mut self,
+        averages: &Averages,
+        view: &View<S>,
+        file: &File,
+        series: &mut Series,
+    ) -> Result<(), Error> {
+        let (fluid, grid) = (probes::fluid(view)?, &view.plan.scene.grid);
+        if let Some(axis) = self.profile {
+            let rows = averages::profile(averages, fluid, grid, axis, file.group.0);
+            file.group.on_root(|| {
+                let table = self.table.as_mut();
+                table.map_or(Ok(()), |table| {
+                    rows.iter().try_for_each(|row| {
+                        table.row(view.step, &[&[view.time], row.as_slice()].concat())
+                    })
+                })
+            })?;
+        }
+        self.read(averages, fluid.units());
+        file.write_image(series, &self.image(fluid, grid))
+    }
+}
+
+impl<T> Output<T> {
     /// Drops the output of `step` where it is not one of its interval; whether it did. Collective.
     fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<bool, Error> {
         if self.schedule.falls_on(step) {
@@ -483,13 +474,25 @@ impl<T> Output<T> {
         Ok(true)
     }
 
-    fn is_wanted(&self, step: u64, due: impl Fn(&Schedule) -> bool) -> bool {
-        self.last != Some(step) && due(&self.schedule)
+    /// Writes the output of `step` where it is due and not written yet. Collective.
+    fn write(
+        &mut self,
+        step: u64,
+        due: impl Fn(&Schedule) -> bool,
+        write: impl FnOnce(&mut T, &mut Series) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        if self.last != Some(step) && due(&self.schedule) {
+            write(&mut self.buffers, &mut self.series)?;
+            self.last = Some(step);
+        }
+        self.schedule.pass(step);
+        Ok(())
     }
 }
 
 impl Output<AverageFields> {
-    /// The table of the profile, on rank 0, if one is requested. Its rows are written before the fields of the same step.
+    /// Opens the table of the profile, on rank 0, if one is requested. Its rows are written before the fields of the
+    /// same step.
     fn open_profile(
         &mut self,
         folder: &Path,
