@@ -116,7 +116,7 @@ fn around(scene: &Scene, flow: &Flow, path: String, radius: f64, speed: f64) -> 
     let kind = scene.grid.dimension - 2;
     let inertia = 0.5 * SUCTION[kind] * speed * speed;
     let friction = FRICTION[kind] * flow.kinematic_viscosity * speed / radius;
-    (speed > 0.0).then(|| Cause {
+    (speed > 0.0).then_some(Cause {
         what: "the flow around a body that moves",
         path,
         pressure: flow.density * (inertia + friction),
