@@ -1,19 +1,22 @@
-//! Guards: checks of the state that end a run and name the cell, grain or opening, and meters of the mass and momentum balance.
+//! Guards: checks of the state that end a run and name the cell, grain or opening, and meters of the mass and momentum
+//! balance.
 //!
-//! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is checked ([`look`]). A
-//!   value that is not finite, a speed above `guards.max_lattice_velocity` and a compression above `guards.max_compression` end the run;
-//!   [`failure`] names the cell. A compression above `guards.warn_compression` is reported at once, and in each line of the log while it
-//!   lasts. Cells enclosed by bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same way. A
-//!   check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16 and 24 ns (one core of
-//!   a busy machine). A step reads and writes the populations, so that a check every 100 steps costs 0.6 to 0.9 % of memory-bound
-//!   steps, and less otherwise.
+//! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is
+//!   checked ([`look`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a compression
+//!   above `guards.max_compression` end the run; [`failure`] names the cell. A compression above
+//!   `guards.warn_compression` is reported at once, and in each line of the log while it lasts. Cells enclosed by
+//!   bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same way.
+//!   A check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16
+//!   and 24 ns (one core of a busy machine). A step reads and writes the populations, so that a check every 100 steps
+//!   costs 0.6 to 0.9 % of memory-bound steps, and less otherwise.
 //! * *Mach number*: a lattice velocity above 0.1, a Mach number above 0.17, is reported once and at the end.
-//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]). A check ends the run if it
-//!   is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through it.
+//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]). A
+//!   check ends the run if it is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through
+//!   it.
 //! * *Openings*: at each check inflow and outflow are compared ([`openings`]).
-//! * *Balance*: in one step of [`BALANCE_EVERY`] the change of the mass of the lattice is compared with the flux through the
-//!   faces (moving bounce-back passes no mass), and the change of the momentum of the water outside the bodies with the forces of bodies, body force and
-//!   the faces of the cells outside the bodies.
+//! * *Balance*: in one step of [`BALANCE_EVERY`] the change of the mass of the lattice is compared with the flux
+//!   through the faces (moving bounce-back passes no mass), and the change of the momentum of the water outside the
+//!   bodies with the forces of bodies, body force and the faces of the cells outside the bodies.
 //!
 //! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
@@ -38,7 +41,7 @@ use crate::plan::envelope::USUAL_LATTICE_VELOCITY;
 use decomposition::{Communicator, Domain};
 pub use failure::of_solids;
 use failure::{Failure, Kind};
-use look::{At, Look, Order};
+use look::{At, Look, Order, Seen};
 use openings::Openings;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -165,7 +168,8 @@ impl Guards {
         self.squeezed[1].map(|at| at.value.abs())
     }
 
-    /// Largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last look; none where nothing moves.
+    /// Largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last look; none
+    /// where nothing moves.
     #[must_use]
     pub fn overlap(&self) -> Option<f64> {
         self.overlap
@@ -204,12 +208,14 @@ impl Guards {
         })
     }
 
-    /// Adds the largest speed over C that another recorder measured, so that its values never exceed the reported maximum.
+    /// Adds the largest speed over C that another recorder measured, so that its values never exceed the reported
+    /// maximum.
     pub fn also_seen(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
 
-    /// Inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`]; none without openings.
+    /// Inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`]; none without
+    /// openings.
     #[must_use]
     pub fn through(&self, plan: &Plan) -> Option<[f64; 2]> {
         let mean = self.openings.mean()?.to_si(&plan.units?);
@@ -336,11 +342,14 @@ impl Guards {
                 ("drains", "enters")
             };
             format!(
-                "the domain only {verb}: {both}; nothing {none}, so that the density changes until guards.max_compression ends the run; check that an open path of several cells leads from inlet to outlet"
+                "the domain only {verb}: {both}; nothing {none}, so that the density changes until \
+                 guards.max_compression ends the run; \
+                 check that an open path of several cells leads from inlet to outlet"
             )
         } else {
             format!(
-                "{both}: they differ by {:.0} % after sound has crossed the domain many times; the difference changes the density",
+                "{both}: they differ by {:.0} % after sound has crossed the domain many times; \
+                 the difference changes the density",
                 100.0 * mean.imbalance().abs()
             )
         })
@@ -455,7 +464,8 @@ impl Guards {
         }
     }
 
-    /// Checks the state after `step`, unless that has been done, so that the final state of a run is always checked. Collective.
+    /// Checks the state after `step`, unless that has been done, so that the final state of a run is always checked.
+    /// Collective.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -536,7 +546,8 @@ impl Guards {
         }
     }
 
-    /// Whether the last look found a failure in populations that are on a GPU: it is described by the same look once they are here.
+    /// Whether the last look found a failure in populations that are on a GPU: it is described by the same look once
+    /// they are here.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
@@ -550,64 +561,23 @@ impl Guards {
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
-        /// Grains are numbered from here on, behind all cells.
-        const GRAINS: u64 = 1 << 62;
         let communicator = domain.communicator();
         let seen = flow.map(|flow| self.look.at(flow));
-        let finite = |k: usize| {
-            let motion = &particles.motion[k];
-            (0..Sp::DIMENSION)
-                .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite())
-        };
-        let lost = (0..particles.owned()).filter(|&k| !finite(k));
-        let lost = lost.map(|k| GRAINS + particles.body[k].id).min();
+        let lost = lost_grain(particles).map(|id| GRAINS + id);
         let mine = seen.and_then(|seen| seen.broken).or(lost);
         let broken = communicator.all_reduce_min_u64(mine.unwrap_or(u64::MAX));
         let mut failure = (broken < GRAINS).then_some(Failure {
             kind: Kind::NotFinite,
             place: broken,
         });
-        if let Some(seen) = seen {
-            let fastest = agreed(seen.fastest, communicator);
-            let squeezed = agreed(seen.squeezed, communicator);
-            let speed = Some(fastest.value.sqrt());
-            self.speed = [speed, larger(self.speed[1], speed)];
-            let known = self.squeezed[1].filter(|at| at.value.abs() >= squeezed.value.abs());
-            self.squeezed = [Some(squeezed), Some(known.unwrap_or(squeezed))];
-            let limits = &plan.scene.guards;
-            let (fast, dense) = (
-                fastest.value.sqrt() > limits.max_lattice_velocity,
-                squeezed.value.abs() > limits.max_compression,
-            );
-            failure = failure.or(match (fast, dense) {
-                (true, _) => Some((Kind::TooFast, fastest.cell)),
-                (_, true) => Some((Kind::TooDense, squeezed.cell)),
-                _ => None,
-            }
-            .map(|(kind, place)| Failure { kind, place }));
-            if squeezed.value.abs() > limits.warn_compression
-                && failure.is_none()
-                && !self.warned[0]
-                && let Some(flow) = flow
-            {
-                self.warned[0] = true;
-                let cell = Order::of(flow).cell(squeezed.cell);
-                self.news.push(format!(
-                    "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {}: pressures have an error of this size, which decreases with the square of the time step",
-                    failure::point(plan.scene.grid.centre(cell), plan),
-                    failure::density(squeezed.value, plan),
-                    limits.warn_compression
-                ));
+        if let (Some(seen), Some(flow)) = (seen, flow) {
+            failure = failure.or(self.measure(seen, plan, communicator));
+            if failure.is_none() {
+                self.warn_of_compression(when, flow, plan);
             }
         }
-        if let [Some(speed), _] = self.speed
-            && speed > USUAL_LATTICE_VELOCITY
-            && failure.is_none()
-            && !self.fast
-        {
-            self.fast = true;
-            self.news
-                .push(format!("{when}: warning: {}", too_fast(speed)));
+        if failure.is_none() {
+            self.warn_of_speed(when);
         }
         let text = match (failure, flow) {
             (Some(_), Some(flow)) if flow.fluid().is_away() => {
@@ -623,6 +593,77 @@ impl Guards {
         };
         Err(Error::Numerical(format!("{when}: {text}")))
     }
+
+    /// Takes note of the largest speed and compression of all ranks; returns the one that exceeds its limit.
+    /// Collective.
+    fn measure(&mut self, seen: Seen, plan: &Plan, communicator: &Communicator) -> Option<Failure> {
+        let fastest = agreed(seen.fastest, communicator);
+        let squeezed = agreed(seen.squeezed, communicator);
+        let speed = Some(fastest.value.sqrt());
+        self.speed = [speed, larger(self.speed[1], speed)];
+        let known = self.squeezed[1].filter(|at| at.value.abs() >= squeezed.value.abs());
+        self.squeezed = [Some(squeezed), Some(known.unwrap_or(squeezed))];
+        let limits = &plan.scene.guards;
+        let (fast, dense) = (
+            fastest.value.sqrt() > limits.max_lattice_velocity,
+            squeezed.value.abs() > limits.max_compression,
+        );
+        let (kind, place) = match (fast, dense) {
+            (true, _) => (Kind::TooFast, fastest.cell),
+            (_, true) => (Kind::TooDense, squeezed.cell),
+            _ => return None,
+        };
+        Some(Failure { kind, place })
+    }
+
+    /// Warns once of the compression of the last look.
+    fn warn_of_compression<Sp: Space, S: Stored>(
+        &mut self,
+        when: When,
+        flow: &dyn LatticeFlow<Sp, S>,
+        plan: &Plan,
+    ) {
+        let limit = plan.scene.guards.warn_compression;
+        if let [Some(squeezed), _] = self.squeezed
+            && squeezed.value.abs() > limit
+            && !self.warned[0]
+        {
+            self.warned[0] = true;
+            let cell = Order::of(flow).cell(squeezed.cell);
+            self.news.push(format!(
+                "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {limit}: \
+                 pressures have an error of this size, which decreases with the square of the time step",
+                failure::point(plan.scene.grid.centre(cell), plan),
+                failure::density(squeezed.value, plan),
+            ));
+        }
+    }
+
+    /// Warns once of the speed of the last look.
+    fn warn_of_speed(&mut self, when: When) {
+        if let [Some(speed), _] = self.speed
+            && speed > USUAL_LATTICE_VELOCITY
+            && !self.fast
+        {
+            self.fast = true;
+            self.news
+                .push(format!("{when}: warning: {}", too_fast(speed)));
+        }
+    }
+}
+
+/// The number of the first grain at a look: they are numbered behind all cells.
+const GRAINS: u64 = 1 << 62;
+
+/// Returns the smallest id of the owned grains whose position or velocity is not finite.
+fn lost_grain<Sp: Space>(particles: &Particles<Sp>) -> Option<u64> {
+    let finite = |k: usize| {
+        let motion = &particles.motion[k];
+        (0..Sp::DIMENSION)
+            .all(|a| motion.position.get(a).is_finite() && motion.velocity.get(a).is_finite())
+    };
+    let lost = (0..particles.owned()).filter(|&k| !finite(k));
+    lost.map(|k| particles.body[k].id).min()
 }
 
 /// Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
@@ -633,7 +674,9 @@ pub(super) fn mach(lattice_velocity: f64) -> f64 {
 /// The warning of a speed whose square is no longer small beside that of sound.
 fn too_fast(speed: f64) -> String {
     format!(
-        "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: above {USUAL_LATTICE_VELOCITY} the error of compressibility, which grows with its square, exceeds a few per cent; half the time step halves both",
+        "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
+         above {USUAL_LATTICE_VELOCITY} the error of compressibility, which grows with its square, \
+         exceeds a few per cent; half the time step halves both",
         mach(speed)
     )
 }
@@ -688,8 +731,8 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
         .cast_signed()
 }
 
-/// Mass of the lattice, momentum of the fluid outside bodies, each cell in quanta as what crosses faces is: no order of cells, and so
-/// no number of ranks, changes a sum.
+/// Mass of the lattice, momentum of the fluid outside bodies, each cell in quanta as what crosses faces is: no order
+/// of cells, and so no number of ranks, changes a sum.
 fn totals<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     communicator: &Communicator,
