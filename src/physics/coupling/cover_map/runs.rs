@@ -226,7 +226,7 @@ pub(super) struct Walk<'a, 'f> {
     pub(super) found: &'a mut Runs,
 }
 
-/// Which table has the exact fractions.
+/// Table of the exact fractions.
 #[derive(Clone, Copy)]
 enum Exact<'a> {
     Ball,
@@ -236,195 +236,298 @@ enum Exact<'a> {
     None,
 }
 
+impl<'a> Exact<'a> {
+    #[inline(always)]
+    fn of(form: &Form<'a>, method: Method, fast: usize) -> Self {
+        match (form, method) {
+            (Form::Ball { .. }, Method::Exact) => Self::Ball,
+            (Form::Disc { .. }, Method::Exact) if fast < 2 => Self::Disc,
+            (Form::Block { surface, .. }, Method::Exact) => Self::Block(surface),
+            _ => Self::None,
+        }
+    }
+}
+
+/// Box of cells that holds what a slab has of a body.
+struct Area<'a, 'f> {
+    rows: &'a Rows,
+    form: &'a Form<'f>,
+    frame: [i32; 3],
+    method: Method,
+    exact: Exact<'f>,
+    /// First cell along each axis, and one past the last.
+    low: [i32; 3],
+    high: [i32; 3],
+    /// Axes of the layers, of the rows of a layer and of the cells of a row.
+    axes: [usize; 3],
+}
+
+/// Coordinates of a row of cells.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Along the axis of the layers.
+    layer: i32,
+    /// Along the axis of the rows of a layer.
+    row: i32,
+}
+
+/// Cells of a row: those that a body may meet, those that it fills, and those that it fills with all cells around them.
+struct InRow {
+    outer: Range<i32>,
+    full: Range<i32>,
+    deep: Range<i32>,
+}
+
 impl Work for Walk<'_, '_> {
     #[inline(always)]
     fn run(self) {
-        let Walk {
-            rows,
-            form,
-            frame,
-            planes,
-            method,
-            scratch,
-            found,
-        } = self;
-        found.clear();
-        if rows.cells.contains(&0) {
-            return;
-        }
-        let (centre, radius) = form.bounds();
-        let (mut low, mut high) = ([0; 3], [1; 3]);
-        for a in 0..rows.dimension {
-            low[a] = (floor_i32(centre[a] - radius) + frame[a]).max(-1);
-            high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(rows.cells[a] + 1);
-        }
-        low[rows.order[0]] = low[rows.order[0]].max(planes.start);
-        high[rows.order[0]] = high[rows.order[0]].min(planes.end);
-        if (0..3).any(|a| low[a] >= high[a]) {
-            return;
-        }
-        // In the plane all rows are in one layer: their ends are found together.
-        let [slow, middle, fast] = match rows.order {
-            [slow, middle, fast] if middle >= rows.dimension => [middle, slow, fast],
-            order => order,
-        };
-        // Exact fractions are found for all cells of the box at once.
-        let (mut cells, mut lower) = ([0; 3], [0; 3]);
-        for a in 0..3 {
-            cells[a] = high[a] - low[a];
-            lower[a] = low[a] - frame[a];
-        }
-        let exact = match (form, method) {
-            (Form::Ball { centre, radius }, Method::Exact) => {
-                scratch.ball.fill(&BallInCells {
-                    centre: *centre,
-                    radius: *radius,
-                    lower,
-                    cells: cells.map(whole),
-                    order: rows.order,
-                });
-                Exact::Ball
-            }
-            (Form::Disc { centre, radius }, Method::Exact) if fast < 2 => {
-                let disc = (*centre, *radius);
-                scratch.disc.fill(disc, (lower, cells), fast);
-                Exact::Disc
-            }
-            (Form::Block { surface, .. }, Method::Exact) => {
-                scratch
-                    .block
-                    .fill(surface, lower, cells.map(whole), [slow, middle, fast]);
-                Exact::Block(surface)
-            }
-            _ => Exact::None,
-        };
-        let beside = |axis: usize, raw: i32| {
-            if axis < rows.dimension {
-                Beside::of(centre[axis], f64::from(raw))
-            } else {
-                Beside::default()
-            }
-        };
-        let count = whole(high[middle] - low[middle]);
-        match form {
-            Form::Block { .. } => {
-                let first = low[middle] - frame[middle];
-                scratch
-                    .block_rows
-                    .fill(first, high[middle] - low[middle], [slow, middle, fast]);
-            }
-            Form::Disc { .. } | Form::Ball { .. } => scratch.round.fill(count, |row| {
-                beside(middle, low[middle] - frame[middle] + to_i32(row))
-            }),
-        }
-        let mut raw = [0; 3];
+        self.found.clear();
+        let Some(area) = self.area() else { return };
+        let Walk { scratch, found, .. } = self;
+        area.fill(scratch);
+        let [slow, middle, fast] = area.axes;
         let mut end = 0;
-        for i in low[slow]..high[slow] {
-            raw[slow] = i - frame[slow];
-            match form {
-                Form::Block { surface, .. } => {
-                    scratch
-                        .block_rows
-                        .layer(surface.planes(), f64::from(raw[slow]));
-                }
-                Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
-                    let layer = beside(slow, raw[slow]);
-                    scratch
-                        .round
-                        .layer(layer, centre[fast], *radius, frame[fast]);
-                }
-            }
-            let layer = whole(i - low[slow]);
-            match exact {
-                Exact::Ball => scratch.ball.layer(layer),
-                Exact::Block(surface) => scratch.block.layer(surface, layer),
-                Exact::Disc | Exact::None => {}
-            }
+        for layer in area.low[slow]..area.high[slow] {
+            area.layer(layer, scratch);
             // Room for all cells of the layer.
-            let room = count * whole(high[fast] - low[fast]) + WIDEST;
+            let room = area.count(middle) * area.count(fast) + WIDEST;
             if found.parts.len() < end + room {
                 found.parts.resize(end + room, 0.0);
             }
-            for j in low[middle]..high[middle] {
-                raw[middle] = j - frame[middle];
-                let across = whole(j - low[middle]);
-                let row = match form {
-                    Form::Block { .. } => scratch.block_rows.row(across, frame[fast]),
-                    Form::Disc { .. } | Form::Ball { .. } => scratch.round.row(across),
-                };
-                let (first, last) = (row.outer[0].max(low[fast]), row.outer[1].min(high[fast]));
-                if first >= last {
+            for row in area.low[middle]..area.high[middle] {
+                let place = Place { layer, row };
+                let Some(cells) = area.cells(place, scratch) else {
                     continue;
-                }
-                let full = clamped(row.full, &(first..last));
-                let deep = clamped(row.deep, &full);
-                let within =
-                    |cells: &Range<i32>| whole(cells.start - first)..whole(cells.end - first);
-                let length = whole(last - first);
-                if !matches!(exact, Exact::None) {
-                    // The whole row in one loop, in whole vectors: what is beyond its end is written over.
-                    let start = whole(first - low[fast]);
-                    let padded = length.next_multiple_of(WIDEST);
-                    let fractions = match exact {
-                        Exact::Ball => scratch.ball.row(across, start, padded),
-                        Exact::Block(_) => scratch.block.row(across, start, padded),
-                        // One of the two axes has one cell alone.
-                        Exact::Disc | Exact::None => {
-                            scratch.disc.row(layer.max(across), start, padded)
-                        }
-                    };
-                    let (from, to) = (full.start - first, full.end - first);
-                    let (from_deep, to_deep) = (deep.start - first, deep.end - first);
-                    let parts = found.parts[end..end + padded].iter_mut();
-                    for (k, (part, fraction)) in (0..).zip(parts.zip(fractions)) {
-                        let surface = single(*fraction);
-                        let inside = if from_deep <= k && k < to_deep {
-                            DEEP
-                        } else {
-                            1.0
-                        };
-                        *part = if from <= k && k < to { inside } else { surface };
-                    }
-                }
-                let parts = &mut found.parts[end..end + length];
-                end += length;
-                if matches!(exact, Exact::None) {
-                    for cells in [first..full.start, full.end..last] {
-                        let surface = &mut parts[within(&cells)];
-                        for (k, part) in cells.zip(surface) {
-                            raw[fast] = k - frame[fast];
-                            *part = single(form.fraction(method, corner(raw), scratch));
-                        }
-                    }
-                    parts[within(&full)].fill(1.0);
-                    parts[within(&deep)].fill(DEEP);
-                }
-                let ghosts =
-                    !(0..rows.cells[slow]).contains(&i) || !(0..rows.cells[middle]).contains(&j);
-                // The ghost cells: all of the row, or those at its ends.
-                let before = if ghosts {
-                    length
-                } else {
-                    whole(-first).min(length)
                 };
-                let own = whole(rows.cells[fast] - first).clamp(before, length);
-                for part in &mut parts[..before] {
-                    turn(part);
+                let length = whole(cells.outer.end - cells.outer.start);
+                if matches!(area.exact, Exact::None) {
+                    let parts = &mut found.parts[end..end + length];
+                    area.measure(place, &cells, scratch, parts);
+                } else {
+                    // In whole vectors: what is beyond the end of the row is written over.
+                    let padded = length.next_multiple_of(WIDEST);
+                    let parts = &mut found.parts[end..end + padded];
+                    area.take(place, &cells, scratch, parts);
                 }
-                for part in &mut parts[own..] {
-                    turn(part);
-                }
-                let position = rows
-                    .origin
-                    .wrapping_add_signed(rows.strides[slow].cast_signed() * i as isize)
-                    .wrapping_add_signed(rows.strides[middle].cast_signed() * j as isize);
+                let first = cells.outer.start;
+                area.mark_ghosts(place, first, &mut found.parts[end..end + length]);
+                end += length;
                 found.runs.push(Run {
-                    row: to_u32(position),
+                    row: to_u32(area.position(place)),
                     first,
                     end: to_u32(end),
                 });
             }
         }
+    }
+}
+
+impl<'a, 'f> Walk<'a, 'f> {
+    /// Returns the box of the body; none where the slab has no cell of it.
+    #[inline(always)]
+    fn area(&self) -> Option<Area<'a, 'f>> {
+        let (rows, frame) = (self.rows, self.frame);
+        if rows.cells.contains(&0) {
+            return None;
+        }
+        let (centre, radius) = self.form.bounds();
+        let (mut low, mut high) = ([0; 3], [1; 3]);
+        for a in 0..rows.dimension {
+            low[a] = (floor_i32(centre[a] - radius) + frame[a]).max(-1);
+            high[a] = (floor_i32(centre[a] + radius) + 1 + frame[a]).min(rows.cells[a] + 1);
+        }
+        low[rows.order[0]] = low[rows.order[0]].max(self.planes.start);
+        high[rows.order[0]] = high[rows.order[0]].min(self.planes.end);
+        if (0..3).any(|a| low[a] >= high[a]) {
+            return None;
+        }
+        // In the plane all rows are in one layer: their ends are found together.
+        let axes = match rows.order {
+            [slow, middle, fast] if middle >= rows.dimension => [middle, slow, fast],
+            order => order,
+        };
+        Some(Area {
+            rows,
+            form: self.form,
+            frame,
+            method: self.method,
+            exact: Exact::of(self.form, self.method, axes[2]),
+            low,
+            high,
+            axes,
+        })
+    }
+}
+
+impl Area<'_, '_> {
+    #[inline(always)]
+    fn count(&self, axis: usize) -> usize {
+        whole(self.high[axis] - self.low[axis])
+    }
+
+    #[inline(always)]
+    fn beside(&self, axis: usize, raw: i32) -> Beside {
+        if axis < self.rows.dimension {
+            Beside::of(self.form.bounds().0[axis], f64::from(raw))
+        } else {
+            Beside::default()
+        }
+    }
+
+    /// Prepares the tables: exact fractions are found for all cells of the box at once.
+    #[inline(always)]
+    fn fill(&self, scratch: &mut Scratch) {
+        let (centre, radius) = self.form.bounds();
+        let (mut cells, mut lower) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            cells[a] = self.high[a] - self.low[a];
+            lower[a] = self.low[a] - self.frame[a];
+        }
+        let [_, middle, fast] = self.axes;
+        match self.exact {
+            Exact::Ball => scratch.ball.fill(&BallInCells {
+                centre,
+                radius,
+                lower,
+                cells: cells.map(whole),
+                order: self.rows.order,
+            }),
+            Exact::Disc => scratch.disc.fill((centre, radius), (lower, cells), fast),
+            Exact::Block(surface) => {
+                (scratch.block).fill(surface, lower, cells.map(whole), self.axes);
+            }
+            Exact::None => {}
+        }
+        let first = lower[middle];
+        match self.form {
+            Form::Block { .. } => scratch.block_rows.fill(first, cells[middle], self.axes),
+            Form::Disc { .. } | Form::Ball { .. } => {
+                let beside = |row| self.beside(middle, first + to_i32(row));
+                scratch.round.fill(self.count(middle), beside);
+            }
+        }
+    }
+
+    /// Goes to a layer.
+    #[inline(always)]
+    fn layer(&self, layer: i32, scratch: &mut Scratch) {
+        let [slow, _, fast] = self.axes;
+        let raw = layer - self.frame[slow];
+        match self.form {
+            Form::Block { surface, .. } => {
+                scratch.block_rows.layer(surface.planes(), f64::from(raw));
+            }
+            Form::Disc { centre, radius } | Form::Ball { centre, radius } => {
+                let beside = self.beside(slow, raw);
+                (scratch.round).layer(beside, centre[fast], *radius, self.frame[fast]);
+            }
+        }
+        let layer = whole(layer - self.low[slow]);
+        match self.exact {
+            Exact::Ball => scratch.ball.layer(layer),
+            Exact::Block(surface) => scratch.block.layer(surface, layer),
+            Exact::Disc | Exact::None => {}
+        }
+    }
+
+    /// Returns the cells of a row; none where the body does not meet it.
+    #[inline(always)]
+    fn cells(&self, place: Place, scratch: &Scratch) -> Option<InRow> {
+        let [_, middle, fast] = self.axes;
+        let across = whole(place.row - self.low[middle]);
+        let row = match self.form {
+            Form::Block { .. } => scratch.block_rows.row(across, self.frame[fast]),
+            Form::Disc { .. } | Form::Ball { .. } => scratch.round.row(across),
+        };
+        let outer = row.outer[0].max(self.low[fast])..row.outer[1].min(self.high[fast]);
+        if outer.start >= outer.end {
+            return None;
+        }
+        let full = clamped(row.full, &outer);
+        let deep = clamped(row.deep, &full);
+        Some(InRow { outer, full, deep })
+    }
+
+    /// Takes the fractions of a row from the table, in one loop.
+    #[inline(always)]
+    fn take(&self, place: Place, cells: &InRow, scratch: &mut Scratch, parts: &mut [f32]) {
+        let [slow, middle, fast] = self.axes;
+        let InRow { outer, full, deep } = cells;
+        let (start, count) = (whole(outer.start - self.low[fast]), parts.len());
+        let across = whole(place.row - self.low[middle]);
+        let fractions = match self.exact {
+            Exact::Ball => scratch.ball.row(across, start, count),
+            Exact::Block(_) => scratch.block.row(across, start, count),
+            Exact::Disc | Exact::None => {
+                // One of the two axes has one cell alone.
+                let row = whole(place.layer - self.low[slow]).max(across);
+                scratch.disc.row(row, start, count)
+            }
+        };
+        let (from, to) = (full.start - outer.start, full.end - outer.start);
+        let (from_deep, to_deep) = (deep.start - outer.start, deep.end - outer.start);
+        for (k, (part, fraction)) in (0..).zip(parts.iter_mut().zip(fractions)) {
+            let surface = single(*fraction);
+            let inside = if from_deep <= k && k < to_deep {
+                DEEP
+            } else {
+                1.0
+            };
+            *part = if from <= k && k < to { inside } else { surface };
+        }
+    }
+
+    /// Measures the cells at the surface one by one; those between them are full.
+    #[inline(always)]
+    fn measure(&self, place: Place, cells: &InRow, scratch: &mut Scratch, parts: &mut [f32]) {
+        let [slow, middle, fast] = self.axes;
+        let InRow { outer, full, deep } = cells;
+        let within =
+            |cells: &Range<i32>| whole(cells.start - outer.start)..whole(cells.end - outer.start);
+        let mut raw = [0; 3];
+        raw[slow] = place.layer - self.frame[slow];
+        raw[middle] = place.row - self.frame[middle];
+        for cells in [outer.start..full.start, full.end..outer.end] {
+            let surface = &mut parts[within(&cells)];
+            for (k, part) in cells.zip(surface) {
+                raw[fast] = k - self.frame[fast];
+                *part = single(self.form.fraction(self.method, corner(raw), scratch));
+            }
+        }
+        parts[within(full)].fill(1.0);
+        parts[within(deep)].fill(DEEP);
+    }
+
+    /// Marks the ghost cells of a row from cell `first` on: all of them, or those at its ends.
+    #[inline(always)]
+    fn mark_ghosts(&self, place: Place, first: i32, parts: &mut [f32]) {
+        let ([slow, middle, fast], cells) = (self.axes, &self.rows.cells);
+        let ghosts =
+            !(0..cells[slow]).contains(&place.layer) || !(0..cells[middle]).contains(&place.row);
+        let length = parts.len();
+        let before = if ghosts {
+            length
+        } else {
+            whole(-first).min(length)
+        };
+        let own = whole(cells[fast] - first).clamp(before, length);
+        for part in &mut parts[..before] {
+            turn(part);
+        }
+        for part in &mut parts[own..] {
+            turn(part);
+        }
+    }
+
+    /// Returns the position in the lattice of cell 0 of a row.
+    #[inline(always)]
+    fn position(&self, place: Place) -> usize {
+        let strides = &self.rows.strides;
+        let along = |axis: usize, k: i32| strides[axis].cast_signed() * k as isize;
+        self.rows
+            .origin
+            .wrapping_add_signed(along(self.axes[0], place.layer))
+            .wrapping_add_signed(along(self.axes[1], place.row))
     }
 }
 
