@@ -109,6 +109,70 @@ fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     ]
 }
 
+/// Returns the part of a slab of an array with `q` numbers a cell.
+fn slab<'a, S: Stored>(fluid: &Fluid<S>, name: &'a str, q: usize, data: Numbers<'a>) -> Array<'a> {
+    let [shape, start, count] = box_of(fluid, q).map(|v| v.to_vec());
+    Array {
+        name,
+        shape,
+        start,
+        count,
+        data,
+    }
+}
+
+/// Returns the names of the arrays of all columns of the tables.
+fn column_names(tables: &[Table; 3]) -> Vec<String> {
+    let tables = TABLES.iter().zip(tables);
+    let names = tables.flat_map(|(kind, table)| {
+        let columns = table.columns.iter();
+        columns.map(move |(name, _)| format!("{kind}_{name}"))
+    });
+    names.collect()
+}
+
+/// Adds the columns of the tables that have rows on any rank; returns how many rows each has. Collective.
+fn add_tables<'a>(
+    arrays: &mut Vec<Array<'a>>,
+    tables: &'a [Table; 3],
+    names: &'a [String],
+    communicator: &Communicator,
+) -> [u64; 3] {
+    let mut names = names.iter();
+    tables.each_ref().map(|table| {
+        let mine = table.rows();
+        let (offset, rows) = communicator.exclusive_scan_u64(mine as u64);
+        let (offset, total) = (to_usize(offset), to_usize(rows));
+        for ((_, values), name) in table.columns.iter().zip(&mut names) {
+            if total > 0 {
+                arrays.push(Array {
+                    name,
+                    shape: vec![total],
+                    start: vec![offset],
+                    count: vec![mine],
+                    data: match values {
+                        Values::Real(values) => values.as_slice().into(),
+                        Values::Whole(values) => values.as_slice().into(),
+                    },
+                });
+            }
+        }
+        rows
+    })
+}
+
+/// Returns names and kinds of the columns of a table.
+fn columns_to_json(table: &Table) -> Value {
+    let kind = |values: &Values| match values {
+        Values::Real(_) => "real",
+        Values::Whole(_) => "whole",
+    };
+    let columns = table.columns.iter();
+    columns
+        .map(|(name, values)| json!([name, kind(values)]))
+        .collect()
+}
+
 /// A stored number that files support.
 pub trait Saved: Stored + io::data::Element {}
 impl Saved for f64 {}
@@ -155,120 +219,28 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let velocities = self.fluid.and_then(gather_velocities);
         let contacts = self.dem.map(Dem::contacts).unwrap_or_default();
         let tables = [self.particles.table(), contacts.grains, contacts.walls];
+        let names = column_names(&tables);
         let mut arrays = Vec::new();
-        if let (Some(fluid), Some(values)) = (self.fluid, &populations) {
+        if let Some(fluid) = self.fluid {
             let q = fluid.populations().velocities().q();
-            let [shape, start, count] = box_of(fluid, q).map(|v| v.to_vec());
-            arrays.push(Array {
-                name: "populations",
-                shape,
-                start,
-                count,
-                data: Numbers::Made(values),
-            });
+            let slab = |name, q, data| slab(fluid, name, q, data);
+            let made = populations.as_ref().map(|made| Numbers::Made(made));
+            arrays.extend(made.map(|made| slab("populations", q, made)));
+            let made = velocities.as_ref().map(|made| Numbers::Made(made));
+            arrays.extend(made.map(|made| slab("velocities", 3, made)));
+            let averages = self.averages.map(|averages| averages.sums().into());
+            arrays.extend(averages.map(|sums| slab("averages", SUMS, sums)));
+            let earlier = self.earlier.map(|earlier| earlier.into());
+            arrays.extend(earlier.map(|earlier| slab(EARLIER, 3, earlier)));
         }
+        let first = communicator.rank() == 0;
+        arrays.extend(self.seepage_array(first));
+        let rows = add_tables(&mut arrays, &tables, &names, communicator);
         attributes["velocities"] = json!(velocities.is_some());
-        if let (Some(fluid), Some(values)) = (self.fluid, &velocities) {
-            let [shape, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
-            arrays.push(Array {
-                name: "velocities",
-                shape,
-                start,
-                count,
-                data: Numbers::Made(values),
-            });
-        }
         attributes["averages"] = json!(self.averages.map_or(0, Averages::samples));
-        if let (Some(fluid), Some(averages)) = (self.fluid, self.averages) {
-            let [shape, start, count] = box_of(fluid, SUMS).map(|v| v.to_vec());
-            arrays.push(Array {
-                name: "averages",
-                shape,
-                start,
-                count,
-                data: averages.sums().into(),
-            });
-        }
-        if let (Some(fluid), Some(velocities)) = (self.fluid, self.earlier) {
-            let [shape, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
-            arrays.push(Array {
-                name: EARLIER,
-                shape,
-                start,
-                count,
-                data: velocities.into(),
-            });
-        }
-        if !self.seepage.is_empty() {
-            let total = self.seepage.len();
-            let mine = if communicator.rank() == 0 { total } else { 0 };
-            arrays.push(Array {
-                name: "seepage",
-                shape: vec![total],
-                start: vec![0],
-                count: vec![mine],
-                data: self.seepage[..mine].into(),
-            });
-        }
         attributes["seepage"] = json!(self.seepage.len());
-        let mut rows = [0; 3];
-        let names: Vec<String> = TABLES
-            .iter()
-            .zip(&tables)
-            .flat_map(|(kind, table)| {
-                table
-                    .columns
-                    .iter()
-                    .map(move |(name, _)| format!("{kind}_{name}"))
-            })
-            .collect();
-        let mut name = names.iter();
-        for (n, table) in tables.iter().enumerate() {
-            let mine = table.rows();
-            let (offset, total) = communicator.exclusive_scan_u64(mine as u64);
-            rows[n] = total;
-            let (offset, total) = (to_usize(offset), to_usize(total));
-            for (_, values) in &table.columns {
-                let Some(name) = name.next() else { break };
-                if total == 0 {
-                    continue;
-                }
-                let data = match values {
-                    Values::Real(values) => values.as_slice().into(),
-                    Values::Whole(values) => values.as_slice().into(),
-                };
-                let (shape, start, count) = (vec![total], vec![offset], vec![mine]);
-                arrays.push(Array {
-                    name,
-                    shape,
-                    start,
-                    count,
-                    data,
-                });
-            }
-        }
         attributes["rows"] = json!(rows);
-        attributes["columns"] = json!(
-            tables
-                .iter()
-                .map(|table| {
-                    table
-                        .columns
-                        .iter()
-                        .map(|(name, values)| {
-                            json!([
-                                name,
-                                if matches!(values, Values::Real(_)) {
-                                    "real"
-                                } else {
-                                    "whole"
-                                }
-                            ])
-                        })
-                        .collect::<Vec<_>>()
-                })
-                .collect::<Vec<_>>()
-        );
+        attributes["columns"] = tables.iter().map(columns_to_json).collect();
         if self.dem.is_some() {
             attributes["walls"] = table_to_json(&contacts.faces);
             attributes["solid_steps"] = json!(contacts.steps);
@@ -276,10 +248,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         if let Some(fluid) = self.fluid {
             attributes["fluid_steps"] = json!(fluid.steps());
             // Bits, so that nothing is rounded.
-            attributes[OPENINGS] = fluid
-                .memories()
-                .map(|memory| memory.map(f64::to_bits))
-                .collect();
+            let memories = fluid.memories();
+            attributes[OPENINGS] = memories.map(|memory| memory.map(f64::to_bits)).collect();
         }
         io::checkpoint::write(
             folder,
@@ -291,7 +261,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             io::hdf::Mode::default(),
             keep,
         )?;
-        if communicator.rank() == 0 {
+        if first {
             log::info!(
                 "checkpoint of step {step} with {} arrays written and verified in {:.3} s",
                 arrays.len(),
@@ -299,6 +269,19 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             );
         }
         Ok(())
+    }
+
+    /// Returns the numbers of the seepage, which the first rank writes; none without one.
+    fn seepage_array(&self, first: bool) -> Option<Array<'_>> {
+        let total = self.seepage.len();
+        let mine = if first { total } else { 0 };
+        (total > 0).then(|| Array {
+            name: "seepage",
+            shape: vec![total],
+            start: vec![0],
+            count: vec![mine],
+            data: self.seepage[..mine].into(),
+        })
     }
 
     /// Hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
