@@ -77,13 +77,8 @@ pub fn prepare<S: Space>(
     let Some(scene) = &plan.scene.grains else {
         return Ok(prepared);
     };
-    let dimension = plan.scene.grid.dimension;
-    let names: Vec<String> = plan
-        .scene
-        .materials
-        .iter()
-        .map(|m| m.name.clone())
-        .collect();
+    let materials = plan.scene.materials.iter();
+    let names: Vec<String> = materials.map(|m| m.name.clone()).collect();
     let mut all = match &scene.source {
         GrainSource::List(list) => list.clone(),
         GrainSource::File { grains, path } => {
@@ -92,138 +87,158 @@ pub fn prepare<S: Space>(
         }
         GrainSource::Deposition { clouds, deposition } => {
             let deposition = deposition_of(plan, engine, clouds, deposition);
-            let (grains, report) = deposition.run(supervision)?;
-            let last = report.convergence.last().copied().unwrap_or_default();
-            prepared.line = format!(
-                "deposition: {} of {} grains remain after {} solid steps ({}): {:.2} contacts each, largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
-                report.grains,
-                report.fallen,
-                last.steps,
-                if report.settled {
-                    "settled"
-                } else {
-                    "NOT settled within the allowed steps"
-                },
-                report.coordination,
-                report.largest_overlap,
-                last.kinetic_energy,
-                unbalanced_text(last.unbalanced)
-            );
-            let closed = deposition.room.closed;
-            if closed > 0.0 {
-                let unit = if dimension == 2 { "m2" } else { "m3" };
-                prepared.line = format!(
-                    "{}; {closed:.3e} {unit} of the clouds lie in closed hollows of structures and stay empty",
-                    prepared.line
-                );
-            }
-            prepared.report = json!({ "deposition": report });
-            grains
-                .iter()
-                .map(|(position, radius, material)| Grain {
-                    position: components(position),
-                    radius: *radius,
-                    velocity: [0.0; 3],
-                    angular_velocity: [0.0; 3],
-                    material: *material as usize,
-                })
-                .collect()
+            prepared.deposit(&deposition, supervision)?
         }
         GrainSource::Growth {
             block,
             number,
             growth,
         } => {
-            let packing = packing_of::<S>(plan, block, *number, growth).pack(supervision)?;
-            let r = &packing.report;
-            prepared.line = format!(
-                "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, mean overlap {:.2e} d, unbalanced force {}, sizes x {:.4}",
-                r.grains,
-                r.steps,
-                r.solid_fraction,
-                r.coordination,
-                r.mean_overlap,
-                unbalanced_text(r.unbalanced),
-                r.size_factor
-            );
-            prepared.report = json!({ "growth": r });
-            packing
-                .grains
-                .iter()
-                .map(|g| Grain {
-                    position: components(&g.position),
-                    radius: g.radius,
-                    velocity: [0.0; 3],
-                    angular_velocity: [0.0; 3],
-                    material: scene.material,
-                })
-                .collect()
+            let packing = packing_of::<S>(plan, block, *number, growth);
+            prepared.grow(&packing, scene.material, supervision)?
         }
     };
-    if let GrainSource::Deposition { deposition, .. } = &scene.source
-        && let Some(level) = deposition.trim_above
-        && let Some(top) = prepared.report["deposition"]["top"].as_f64()
-        && top < level
-    {
-        prepared.line = format!(
-            "{}; the surface is {:.3e} m below the level of trimming: use more grains",
-            prepared.line,
-            level - top
-        );
-    }
     if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         numbering::along_curve(&mut all);
-    }
-    if let GrainSource::Deposition { .. } | GrainSource::Growth { .. } = &scene.source {
         let counts = assign(&scene.zones, &mut all);
         for (zone, count) in scene.zones.iter().zip(counts) {
             let (name, material) = (&zone.name, &names[zone.material]);
-            prepared.line = format!(
-                "{}; zone {name}: {count} grains of {material}",
-                prepared.line
-            );
+            prepared.add(format!("zone {name}: {count} grains of {material}"));
         }
     }
     if let GrainSource::Growth { .. } = &scene.source {
         let before = all.len();
         all.retain(|grain| !structures::inside(&plan.scene.structures, grain));
         if all.len() < before {
-            prepared.line = format!(
-                "{}; {} of them lay in structures and were taken out",
-                prepared.line,
-                before - all.len()
-            );
+            let taken = before - all.len();
+            prepared.add(format!(
+                "{taken} of them lay in structures and were taken out"
+            ));
         }
     }
+    let dimension = plan.scene.grid.dimension;
     if let Some(path) = &scene.save {
         let text = sample::write(&all, dimension, &names);
         io::atomic::write(&folder.join(path), text.as_bytes())
             .map_err(|e| Error::Io(e.to_string()))?;
     }
-    let before = all.len();
-    all.retain(|g| {
-        !scene
-            .cut
-            .iter()
-            .any(|(_, block)| block.touches(g.position, g.radius))
-    });
-    if !scene.cut.is_empty() {
-        let line = format!("{} of {before} grains remain after cutting", all.len());
-        prepared.line = if prepared.line.is_empty() {
-            line
-        } else {
-            format!("{}; {line}", prepared.line)
-        };
-    }
+    prepared.cut(&scene.cut, &mut all);
     if let Value::Object(report) = &mut prepared.report {
         let radii = all.iter().map(|grain| grain.radius);
         if let Some(made) = Percentiles::of(radii, dimension) {
             report.insert("grading".into(), json!(made));
-            prepared.line = format!("{}; {made}", prepared.line);
+            prepared.add(made.to_string());
         }
     }
     prepared.grains = all;
     Ok(prepared)
+}
+
+impl Prepared {
+    /// Adds a part to the line.
+    fn add(&mut self, part: String) {
+        self.line = match self.line.as_str() {
+            "" => part,
+            line => format!("{line}; {part}"),
+        };
+    }
+
+    /// Lets grains fall; reports what became of them.
+    fn deposit<S: Space>(
+        &mut self,
+        deposition: &Deposition<S>,
+        supervision: &Supervision<'_, S>,
+    ) -> Result<Vec<Grain>, Error> {
+        let (grains, report) = deposition.run(supervision)?;
+        let last = report.convergence.last().copied().unwrap_or_default();
+        self.line = format!(
+            "deposition: {} of {} grains remain after {} solid steps ({}): {:.2} contacts each, \
+             largest overlap {:.1e} d, kinetic energy {:.1e} m g d, unbalanced force {}",
+            report.grains,
+            report.fallen,
+            last.steps,
+            if report.settled {
+                "settled"
+            } else {
+                "NOT settled within the allowed steps"
+            },
+            report.coordination,
+            report.largest_overlap,
+            last.kinetic_energy,
+            unbalanced_text(last.unbalanced)
+        );
+        let closed = deposition.room.closed;
+        if closed > 0.0 {
+            let unit = if S::DIMENSION == 2 { "m2" } else { "m3" };
+            self.add(format!(
+                "{closed:.3e} {unit} of the clouds lie in closed hollows of structures and stay empty"
+            ));
+        }
+        self.report = json!({ "deposition": report });
+        if let Some(level) = deposition.trim_above
+            && let Some(top) = self.report["deposition"]["top"].as_f64()
+            && top < level
+        {
+            self.add(format!(
+                "the surface is {:.3e} m below the level of trimming: use more grains",
+                level - top
+            ));
+        }
+        let fallen = grains.iter();
+        Ok(fallen
+            .map(|(position, radius, material)| at_rest(position, *radius, *material as usize))
+            .collect())
+    }
+
+    /// Grows grains of one material; reports what they are like together.
+    fn grow<S: Space>(
+        &mut self,
+        packing: &PackingSettings<S>,
+        material: usize,
+        supervision: &Supervision<'_, S>,
+    ) -> Result<Vec<Grain>, Error> {
+        let packing = packing.pack(supervision)?;
+        let r = &packing.report;
+        self.line = format!(
+            "{} grains grown in {} solid steps: solid fraction {:.4}, {:.2} contacts each, \
+             mean overlap {:.2e} d, unbalanced force {}, sizes x {:.4}",
+            r.grains,
+            r.steps,
+            r.solid_fraction,
+            r.coordination,
+            r.mean_overlap,
+            unbalanced_text(r.unbalanced),
+            r.size_factor
+        );
+        self.report = json!({ "growth": r });
+        let grown = packing.grains.iter();
+        Ok(grown
+            .map(|grain| at_rest(&grain.position, grain.radius, material))
+            .collect())
+    }
+
+    /// Takes out the grains that touch the boxes.
+    fn cut(&mut self, boxes: &[(String, Block)], grains: &mut Vec<Grain>) {
+        if boxes.is_empty() {
+            return;
+        }
+        let before = grains.len();
+        let touches = |g: &Grain| boxes.iter().any(|(_, b)| b.touches(g.position, g.radius));
+        grains.retain(|grain| !touches(grain));
+        let left = grains.len();
+        self.add(format!("{left} of {before} grains remain after cutting"));
+    }
+}
+
+/// Returns a grain at rest.
+fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> Grain {
+    Grain {
+        position: components(position),
+        radius,
+        velocity: [0.0; 3],
+        angular_velocity: [0.0; 3],
+        material,
+    }
 }
 
 /// Saves the blocks if the case requests it; returns a line about them.
