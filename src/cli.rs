@@ -51,18 +51,7 @@ Exit codes: 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or out
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a case (the default command).
-    Run {
-        #[command(flatten)]
-        case: CaseArgs,
-        /// Output folder [default: results/NAME-OF-THE-CASE].
-        #[arg(long, value_name = "DIR")]
-        output: Option<PathBuf>,
-        /// Replace the run in the output folder.
-        #[arg(long)]
-        overwrite: bool,
-        #[command(flatten)]
-        run: RunArgs,
-    },
+    Run(StartArgs),
     /// Check a case and list all errors and warnings.
     Validate {
         #[command(flatten)]
@@ -71,25 +60,7 @@ enum Command {
         stability: Stability,
     },
     /// Check a case and show models, time steps, limits and costs.
-    Plan {
-        #[command(flatten)]
-        case: CaseArgs,
-        /// Estimate the time on this number of MPI ranks, too.
-        #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-        ranks: Option<u32>,
-        /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
-        #[arg(long, value_parser = usage::threads)]
-        threads: Option<u16>,
-        /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the
-        /// water from there; the case with these numbers is written to NAME.pilot.json.
-        #[arg(long)]
-        pilot: bool,
-        /// Print every feature of the promised accuracy with its cells and its measured bound.
-        #[arg(long)]
-        details: bool,
-        #[command(flatten)]
-        stability: Stability,
-    },
+    Plan(PlanArgs),
     /// Print the JSON schema of a case, or of a study.
     Schema {
         /// Document that the schema describes.
@@ -179,36 +150,78 @@ enum Command {
     /// Print the manual page: `solver man | man -l -`.
     Man,
     /// Find by bisection the smallest pressure, head or flux at which the seepage erodes grains.
-    CriticalGradient {
-        #[command(flatten)]
-        case: CaseArgs,
-        #[command(flatten)]
-        stability: Stability,
-        /// Boundary that drives the water [default: the one with the highest head].
-        #[arg(long, value_name = "NAME")]
-        boundary: Option<String>,
-        /// Value that does not erode, in the unit of the boundary condition.
-        #[arg(long, allow_hyphen_values = true)]
-        from: f64,
-        /// Value that erodes, in the same unit.
-        #[arg(long, allow_hyphen_values = true)]
-        to: f64,
-        /// Width of the final bracket over its upper end [1].
-        #[arg(long, default_value_t = 0.05, value_parser = share)]
-        tolerance: f64,
-        /// Minimum outflow counted as erosion: number of grains that leave in a run.
-        #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
-        grains: u64,
-        /// Folder of the runs [default: results/NAME-OF-THE-CASE].
-        #[arg(long, value_name = "DIR")]
-        output: Option<PathBuf>,
-        /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
-        #[arg(long, value_parser = usage::threads)]
-        threads: Option<u16>,
-        /// Stop before this wall-clock time has passed. The same command continues later.
-        #[arg(long, value_name = "H:M:S", value_parser = walltime)]
-        max_walltime: Option<Duration>,
-    },
+    CriticalGradient(CriticalArgs),
+}
+
+/// Arguments of a run.
+#[derive(Debug, Args)]
+struct StartArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    /// Output folder [default: results/NAME-OF-THE-CASE].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Replace the run in the output folder.
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Arguments of a plan.
+#[derive(Debug, Args)]
+struct PlanArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    /// Estimate the time on this number of MPI ranks, too.
+    #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    ranks: Option<u32>,
+    /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by
+    /// its ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the
+    /// water from there; the case with these numbers is written to NAME.pilot.json.
+    #[arg(long)]
+    pilot: bool,
+    /// Print every feature of the promised accuracy with its cells and its measured bound.
+    #[arg(long)]
+    details: bool,
+    #[command(flatten)]
+    stability: Stability,
+}
+
+/// Arguments of the search for a critical gradient.
+#[derive(Debug, Args)]
+struct CriticalArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    #[command(flatten)]
+    stability: Stability,
+    /// Boundary that drives the water [default: the one with the highest head].
+    #[arg(long, value_name = "NAME")]
+    boundary: Option<String>,
+    /// Value that does not erode, in the unit of the boundary condition.
+    #[arg(long, allow_hyphen_values = true)]
+    from: f64,
+    /// Value that erodes, in the same unit.
+    #[arg(long, allow_hyphen_values = true)]
+    to: f64,
+    /// Width of the final bracket over its upper end [1].
+    #[arg(long, default_value_t = 0.05, value_parser = share)]
+    tolerance: f64,
+    /// Minimum outflow counted as erosion: number of grains that leave in a run.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    grains: u64,
+    /// Folder of the runs [default: results/NAME-OF-THE-CASE].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// Stop before this wall-clock time has passed. The same command continues later.
+    #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+    max_walltime: Option<Duration>,
 }
 
 /// Documents with a schema.
@@ -309,60 +322,42 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     };
     let runs = matches!(
         cli.command,
-        Command::Run { .. } | Command::Restart { .. } | Command::CriticalGradient { .. }
+        Command::Run(_) | Command::Restart { .. } | Command::CriticalGradient(_)
     );
     if runs && let Err(error) = watch::hear() {
         return ended(Err(error));
     }
-    let result = match cli.command {
-        Command::Run {
-            case,
-            output,
-            overwrite,
-            run,
-        } => {
-            let options = RunOptions {
-                output: Some(output.unwrap_or_else(|| folder_of(&case.case))),
-                case: Some(case.case.clone()),
-                overwrite,
-                ..options(run, case.json, begun)
-            };
-            start(&case, options)
-        }
+    ended(carry_out(cli.command, begun))
+}
+
+fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
+    match command {
+        Command::Run(arguments) => start(arguments, begun),
         Command::Validate { case, stability } => validate(&case, stability),
-        Command::Plan {
-            case,
-            ranks,
-            threads,
-            pilot,
-            details,
-            stability,
-        } => plan(&case, (ranks, threads), (pilot, details), stability),
+        Command::Plan(arguments) => plan(&arguments),
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
-        Command::Reference { format, output } => {
-            reference::write(format, &output).and_then(|text| print(&text))
-        }
+        Command::Reference { format, output } => print(&reference::write(format, &output)?),
         Command::Example { name, json } => example(name.as_deref(), json),
-        Command::Info { file, json } => {
-            output::info::info(&file, json).and_then(|text| print(&text))
-        }
+        Command::Info { file, json } => print(&output::info::info(&file, json)?),
         Command::Restart {
             directory,
             set,
             run,
             json,
-        } => judged(
-            simulation::run::restart(&directory, &set, options(run, json, begun)),
-            &directory,
-        ),
-        Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
-        Command::Man => manual::page::<Cli>()
-            .map_err(|e| Error::Internal(format!("the manual page: {e}")))
-            .and_then(|page| put(&page)),
-        Command::Picture { run, options } => {
-            figures::picture::picture(&run, &options).and_then(|text| print(&text))
+        } => {
+            let options = options(run, json, begun);
+            judged(
+                simulation::run::restart(&directory, &set, options),
+                &directory,
+            )
         }
+        Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
+        Command::Man => {
+            let page = manual::page::<Cli>();
+            put(&page.map_err(|e| Error::Internal(format!("the manual page: {e}")))?)
+        }
+        Command::Picture { run, options } => print(&figures::picture::picture(&run, &options)?),
         Command::Sweep {
             study,
             output,
@@ -375,46 +370,38 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             max_walltime,
         }),
         Command::Estimate(arguments) => estimate::command(arguments),
-        Command::CriticalGradient {
-            case,
-            stability,
-            boundary,
-            from,
-            to,
-            tolerance,
-            grains,
-            output,
-            threads,
-            max_walltime,
-        } => {
-            let search = Search {
-                output: output.unwrap_or_else(|| folder_of(&case.case)),
-                case: case.case.clone(),
-                set: case.set,
-                boundary,
-                from,
-                to,
-                tolerance,
-                grains,
-                threads: threads.map(usize::from),
-                begun,
-                max_walltime,
-                allow_unstable: stability.allow_unstable,
-            };
-            judged(
-                critical_gradient::command(&search, case.json).and_then(|text| print(&text)),
-                &case.case,
-            )
-        }
+        Command::CriticalGradient(arguments) => search(arguments, begun),
         Command::ErosionLaw {
             runs,
             output,
             published,
             json,
-        } => figures::erosion_law::command(&runs, &output, published, json)
-            .and_then(|text| print(&text)),
+        } => {
+            let command = figures::erosion_law::command;
+            print(&command(&runs, &output, published, json)?)
+        }
+    }
+}
+
+/// Searches for the critical gradient of a case.
+fn search(arguments: CriticalArgs, begun: Instant) -> Result<(), Error> {
+    let CriticalArgs { case, output, .. } = arguments;
+    let search = Search {
+        output: output.unwrap_or_else(|| folder_of(&case.case)),
+        case: case.case.clone(),
+        set: case.set,
+        boundary: arguments.boundary,
+        from: arguments.from,
+        to: arguments.to,
+        tolerance: arguments.tolerance,
+        grains: arguments.grains,
+        threads: arguments.threads.map(usize::from),
+        begun,
+        max_walltime: arguments.max_walltime,
+        allow_unstable: arguments.stability.allow_unstable,
     };
-    ended(result)
+    let found = critical_gradient::command(&search, case.json);
+    judged(found.and_then(|text| print(&text)), &case.case)
 }
 
 /// Reports an error and returns the exit code.
@@ -458,7 +445,16 @@ fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, E
     Ok(arguments)
 }
 
-fn start(case: &CaseArgs, options: RunOptions) -> Result<(), Error> {
+/// Runs a case.
+fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
+    let case = &arguments.case;
+    let output = arguments.output.unwrap_or_else(|| folder_of(&case.case));
+    let options = RunOptions {
+        output: Some(output),
+        case: Some(case.case.clone()),
+        overwrite: arguments.overwrite,
+        ..options(arguments.run, case.json, begun)
+    };
     let plan = prepare(case)?;
     let stability = Stability {
         allow_unstable: options.allow_unstable,
@@ -559,12 +555,15 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     judge(&plan.warnings, case, stability)
 }
 
-fn plan(
-    case: &CaseArgs,
-    (ranks, threads): (Option<u32>, Option<u16>),
-    (pilot, details): (bool, bool),
-    stability: Stability,
-) -> Result<(), Error> {
+fn plan(arguments: &PlanArgs) -> Result<(), Error> {
+    let PlanArgs {
+        ref case,
+        ranks,
+        threads,
+        pilot,
+        details,
+        stability,
+    } = *arguments;
     let mut plan = prepare(case)?;
     if pilot && !first_rank() {
         return Ok(());
