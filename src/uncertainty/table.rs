@@ -304,9 +304,32 @@ impl Table {
         self.grids.iter().filter(|g| g.answers.is_some()).count()
     }
 
-    /// The lines for the terminal.
+    /// Returns the lines for the terminal.
     #[must_use]
     pub fn text(&self) -> String {
+        let mut lines = self.grid_lines();
+        lines.push(String::new());
+        lines.extend(self.answer_lines());
+        let mut used: Vec<Behaviour> = Vec::new();
+        for row in &self.answers {
+            if !used.contains(&row.estimate.behaviour) {
+                used.push(row.estimate.behaviour);
+            }
+        }
+        if !used.is_empty() {
+            lines.push(String::new());
+        }
+        lines.extend(used.iter().map(|b| format!("{}: {}", b.name(), b.method())));
+        if !self.settings.is_empty() {
+            lines.push(String::new());
+            lines.push("sensitivity to settings of models, not part of the uncertainty".into());
+            lines.extend(self.setting_lines());
+        }
+        lines.join("\n")
+    }
+
+    /// Returns lines on the grids and the conclusion.
+    fn grid_lines(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if self.grids.len() > 1 {
             lines.push(format!("scaling: {}", self.scaling));
@@ -325,7 +348,11 @@ impl Table {
         if !self.conclusion.is_empty() {
             lines.push(self.conclusion.clone());
         }
-        lines.push(String::new());
+        lines
+    }
+
+    /// Returns the answers as aligned lines.
+    fn answer_lines(&self) -> Vec<String> {
         let head = [
             "answer",
             "value",
@@ -365,65 +392,46 @@ impl Table {
                 row.rest(),
             ]);
         }
-        lines.extend(aligned(&cells));
-        let mut used: Vec<Behaviour> = Vec::new();
-        for row in &self.answers {
-            if !used.contains(&row.estimate.behaviour) {
-                used.push(row.estimate.behaviour);
-            }
-        }
-        if !used.is_empty() {
-            lines.push(String::new());
-        }
-        lines.extend(used.iter().map(|b| format!("{}: {}", b.name(), b.method())));
-        if !self.settings.is_empty() {
-            lines.push(String::new());
-            lines.push("sensitivity to settings of models, not part of the uncertainty".into());
-            let mut cells = vec![
-                ["setting", "change", "answer", "before", "after", "relative"].map(str::to_owned),
-            ];
-            for setting in &self.settings {
-                let row = |answer: &str, numbers: [String; 3]| {
-                    let [a, b, c] = numbers;
-                    [
-                        setting.setting.clone(),
-                        setting.change.clone(),
-                        answer.to_owned(),
-                        a,
-                        b,
-                        c,
-                    ]
+        aligned(&cells)
+    }
+
+    /// Returns the sensitivities to settings as aligned lines.
+    fn setting_lines(&self) -> Vec<String> {
+        let head = ["setting", "change", "answer", "before", "after", "relative"];
+        let mut cells = vec![head.map(str::to_owned)];
+        for setting in &self.settings {
+            let row = |answer: &str, [a, b, c]: [String; 3]| {
+                let (name, change) = (setting.setting.clone(), setting.change.clone());
+                [name, change, answer.to_owned(), a, b, c]
+            };
+            let seen: Vec<&Change> = setting
+                .changes
+                .iter()
+                .filter(|change| change.relative.abs() >= LEAST_CHANGE)
+                .collect();
+            if seen.is_empty() {
+                let none = format!("no change of {}", percent(Some(LEAST_CHANGE)));
+                let text = if setting.missing.is_empty() {
+                    &none
+                } else {
+                    &setting.missing
                 };
-                let seen: Vec<&Change> = setting
-                    .changes
-                    .iter()
-                    .filter(|change| change.relative.abs() >= LEAST_CHANGE)
-                    .collect();
-                if seen.is_empty() {
-                    let none = format!("no change of {}", percent(Some(LEAST_CHANGE)));
-                    let text = if setting.missing.is_empty() {
-                        &none
-                    } else {
-                        &setting.missing
-                    };
-                    cells.push(row(text, Default::default()));
-                }
-                for change in seen.iter().take(MOST_CHANGES) {
-                    let numbers = [
-                        short(Some(change.before)),
-                        short(Some(change.after)),
-                        percent(Some(change.relative)),
-                    ];
-                    cells.push(row(&change.answer, numbers));
-                }
-                if seen.len() > MOST_CHANGES {
-                    let more = format!("{} more in estimate.csv", seen.len() - MOST_CHANGES);
-                    cells.push(row(&more, Default::default()));
-                }
+                cells.push(row(text, Default::default()));
             }
-            lines.extend(aligned(&cells));
+            for change in seen.iter().take(MOST_CHANGES) {
+                let numbers = [
+                    short(Some(change.before)),
+                    short(Some(change.after)),
+                    percent(Some(change.relative)),
+                ];
+                cells.push(row(&change.answer, numbers));
+            }
+            if seen.len() > MOST_CHANGES {
+                let more = format!("{} more in estimate.csv", seen.len() - MOST_CHANGES);
+                cells.push(row(&more, Default::default()));
+            }
         }
-        lines.join("\n")
+        aligned(&cells)
     }
 
     /// All rows as CSV.
