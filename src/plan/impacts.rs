@@ -23,9 +23,10 @@ use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
-use crate::scene::grains::GrainSource;
+use crate::scene::grains::{GrainSource, Grains};
 use crate::scene::observe::Action;
 use crate::scene::pairs::{self, Ball};
+use crate::scene::sample::Grain;
 use crate::scene::speed::settling;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
@@ -52,127 +53,173 @@ struct Moving {
     falls: bool,
 }
 
-/// All that moves, and what stands or is driven: its velocity, and where it is round.
-fn all(scene: &Scene) -> (Vec<Moving>, Vec<[f64; 3]>, Vec<Ball>) {
-    let (mut moving, mut others, mut standing) = (Vec::new(), Vec::new(), Vec::new());
-    for (n, body) in scene.bodies.iter().enumerate() {
-        let solid = body.solid.as_ref();
-        if body.mobility == Mobility::Free {
-            let volume = solid.map(|solid| solid.shape.volume());
-            moving.push(Moving {
-                path: format!("bodies[{n}].motion"),
-                material: body.material,
-                mass: volume.map_or_else(
-                    || scene.mass(body.material, body.radius),
-                    |volume| scene.density(body.material) * volume,
-                ),
-                radius: body.thickness().map_or(body.radius, |wide| 0.5 * wide),
-                reach: body.radius,
-                velocity: body.velocity,
-                at: body.position,
-                falls: true,
-            });
-        } else {
-            others.push(body.velocity);
-            standing.push(Ball {
-                at: body.position,
-                reach: (1.0 + BESIDE) * body.radius,
-            });
-        }
-    }
-    for block in scene.blocks.iter().flat_map(|blocks| &blocks.list) {
-        let solid = &block.solid;
-        if block.fixed {
-            others.push([0.0; 3]);
-        } else {
-            let faces = solid.shape.half_spaces().iter();
-            moving.push(Moving {
-                path: "blocks.initial".into(),
-                material: block.material,
-                mass: scene.density(block.material) * solid.shape.volume(),
-                radius: faces.map(|face| face.offset).fold(f64::INFINITY, f64::min),
-                reach: solid.shape.radius(),
-                velocity: block.velocity,
-                at: solid.position.into(),
-                // A block of a rock mass leans on others.
-                falls: false,
-            });
-        }
-    }
-    let mut grain = |path: String, material, radius, velocity, at, falls| {
-        let mass = scene.mass(material, radius);
-        let reach = radius;
-        moving.push(Moving {
+impl Moving {
+    /// Returns a ball at rest that does not fall.
+    fn ball(scene: &Scene, path: String, material: usize, radius: f64) -> Self {
+        Self {
             path,
             material,
-            mass,
+            mass: scene.mass(material, radius),
             radius,
-            reach,
-            velocity,
-            at,
-            falls,
-        });
-    };
-    if let Some(grains) = &scene.grains {
+            reach: radius,
+            velocity: [0.0; 3],
+            at: [0.0; 3],
+            falls: false,
+        }
+    }
+
+    /// Returns a grain that may fall.
+    fn grain(scene: &Scene, path: String, grain: &Grain) -> Self {
+        Self {
+            velocity: grain.velocity,
+            at: grain.position,
+            falls: true,
+            ..Self::ball(scene, path, grain.material, grain.radius)
+        }
+    }
+}
+
+/// Bodies, blocks, grains and walls of a scene.
+#[derive(Default)]
+struct Things {
+    /// All that moves by forces.
+    moving: Vec<Moving>,
+    /// Velocities of what stands or is driven.
+    others: Vec<[f64; 3]>,
+    /// Balls around bodies that stand or are driven.
+    standing: Vec<Ball>,
+}
+
+impl Things {
+    fn of(scene: &Scene) -> Self {
+        let mut all = Self::default();
+        all.add_bodies(scene);
+        all.add_blocks(scene);
+        if let Some(grains) = &scene.grains {
+            all.add_grains(scene, grains);
+        }
+        all.add_generated(scene);
+        all.others
+            .extend(scene.walls.iter().map(|wall| wall.velocity));
+        let materials = scene.materials.len();
+        all.moving
+            .retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < materials);
+        all
+    }
+
+    fn add_bodies(&mut self, scene: &Scene) {
+        for (n, body) in scene.bodies.iter().enumerate() {
+            if body.mobility == Mobility::Free {
+                let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
+                let path = format!("bodies[{n}].motion");
+                let ball = Moving::ball(scene, path, body.material, body.radius);
+                self.moving.push(Moving {
+                    mass: volume.map_or(ball.mass, |volume| scene.density(body.material) * volume),
+                    radius: body.thickness().map_or(body.radius, |wide| 0.5 * wide),
+                    velocity: body.velocity,
+                    at: body.position,
+                    falls: true,
+                    ..ball
+                });
+            } else {
+                self.others.push(body.velocity);
+                self.standing.push(Ball {
+                    at: body.position,
+                    reach: (1.0 + BESIDE) * body.radius,
+                });
+            }
+        }
+    }
+
+    fn add_blocks(&mut self, scene: &Scene) {
+        for block in scene.blocks.iter().flat_map(|blocks| &blocks.list) {
+            let solid = &block.solid;
+            if block.fixed {
+                self.others.push([0.0; 3]);
+            } else {
+                let faces = solid.shape.half_spaces().iter();
+                self.moving.push(Moving {
+                    path: "blocks.initial".into(),
+                    material: block.material,
+                    mass: scene.density(block.material) * solid.shape.volume(),
+                    radius: faces.map(|face| face.offset).fold(f64::INFINITY, f64::min),
+                    reach: solid.shape.radius(),
+                    velocity: block.velocity,
+                    at: solid.position.into(),
+                    // A block of a rock mass leans on others.
+                    falls: false,
+                });
+            }
+        }
+    }
+
+    fn add_grains(&mut self, scene: &Scene, grains: &Grains) {
         match &grains.source {
             GrainSource::List(list) => {
-                for (n, g) in list.iter().enumerate() {
+                let listed = list.iter().enumerate().map(|(n, grain)| {
                     let path = format!("grains.initial.list[{n}]");
-                    grain(path, g.material, g.radius, g.velocity, g.position, true);
-                }
+                    Moving::grain(scene, path, grain)
+                });
+                self.moving.extend(listed);
             }
             GrainSource::File { grains: list, .. } => {
-                for g in list {
-                    let path = "grains.initial.file".into();
-                    grain(path, g.material, g.radius, g.velocity, g.position, true);
-                }
+                let path = || "grains.initial.file".into();
+                let listed = list.iter().map(|g| Moving::grain(scene, path(), g));
+                self.moving.extend(listed);
             }
             // What is prepared lies at rest.
             GrainSource::Growth { .. } | GrainSource::Deposition { .. } => {
-                let radii = || grains.radii.iter().flat_map(|(low, high)| [*low, *high]);
-                for (material, radius) in grains
-                    .materials()
-                    .flat_map(|m| radii().map(move |r| (m, r)))
-                {
-                    let path = "grains.initial".into();
-                    grain(path, material, radius, [0.0; 3], [0.0; 3], false);
+                for material in grains.materials() {
+                    for radius in grains.radii.iter().flat_map(|(low, high)| [*low, *high]) {
+                        let path = "grains.initial".into();
+                        let ball = Moving::ball(scene, path, material, radius);
+                        self.moving.push(ball);
+                    }
                 }
                 for (n, zone) in grains.zones.iter().enumerate() {
                     let (Some(velocity), Some((_, radius))) = (zone.velocity, grains.radii) else {
                         continue;
                     };
                     let path = format!("grains.zones[{n}].velocity");
-                    grain(path, zone.material, radius, velocity, [0.0; 3], false);
+                    self.moving.push(Moving {
+                        velocity,
+                        ..Moving::ball(scene, path, zone.material, radius)
+                    });
                 }
             }
         }
     }
-    for (n, region) in scene.regions.iter().enumerate() {
-        if let Action::Generate {
-            radii,
-            material,
-            velocity,
-            ..
-        } = &region.action
-        {
-            let highest = std::array::from_fn(|a| {
+
+    fn add_generated(&mut self, scene: &Scene) {
+        for (n, region) in scene.regions.iter().enumerate() {
+            if let Action::Generate {
+                radii,
+                material,
+                velocity,
+                ..
+            } = &region.action
+            {
                 let block = &region.block;
-                if scene.gravity[a] < 0.0 {
-                    block.to[a]
-                } else {
-                    block.from[a]
+                let highest = std::array::from_fn(|a| {
+                    if scene.gravity[a] < 0.0 {
+                        block.to[a]
+                    } else {
+                        block.from[a]
+                    }
+                });
+                let (low, high) = radii.bounds();
+                for radius in [low, high] {
+                    let path = format!("regions[{n}].action.generate");
+                    self.moving.push(Moving {
+                        velocity: *velocity,
+                        at: highest,
+                        falls: true,
+                        ..Moving::ball(scene, path, *material, radius)
+                    });
                 }
-            });
-            let (low, high) = radii.bounds();
-            for radius in [low, high] {
-                let path = format!("regions[{n}].action.generate");
-                grain(path, *material, radius, *velocity, highest, true);
             }
         }
     }
-    others.extend(scene.walls.iter().map(|wall| wall.velocity));
-    moving.retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < scene.materials.len());
-    (moving, others, standing)
 }
 
 /// Takes from what touches something at the start that it falls.
@@ -322,7 +369,11 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let Some(contact) = &scene.contact else {
         return;
     };
-    let (mut moving, others, standing) = all(scene);
+    let Things {
+        mut moving,
+        others,
+        standing,
+    } = Things::of(scene);
     at_rest(scene, &mut moving, &standing);
     let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
         return;
