@@ -156,19 +156,84 @@ struct Inlet {
     solid: f64,
 }
 
+/// Returns an error of a case.
+fn refusal(path: &str, value: String, reason: &str, remedy: &str) -> Error {
+    Error::Case(vec![Problem {
+        path: path.into(),
+        value,
+        reason: reason.into(),
+        remedy: remedy.into(),
+        severity: Severity::Error,
+    }])
+}
+
+/// Hydraulic heads at the boundaries.
+struct Heads<'a> {
+    seepage: &'a Seepage,
+    gravity: [f64; 3],
+    strength: f64,
+    /// Metres of head of one pascal; without gravity the "head" is that of the earth's.
+    per_pascal: f64,
+}
+
+impl<'a> Heads<'a> {
+    fn of(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let per_volume = if strength > 0.0 { strength } else { 9.80665 };
+        Self {
+            seepage,
+            gravity,
+            strength,
+            per_pascal: 1.0 / (seepage.written.density * per_volume),
+        }
+    }
+
+    fn elevation(&self, at: [f64; 3]) -> f64 {
+        if self.strength > 0.0 {
+            -(0..3).map(|a| at[a] * self.gravity[a]).sum::<f64>() / self.strength
+        } else {
+            0.0
+        }
+    }
+
+    /// Returns the imposed head; none where another quantity is imposed.
+    fn of_patch(&self, patch: &Patch) -> Option<f64> {
+        match patch.condition {
+            Condition::Pressure { value } => {
+                let elevation = self.elevation(self.seepage.centre(patch));
+                Some(value * self.per_pascal + elevation)
+            }
+            Condition::Head { value } => Some(value),
+            _ => None,
+        }
+    }
+}
+
+/// Returns the boundary that drives the water: that of this name, or the one with the highest head.
+fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a Patch), Error> {
+    let patches = heads.seepage.patches.iter().enumerate();
+    let chosen = patches.filter(|(_, patch)| {
+        name.map_or_else(
+            || heads.of_patch(patch).is_some(),
+            |name| *name == patch.name,
+        )
+    });
+    let value = |patch| heads.of_patch(patch).unwrap_or(f64::NEG_INFINITY);
+    let chosen = chosen.max_by(|(_, a), (_, b)| value(a).total_cmp(&value(b)));
+    chosen.ok_or_else(|| {
+        refusal(
+            "--boundary",
+            name.cloned().unwrap_or_else(|| "missing".into()),
+            "there is no boundary of this name that drives the water",
+            "name one of fluid.darcy.boundaries",
+        )
+    })
+}
+
 impl Inlet {
     fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
-        let refuse = |path: &str, value: String, reason: &str, remedy: &str| {
-            Error::Case(vec![Problem {
-                path: path.into(),
-                value,
-                reason: reason.into(),
-                remedy: remedy.into(),
-                severity: Severity::Error,
-            }])
-        };
         let Some(seepage) = &plan.scene.seepage else {
-            return Err(refuse(
+            return Err(refusal(
                 "fluid.darcy",
                 "missing".into(),
                 "a critical gradient requires seepage",
@@ -183,59 +248,26 @@ impl Inlet {
         }
         let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
         if !plan.scene.regions.iter().any(removes) {
-            return Err(refuse(
+            return Err(refusal(
                 "regions",
                 "no region that removes".into(),
                 "erosion is measured by the number of grains that leave",
                 "add a region with the action `remove` below the openings",
             ));
         }
-        let gravity = plan.scene.gravity;
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        let density = seepage.written.density;
-        let elevation = |at: [f64; 3]| -> f64 {
-            if strength > 0.0 {
-                -(0..3).map(|a| at[a] * gravity[a]).sum::<f64>() / strength
-            } else {
-                0.0
-            }
-        };
-        // Metres of head of one pascal; without gravity the "head" is that of the earth's.
-        let per_pascal = 1.0 / (density * if strength > 0.0 { strength } else { 9.80665 });
-        let head = |patch: &Patch| match patch.condition {
-            Condition::Pressure { value } => {
-                Some(value * per_pascal + elevation(seepage.centre(patch)))
-            }
-            Condition::Head { value } => Some(value),
-            _ => None,
-        };
-        let named = search.boundary.as_ref();
-        let chosen = seepage.patches.iter().enumerate().filter(|(_, patch)| {
-            named.map_or_else(|| head(patch).is_some(), |name| *name == patch.name)
-        });
-        let chosen = chosen.max_by(|(_, a), (_, b)| {
-            let value = |patch| head(patch).unwrap_or(f64::NEG_INFINITY);
-            value(a).total_cmp(&value(b))
-        });
-        let Some((n, patch)) = chosen else {
-            return Err(refuse(
-                "--boundary",
-                named.cloned().unwrap_or_else(|| "missing".into()),
-                "there is no boundary of this name that drives the water",
-                "name one of fluid.darcy.boundaries",
-            ));
-        };
+        let heads = Heads::of(plan.scene.gravity, seepage);
+        let (n, patch) = driving(&heads, search.boundary.as_ref())?;
         let (field, quantity, own) = match patch.condition {
             Condition::Pressure { .. } => (
                 "pressure.value",
                 "Pa",
-                Some([per_pascal, elevation(seepage.centre(patch))]),
+                Some([heads.per_pascal, heads.elevation(seepage.centre(patch))]),
             ),
             Condition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
             Condition::Flux { .. } => ("flux.value", "m/s", None),
             Condition::Rain { .. } => ("rain.rate", "m/s", None),
             Condition::NoFlow {} => {
-                return Err(refuse(
+                return Err(refusal(
                     "--boundary",
                     patch.name.clone(),
                     "nothing flows through this boundary",
@@ -243,19 +275,18 @@ impl Inlet {
                 ));
             }
         };
+        let material = plan.scene.grains.as_ref().map(|grains| grains.material);
+        let liquid = seepage.written.density;
         Ok(Self {
             name: patch.name.clone(),
             path: format!("fluid.darcy.boundaries[{n}].condition.{field}"),
             quantity,
             head: own,
-            outlet: lowest(seepage, n, head),
-            liquid: density,
-            solid: plan
-                .scene
-                .grains
-                .as_ref()
-                .and_then(|g| plan.scene.materials[g.material].density)
-                .unwrap_or(density),
+            outlet: lowest(seepage, n, |patch| heads.of_patch(patch)),
+            liquid,
+            solid: material
+                .and_then(|material| plan.scene.materials[material].density)
+                .unwrap_or(liquid),
         })
     }
 
