@@ -169,32 +169,75 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
     }
 }
 
-/// Critical shear stress and erosion coefficient against cohesion.
-pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) -> Figure {
-    let (mut thresholds, mut slopes, mut lower, mut brackets) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for cohesion in cohesions {
-        let x = cohesion.cohesion;
-        match &cohesion.law {
-            Some(Law::Fitted(fit)) => {
-                let bar = |interval: Interval| Some((interval.low, interval.high));
-                thresholds.push(Mark {
-                    y_bar: bar(fit.critical_shear_interval),
-                    ..Mark::at(x, fit.critical_shear)
-                });
-                slopes.push(Mark {
-                    y_bar: bar(fit.coefficient_interval),
-                    ..Mark::at(x, fit.coefficient)
-                });
+/// Points of the law against cohesion.
+#[derive(Default)]
+struct Points {
+    /// Critical shear stresses of fits.
+    thresholds: Vec<Mark>,
+    /// Erosion coefficients of fits.
+    slopes: Vec<Mark>,
+    /// Lower bounds of critical shear stresses.
+    lower: Vec<(f64, f64)>,
+    /// Intervals of critical shear stresses.
+    brackets: Vec<Mark>,
+}
+
+impl Points {
+    fn of(cohesions: &[CohesionReport]) -> Self {
+        let mut points = Self::default();
+        let bar = |interval: Interval| Some((interval.low, interval.high));
+        for cohesion in cohesions {
+            let x = cohesion.cohesion;
+            match &cohesion.law {
+                Some(Law::Fitted(fit)) => {
+                    points.thresholds.push(Mark {
+                        y_bar: bar(fit.critical_shear_interval),
+                        ..Mark::at(x, fit.critical_shear)
+                    });
+                    points.slopes.push(Mark {
+                        y_bar: bar(fit.coefficient_interval),
+                        ..Mark::at(x, fit.coefficient)
+                    });
+                }
+                Some(Law::LowerBound { at_least }) => points.lower.push((x, *at_least)),
+                Some(Law::Bracketed { above, below }) => points.brackets.push(Mark {
+                    y_bar: Some((*above, *below)),
+                    ..Mark::at(x, 0.5 * (above + below))
+                }),
+                None => {}
             }
-            Some(Law::LowerBound { at_least }) => lower.push((x, *at_least)),
-            Some(Law::Bracketed { above, below }) => brackets.push(Mark {
-                y_bar: Some((*above, *below)),
-                ..Mark::at(x, 0.5 * (above + below))
-            }),
-            None => {}
         }
+        points
     }
+}
+
+/// Returns the axis of the cohesions, with room for a point at either end.
+fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> Axis {
+    let (low, high) = cohesions
+        .iter()
+        .map(|c| c.cohesion)
+        .filter(|c| *c > 0.0)
+        .chain(published.map(|p| p.cohesion))
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), c| {
+            (low.min(c), high.max(c))
+        });
+    let axis = Axis::log("cohesion C/d", "N/m");
+    // No cohesion is above 0 in a study of soil without bonds.
+    if high > 0.0 {
+        axis.over(low / 1.6, high * 1.6)
+    } else {
+        axis
+    }
+}
+
+/// Draws critical shear stress and erosion coefficient against cohesion.
+pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) -> Figure {
+    let Points {
+        thresholds,
+        slopes,
+        lower,
+        brackets,
+    } = Points::of(cohesions);
     let mark_published = |value: fn(Published) -> f64| {
         published.map(|p| {
             Layer::new(
@@ -215,62 +258,31 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         first.push(marks(brackets, Style::Hollow, "bracket"));
     }
     if !lower.is_empty() {
-        first.push(Layer::new(
-            Shape::LowerBounds { points: lower },
-            CATEGORY[1],
-            "no erosion: lower bound",
-        ));
+        let points = Shape::LowerBounds { points: lower };
+        first.push(Layer::new(points, CATEGORY[1], "no erosion: lower bound"));
     }
     first.push(marks(thresholds, Style::Filled, "fit, 95 % interval"));
     first.extend(mark_published(|p| p.critical_shear));
-    let top = slopes
-        .iter()
-        .filter_map(|mark| mark.y_bar)
-        .map(|bar| bar.1)
-        .chain(published.map(|p| p.coefficient))
-        .fold(0.0, f64::max);
+    let tops = slopes.iter().filter_map(|mark| mark.y_bar);
+    let tops = tops.map(|bar| bar.1);
+    let tops = tops.chain(published.map(|p| p.coefficient));
+    let top = tops.fold(0.0, f64::max);
     let mut second = vec![marks(slopes, Style::Filled, "fit, 95 % interval")];
     second.extend(mark_published(|p| p.coefficient));
-    // Both panels share the cohesions, with room for a point at either end.
-    let (low, high) = cohesions
-        .iter()
-        .map(|c| c.cohesion)
-        .filter(|c| *c > 0.0)
-        .chain(published.map(|p| p.cohesion))
-        .fold((f64::INFINITY, 0.0_f64), |(low, high), c| {
-            (low.min(c), high.max(c))
-        });
-    let x = || {
-        let axis = Axis::log("cohesion C/d", "N/m");
-        // No cohesion is above 0 in a study of soil without bonds.
-        if high > 0.0 {
-            axis.over(low / 1.6, high * 1.6)
-        } else {
-            axis
-        }
-    };
-    let panel = |title: &str, y, layers, legend| Panel {
+    let panel = |title: &str, y, layers| Panel {
         title: title.to_owned(),
-        x: x(),
+        x: cohesion_axis(cohesions, published),
         y,
         layers,
-        legend,
+        legend: Legend::TopLeft,
         legend_title: String::new(),
     };
+    let coefficient =
+        Axis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 });
     Figure {
         panels: vec![
-            panel(
-                "(a) Critical shear stress",
-                Axis::log("τ_{c}", "Pa"),
-                first,
-                Legend::TopLeft,
-            ),
-            panel(
-                "(b) Erosion coefficient",
-                Axis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 }),
-                second,
-                Legend::TopLeft,
-            ),
+            panel("(a) Critical shear stress", Axis::log("τ_{c}", "Pa"), first),
+            panel("(b) Erosion coefficient", coefficient, second),
         ],
     }
 }
