@@ -424,6 +424,41 @@ impl Pressure {
     }
 
     fn assemble(&mut self, medium: Medium<'_>) -> Result<(), Error> {
+        let mut bad = self.take(medium);
+        bad |= self.direct();
+        if bad {
+            return Err(Error::NotFinite("the permeability"));
+        }
+        self.join_cells();
+        self.centre();
+        self.impose();
+        if let Some(source) = medium.source {
+            self.add_source(source);
+        }
+        self.carry();
+        self.sum_faces();
+        let (mut largest, mut bad) = (0.0_f64, false);
+        for row in self.layout.rows(&self.layout.whole()) {
+            for i in row {
+                largest = largest.max(self.matrix.diagonal[i]);
+                bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
+                // A blocked cell takes no part: a coarse correction there has no effect.
+                if self.matrix.diagonal[i] <= 0.0 {
+                    self.right[i] = 0.0;
+                    self.phi[i] = 0.0;
+                }
+            }
+        }
+        if bad {
+            return Err(Error::NotFinite("the source or the boundary"));
+        }
+        self.multigrid
+            .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
+        Ok(())
+    }
+
+    /// Takes conductivities and what the grains carry; returns whether one is not a number.
+    fn take(&mut self, medium: Medium<'_>) -> bool {
         let nx = self.grid.cells[0];
         let whole = self.layout.whole();
         let mut bad = false;
@@ -449,10 +484,12 @@ impl Pressure {
                 }
             }
         }
-        bad |= self.direct();
-        if bad {
-            return Err(Error::NotFinite("the permeability"));
-        }
+        bad
+    }
+
+    /// Makes the matrix of the faces: the harmonic mean of the two cells times the open area.
+    fn join_cells(&mut self) {
+        let whole = self.layout.whole();
         for axis in 0..3 {
             let stride = self.layout.stride[axis];
             let k = match &self.directions {
@@ -472,15 +509,24 @@ impl Pressure {
                     }
                 });
         }
+    }
+
+    /// Shifts the unknowns to the level in the middle of the imposed pressures.
+    fn centre(&mut self) {
         let level = self.middle();
         if level.total_cmp(&self.level).is_ne() {
-            for row in self.layout.rows(&whole) {
+            for row in self.layout.rows(&self.layout.whole()) {
                 self.phi[row]
                     .iter_mut()
                     .for_each(|phi| *phi += self.level - level);
             }
             self.level = level;
         }
+    }
+
+    /// Imposes the conditions of the boundary on ground and right sides.
+    fn impose(&mut self) {
+        let level = self.level;
         self.ground.clear();
         self.right.fill(0.0);
         for face in &mut self.boundary {
@@ -504,21 +550,27 @@ impl Pressure {
                 Condition::NoFlow {} => {}
             }
         }
-        if let Some(source) = medium.source {
-            let volume = self.grid.volume();
-            for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
-                for (at, cell) in row.zip(first..) {
-                    if self.conducts[cell] {
-                        self.right[at] += source[cell] * volume;
-                    }
+    }
+
+    /// Adds the water that appears in the cells to the right sides.
+    fn add_source(&mut self, source: &[f64]) {
+        let nx = self.grid.cells[0];
+        let volume = self.grid.volume();
+        let rows = self.layout.rows(&self.layout.whole());
+        for (row, first) in rows.zip((0..).step_by(nx)) {
+            for (at, cell) in row.zip(first..) {
+                if self.conducts[cell] {
+                    self.right[at] += source[cell] * volume;
                 }
             }
         }
-        self.carry();
-        let mut largest = 0.0_f64;
+    }
+
+    /// Sums the faces of each cell to the diagonal.
+    fn sum_faces(&mut self) {
         let [sx, sy, sz] = self.layout.stride;
         let t = &self.matrix.t;
-        for row in self.layout.rows(&whole) {
+        for row in self.layout.rows(&self.layout.whole()) {
             for i in row {
                 self.matrix.diagonal[i] = ((t[0][i] + t[0][i + sx]) + (t[1][i] + t[1][i + sy]))
                     + (t[2][i] + t[2][i + sz]);
@@ -529,23 +581,6 @@ impl Pressure {
             self.matrix.diagonal[at] += g;
             self.matrix.leak[at] += g;
         }
-        for row in self.layout.rows(&whole) {
-            for i in row {
-                largest = largest.max(self.matrix.diagonal[i]);
-                bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
-                // A blocked cell takes no part: a coarse correction there has no effect.
-                if self.matrix.diagonal[i] <= 0.0 {
-                    self.right[i] = 0.0;
-                    self.phi[i] = 0.0;
-                }
-            }
-        }
-        if bad {
-            return Err(Error::NotFinite("the source or the boundary"));
-        }
-        self.multigrid
-            .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
-        Ok(())
     }
 
     /// Conductivities along each axis, where cells differ in them; whether one is not a number.
