@@ -22,7 +22,7 @@ use crate::lbm::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lbm::lattice::unroll;
 use crate::lbm::pages::Pages;
 use crate::lbm::populations::Populations;
-use crate::number::to_u32;
+use crate::number::{real, to_u32};
 use crate::thread_pool;
 use decomposition::{Domain, HaloBytes, HaloExchange};
 use std::ops::Range;
@@ -275,6 +275,117 @@ enum Follows {
     Round(isize),
 }
 
+/// Face of the domain.
+#[derive(Clone, Copy)]
+struct Face {
+    axis: usize,
+    upper: bool,
+}
+
+impl Beyond {
+    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` lie at these distances from the
+    /// ghost.
+    fn new<S: Stored>(
+        patches: &[Patch<S>],
+        frame: &Frame,
+        Face { axis, upper }: Face,
+        at: [usize; 3],
+        [first, second]: [isize; 2],
+    ) -> Self {
+        let mut position = at.map(|k| real(k) + 0.5);
+        position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
+        let holder = holder(patches, axis, upper, position);
+        let (mut wall, mut patch) = ([0.0; 3], None);
+        let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
+        let mut share = 8.0 / 3.0;
+        if frame.cells[axis] == 1 {
+            (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
+        }
+        // Without a patch a wall at rest.
+        if let Some(rule) = holder.map(|p| &patches[p].rule) {
+            if let Some(velocity) = rule.velocity(position) {
+                #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
+                let scaled = velocity.map(|u| (share * u) as f32);
+                wall = scaled;
+                patch = holder;
+            } else if rule.nature().surface == Surface::Symmetry {
+                (inner, outer) = ([1.0; 3], 0.0);
+                inner[axis] = -1.0;
+            } else {
+                (inner, outer) = if frame.cells[axis] == 1 {
+                    ([1.0; 3], 0.0)
+                } else {
+                    ([2.0; 3], -1.0)
+                };
+            }
+        }
+        Self {
+            first,
+            second,
+            wall,
+            inner,
+            outer,
+            patch,
+        }
+    }
+}
+
+/// Ghost of a cell beyond a face.
+struct Ghost {
+    /// Plane and row of the cell.
+    plane: usize,
+    row: u32,
+    at: usize,
+    follows: Follows,
+}
+
+/// Returns the ghosts of a slab that follow from its own cells.
+fn ghosts<S: Stored>(
+    populations: &Populations<S>,
+    frame: &Frame,
+    patches: &[Patch<S>],
+    strides: [usize; 3],
+) -> Vec<Ghost> {
+    let [slow, middle, _] = populations.order();
+    let cells = populations.cells();
+    let mut ghosts = Vec::new();
+    for (local, cell) in populations.interior() {
+        let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
+        for axis in 0..populations.velocities().dimension {
+            for upper in [false, true] {
+                let outermost = if upper { frame.cells[axis] - 1 } else { 0 };
+                if at[axis] != outermost || (frame.periodic[axis] && axis == slow) {
+                    continue;
+                }
+                let step = if upper { 1 } else { -1 };
+                let beyond =
+                    |n: isize| cell.wrapping_add_signed(n * step * strides[axis].cast_signed());
+                let from_ghost = |cell| position_from(beyond(1), cell);
+                let follows = if frame.periodic[axis] {
+                    let across = 1 - cells[axis].cast_signed();
+                    Follows::Round(from_ghost(beyond(across)))
+                } else {
+                    let outer = if frame.cells[axis] == 1 {
+                        cell
+                    } else {
+                        beyond(-1)
+                    };
+                    let face = Face { axis, upper };
+                    let sources = [cell, outer].map(from_ghost);
+                    Follows::Face(Beyond::new(patches, frame, face, at, sources))
+                };
+                ghosts.push(Ghost {
+                    plane: local[slow],
+                    row: to_u32(local[middle]),
+                    at: beyond(1),
+                    follows,
+                });
+            }
+        }
+    }
+    ghosts
+}
+
 /// Ghosts of cells of a plane that follow in the same way, at equal distances.
 struct Run {
     ghost: usize,
@@ -308,20 +419,26 @@ pub(crate) struct Ghosts {
 }
 
 impl Ghosts {
-    /// Of the planes of a slab: the plane and row of the cell, the ghost, and what it follows from.
-    fn new(mut all: Vec<(usize, u32, usize, Follows)>, rows: usize, planes: usize) -> Self {
+    /// Joins the ghosts of the planes of a slab.
+    fn new(mut all: Vec<Ghost>, rows: usize, planes: usize) -> Self {
         // Those of one kind one after the other: along each axis they lie at distances of their own.
         let apart = |follows: &Follows| match follows {
             Follows::Face(beyond) => beyond.first,
             Follows::Round(source) => *source,
         };
-        all.sort_unstable_by_key(|(plane, _, ghost, follows)| (*plane, apart(follows), *ghost));
+        all.sort_unstable_by_key(|ghost| (ghost.plane, apart(&ghost.follows), ghost.at));
         let mut ghosts = Self {
             rows,
             ..Self::default()
         };
         let mut plane_of_last = 0;
-        for (plane, row, ghost, follows) in all {
+        for one in all {
+            let Ghost {
+                plane,
+                row,
+                at: ghost,
+                follows,
+            } = one;
             let longer = ghosts.runs.last().and_then(|run| {
                 let apart = u32::try_from(ghost.checked_sub(run.ghost)?).ok()?;
                 let alike = plane == plane_of_last && run.follows == follows;
@@ -493,7 +610,6 @@ impl Field {
         domain: &Domain,
     ) -> Result<Self, String> {
         let [slow, middle, _] = populations.order();
-        let dimension = populations.velocities().dimension;
         let cells = populations.cells();
         let zero = populations.cell([0; 3]);
         let unit = |axis: usize| {
@@ -504,81 +620,10 @@ impl Field {
         let strides = [unit(0), unit(1), unit(2)];
         // Staggered, so that the six arrays do not meet in the same lines of the cache.
         let array = populations.cell_positions() + 208;
-        let mut ghosts = Vec::new();
-        let mut plane = Vec::new();
-        for (local, cell) in populations.interior() {
-            if local[slow] == 0 {
-                plane.push(cell - zero);
-            }
-            let (in_plane, row) = (local[slow], to_u32(local[middle]));
-            for axis in 0..dimension {
-                let at = local[axis] + frame.start[axis];
-                for upper in [false, true] {
-                    let outermost = if upper { frame.cells[axis] - 1 } else { 0 };
-                    if at != outermost {
-                        continue;
-                    }
-                    let step = if upper { 1 } else { -1 };
-                    let beyond =
-                        |n: isize| cell.wrapping_add_signed(n * step * strides[axis].cast_signed());
-                    if frame.periodic[axis] {
-                        if axis != slow {
-                            let across = 1 - cells[axis].cast_signed();
-                            let source = position_from(beyond(1), beyond(across));
-                            ghosts.push((in_plane, row, beyond(1), Follows::Round(source)));
-                        }
-                        continue;
-                    }
-                    #[expect(
-                        clippy::cast_precision_loss,
-                        reason = "cell counts are far below 2^53"
-                    )]
-                    let mut position: [f64; 3] =
-                        std::array::from_fn(|a| (local[a] + frame.start[a]) as f64 + 0.5);
-                    position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
-                    let holder = holder(patches, axis, upper, position);
-                    let (mut wall, mut patch) = ([0.0; 3], None);
-                    let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
-                    let mut share = 8.0 / 3.0;
-                    if frame.cells[axis] == 1 {
-                        (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
-                    }
-                    // Without a patch a wall at rest.
-                    if let Some(rule) = holder.map(|p| &patches[p].rule) {
-                        if let Some(velocity) = rule.velocity(position) {
-                            #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
-                            let scaled = velocity.map(|u| (share * u) as f32);
-                            wall = scaled;
-                            patch = holder;
-                        } else if rule.nature().surface == Surface::Symmetry {
-                            (inner, outer) = ([1.0; 3], 0.0);
-                            inner[axis] = -1.0;
-                        } else {
-                            (inner, outer) = if frame.cells[axis] == 1 {
-                                ([1.0; 3], 0.0)
-                            } else {
-                                ([2.0; 3], -1.0)
-                            };
-                        }
-                    }
-                    let from_ghost = |cell| position_from(beyond(1), cell);
-                    let outer_cell = if frame.cells[axis] == 1 {
-                        cell
-                    } else {
-                        beyond(-1)
-                    };
-                    let face = Follows::Face(Beyond {
-                        first: from_ghost(cell),
-                        second: from_ghost(outer_cell),
-                        wall,
-                        inner,
-                        outer,
-                        patch,
-                    });
-                    ghosts.push((in_plane, row, beyond(1), face));
-                }
-            }
-        }
+        let ghosts = ghosts(populations, frame, patches, strides);
+        let first = populations.interior();
+        let first = first.take_while(|(local, _)| local[slow] == 0);
+        let plane: Vec<usize> = first.map(|(_, cell)| cell - zero).collect();
         let at_plane = |n: isize| {
             let mut at = [0; 3];
             at[slow] = n;
@@ -593,7 +638,7 @@ impl Field {
             old: 0,
             array,
             strides,
-            dimension,
+            dimension: populations.velocities().dimension,
             ghosts: Arc::new(Ghosts::new(ghosts, cells[middle], cells[slow])),
             exchange,
             plane,
