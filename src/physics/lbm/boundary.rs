@@ -286,6 +286,56 @@ fn on_border<S: Stored>(
     }
 }
 
+/// Number of faces of the domain, each with a wall of its own behind all patches.
+const FACES: usize = 6;
+
+/// Returns a no-slip wall on each face of the domain.
+fn no_slip_walls<S: Stored>() -> impl Iterator<Item = Patch<S>> {
+    (0..FACES).map(|face| {
+        let (axis, upper) = (face / 2, face % 2 == 1);
+        let end = if upper { "max" } else { "min" };
+        Patch {
+            name: format!("{}_{end}", ["x", "y", "z"][axis]),
+            axis,
+            upper,
+            range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+            rule: Box::new(no_slip::Links),
+        }
+    })
+}
+
+/// Returns the middle of a link from a cell, in cells; the first cell spans 0..1.
+fn middle_of(cell: [usize; 3], c: [i8; 3]) -> [f64; 3] {
+    // Along a face through which the link does not leave, the crossing point; through a face, the face.
+    std::array::from_fn(|a| real(cell[a]) + 0.5 + 0.5 * f64::from(c[a]))
+}
+
+/// Returns the patch of a link that leaves the domain along the axes `outside`, and the part of its surroundings that
+/// imposes a velocity; the last patches are the walls of the faces.
+fn crossed<S: Stored>(
+    patches: &[Patch<S>],
+    frame: &Frame,
+    c: [i8; 3],
+    outside: [bool; 3],
+    middle: [f64; 3],
+) -> (usize, f64) {
+    let defaults = patches.len() - FACES;
+    (0..3)
+        .filter(|&a| outside[a])
+        .map(|axis| {
+            let upper = c[axis] > 0;
+            let default = defaults + 2 * axis + usize::from(upper);
+            let beside = around(frame, c, outside, middle);
+            let beside = beside.map(|point| {
+                let holder = holder(&patches[..defaults], axis, upper, point);
+                (holder.unwrap_or(default), point)
+            });
+            on_border(patches, middle, beside)
+        })
+        .max_by_key(|&(p, _)| patches[p].rule.nature().strength)
+        .unwrap_or((defaults, 1.0))
+}
+
 /// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
@@ -317,24 +367,8 @@ impl<S: Stored> Boundaries<S> {
         mut patches: Vec<Patch<S>>,
         coverable: bool,
     ) -> Self {
-        let defaults = patches.len();
-        for axis in 0..3 {
-            // Last resort, weakest in the search below because later patches win.
-            for upper in [false, true] {
-                let name = format!(
-                    "{}_{}",
-                    ["x", "y", "z"][axis],
-                    if upper { "max" } else { "min" }
-                );
-                patches.push(Patch {
-                    name,
-                    axis,
-                    upper,
-                    range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-                    rule: Box::new(no_slip::Links),
-                });
-            }
-        }
+        // Last resort, weakest in the search below because later patches win.
+        patches.extend(no_slip_walls());
         let mut walls = Vec::new();
         let mut open = covered::OpenCells::default();
         let velocities = populations.velocities().clone();
@@ -357,30 +391,8 @@ impl<S: Stored> Boundaries<S> {
                 if !outside.contains(&true) {
                     continue;
                 }
-                // The middle of the link, in cells; the first cell spans 0..1.
-                let middle: [f64; 3] = std::array::from_fn(|a| {
-                    #[expect(
-                        clippy::cast_precision_loss,
-                        reason = "cell counts are far below 2^53"
-                    )]
-                    let x = at[a] as f64;
-                    // Along a face through which the link does not leave, the crossing point; through a face, the face.
-                    x + 0.5 + 0.5 * f64::from(c[a])
-                });
-                let (patch, share) = (0..3)
-                    .filter(|&a| outside[a])
-                    .map(|axis| {
-                        let upper = c[axis] > 0;
-                        let default = defaults + 2 * axis + usize::from(upper);
-                        let beside = around(frame, c, outside, middle);
-                        let beside = beside.map(|point| {
-                            let holder = holder(&patches[..defaults], axis, upper, point);
-                            (holder.unwrap_or(default), point)
-                        });
-                        on_border(&patches, middle, beside)
-                    })
-                    .max_by_key(|&(p, _)| patches[p].rule.nature().strength)
-                    .unwrap_or((defaults, 1.0));
+                let middle = middle_of(at, c);
+                let (patch, share) = crossed(&patches, frame, c, outside, middle);
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
                     open.add((cell, local), link);
