@@ -68,103 +68,38 @@ impl Pass {
             Parity::Reversed => Parity::Home,
         };
         let [slow, middle, fast] = populations.order();
-        let cells = populations.cells();
         let origin = populations.cell([0; 3]);
-        let step = |axis: usize| {
-            let mut at = [0; 3];
-            at[axis] = 1;
-            to_u32(populations.cell(at) - origin)
-        };
-        let velocities = populations.velocities();
         let mut first = [0; 27];
-        for (i, first) in first.iter_mut().enumerate().take(velocities.q()) {
+        for (i, first) in first
+            .iter_mut()
+            .enumerate()
+            .take(populations.velocities().q())
+        {
             *first = to_u32(populations.incoming_after(before, origin, i));
         }
         let slab = Slab {
             first,
-            plane: step(slow),
-            row: step(middle),
-            cells: to_u32(cells[fast]),
+            plane: step(populations, slow),
+            row: step(populations, middle),
+            cells: to_u32(populations.cells()[fast]),
         };
-        let plain = Copies {
-            from: 0,
-            to: 0,
-            counts: [1, 1],
-            strides: [slab.row, slab.plane],
-            factor: 0,
-            unused: 0,
-            term: 0.0,
+        let round = Round {
+            populations,
+            periodic,
+            after,
         };
-        let [planes, rows, length] = [slow, middle, fast].map(|axis| to_u32(cells[axis]));
-
-        // What the first cell of a row left for the cell before it belongs to the one behind the last as well, and the reverse.
-        let mut round_rows = Vec::new();
-        let along = |axis: usize, i: usize| {
-            if periodic[axis] && axis < velocities.dimension {
-                velocities.c[i][axis]
-            } else {
-                0
-            }
+        let [one, other] = match after {
+            Parity::Reversed => [
+                round.axis(middle, slow, false),
+                round.axis(slow, middle, true),
+            ],
+            Parity::Home => [
+                round.axis(slow, middle, true),
+                round.axis(middle, slow, true),
+            ],
         };
-        for i in 0..velocities.q() {
-            let (from, to) = match along(fast, i) {
-                1 => (first[i], first[i] + length),
-                -1 => (first[i] + length - 1, first[i] - 1),
-                _ => continue,
-            };
-            let counts = [rows, planes];
-            round_rows.push(Copies {
-                from,
-                to,
-                counts,
-                ..plain
-            });
-        }
-
-        // Round another axis: whole rows, with their ghosts. After an even pass ghosts are filled, after an odd one delivered. Round the
-        // middle axis the planes have their turn before the slab axis, or after it with its ghosts.
-        let ghosts = |axis: usize| isize::from(axis < velocities.dimension);
-        let round = |axis: usize, other: usize, beyond: bool| {
-            let mut all = Vec::new();
-            for i in 0..velocities.q() {
-                let last = cells[axis].cast_signed() - 1;
-                let (outside, inside) = match along(axis, i) {
-                    -1 => (-1, last),
-                    1 => (last + 1, 0),
-                    _ => continue,
-                };
-                let (from, to) = match after {
-                    Parity::Reversed => (inside, outside),
-                    Parity::Home => (outside, inside),
-                };
-                let margin = if beyond { ghosts(other) } else { 0 };
-                let place = |at_axis: isize| {
-                    let mut at = [0; 3];
-                    at[axis] = at_axis;
-                    at[other] = -margin;
-                    at[fast] = -ghosts(fast);
-                    to_u32(populations.slot(populations.cell(at), i))
-                };
-                all.push(Copies {
-                    from: place(from),
-                    to: place(to),
-                    counts: [
-                        length + 2 * u32::from(ghosts(fast) > 0),
-                        to_u32(cells[other]) + 2 * u32::from(margin > 0),
-                    ],
-                    strides: [1, step(other)],
-                    ..plain
-                });
-            }
-            all
-        };
-        let rounds = match after {
-            Parity::Reversed => [round(middle, slow, false), round(slow, middle, true)],
-            Parity::Home => [round(slow, middle, true), round(middle, slow, true)],
-        };
-        let [one, other] = rounds;
         let mut copies = vec![
-            round_rows,
+            round.rows(&slab),
             one,
             other,
             boundaries.wall_copies(after, slab.plane),
@@ -173,3 +108,106 @@ impl Pass {
         Self { slab, copies }
     }
 }
+
+/// Returns the distance of neighbours along an axis.
+fn step<S: Stored>(populations: &Populations<S>, axis: usize) -> u32 {
+    let mut at = [0; 3];
+    at[axis] = 1;
+    to_u32(populations.cell(at) - populations.cell([0; 3]))
+}
+
+/// Periodic axes of a slab after a pass.
+struct Round<'a, S: Stored> {
+    populations: &'a Populations<S>,
+    periodic: [bool; 3],
+    after: Parity,
+}
+
+impl<S: Stored> Round<'_, S> {
+    /// Returns the component of a direction along an axis; 0 where nothing goes round it.
+    fn along(&self, axis: usize, i: usize) -> i8 {
+        let velocities = self.populations.velocities();
+        if self.periodic[axis] && axis < velocities.dimension {
+            velocities.c[i][axis]
+        } else {
+            0
+        }
+    }
+
+    /// Returns the copies round the rows: what the first cell of a row left for the cell before it belongs to the one
+    /// behind the last as well, and the reverse.
+    fn rows(&self, slab: &Slab) -> Vec<Copies> {
+        let [slow, middle, fast] = self.populations.order();
+        let cells = self.populations.cells();
+        let (first, length) = (&slab.first, to_u32(cells[fast]));
+        let mut all = Vec::new();
+        for i in 0..self.populations.velocities().q() {
+            let (from, to) = match self.along(fast, i) {
+                1 => (first[i], first[i] + length),
+                -1 => (first[i] + length - 1, first[i] - 1),
+                _ => continue,
+            };
+            all.push(Copies {
+                from,
+                to,
+                counts: [to_u32(cells[middle]), to_u32(cells[slow])],
+                strides: [slab.row, slab.plane],
+                ..PLAIN
+            });
+        }
+        all
+    }
+
+    /// Returns the copies round another axis: whole rows, with their ghosts. After an even pass ghosts are filled, after
+    /// an odd one delivered. Round the middle axis the planes have their turn before the slab axis, or after it with its
+    /// ghosts (`beyond`).
+    fn axis(&self, axis: usize, other: usize, beyond: bool) -> Vec<Copies> {
+        let populations = self.populations;
+        let (velocities, cells) = (populations.velocities(), populations.cells());
+        let fast = populations.order()[2];
+        let ghosts = |axis: usize| isize::from(axis < velocities.dimension);
+        let mut all = Vec::new();
+        for i in 0..velocities.q() {
+            let last = cells[axis].cast_signed() - 1;
+            let (outside, inside) = match self.along(axis, i) {
+                -1 => (-1, last),
+                1 => (last + 1, 0),
+                _ => continue,
+            };
+            let (from, to) = match self.after {
+                Parity::Reversed => (inside, outside),
+                Parity::Home => (outside, inside),
+            };
+            let margin = if beyond { ghosts(other) } else { 0 };
+            let place = |at_axis: isize| {
+                let mut at = [0; 3];
+                at[axis] = at_axis;
+                at[other] = -margin;
+                at[fast] = -ghosts(fast);
+                to_u32(populations.slot(populations.cell(at), i))
+            };
+            all.push(Copies {
+                from: place(from),
+                to: place(to),
+                counts: [
+                    to_u32(cells[fast]) + 2 * u32::from(ghosts(fast) > 0),
+                    to_u32(cells[other]) + 2 * u32::from(margin > 0),
+                ],
+                strides: [1, step(populations, other)],
+                ..PLAIN
+            });
+        }
+        all
+    }
+}
+
+/// Copy of one number without a term.
+const PLAIN: Copies = Copies {
+    from: 0,
+    to: 0,
+    counts: [1, 1],
+    strides: [0, 0],
+    factor: 0,
+    unused: 0,
+    term: 0.0,
+};
