@@ -54,6 +54,53 @@ pub struct Setup<S: Stored = f64> {
     pub device: Device,
 }
 
+impl<S: Stored> Setup<S> {
+    /// Returns the cover of the slab, if cells can be covered.
+    fn cover(
+        &self,
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        threads: usize,
+    ) -> Option<Cover> {
+        let method = self.saturation?;
+        let antisymmetric = self.operator.model().antisymmetric_rate();
+        let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
+        let tau = self.relaxation_time;
+        let mut cover = Cover::new(populations, method, tau, antisymmetric, threads);
+        cover.wall_off(boundaries.behind_walls_at_rest(populations));
+        Some(cover)
+    }
+
+    /// Logs the slab and the models.
+    fn report(
+        &self,
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        rank: usize,
+        threads: usize,
+    ) {
+        let (cells, numbers) = (populations.cells(), populations.velocities().q());
+        log::info!(
+            "rank {rank}: lattice {:?} of {} cells, {numbers} numbers of {} bytes each; \
+             this slab {cells:?}, {} bytes, {threads} threads",
+            self.set,
+            self.cells.iter().product::<usize>(),
+            size_of::<S>(),
+            cells.iter().product::<usize>() * numbers * size_of::<S>()
+        );
+        log::debug!(
+            "rank {rank}: operator {:?}, relaxation time {}, eddy viscosity {:?}, force {:?}, \
+             periodic {:?}, patches {:?}",
+            self.operator,
+            self.relaxation_time,
+            self.turbulence,
+            self.force,
+            self.periodic,
+            boundaries.names().collect::<Vec<_>>()
+        );
+    }
+}
+
 /// Cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 1000;
 
@@ -131,15 +178,13 @@ impl<S: Stored> Fluid<S> {
         cells[split] = planes.len();
         let mut start = [0; 3];
         start[split] = planes.start;
-        let level = Level::best();
-        let velocities = setup.set.velocities();
-        let pass = Choice::of(&setup, level).on(setup.set);
+        let pass = Choice::of(&setup, Level::best()).on(setup.set);
         let describe = match setup.set {
             VelocitySet::D2Q9 => Shared::new::<9>,
             VelocitySet::D3Q19 => Shared::new::<19>,
             VelocitySet::D3Q27 => Shared::new::<27>,
         };
-        let populations = Populations::new(velocities, cells, split)?;
+        let populations = Populations::new(setup.set.velocities(), cells, split)?;
         let patches = std::mem::take(&mut setup.patches);
         let frame = Frame {
             cells: setup.cells,
@@ -151,36 +196,19 @@ impl<S: Stored> Fluid<S> {
             Some(_) => Some(VelocityField::new(&populations, &frame, &patches, domain)?),
         };
         let threads = thread_pool::threads();
-        let tau = setup.relaxation_time;
-        let mut boundaries = Boundaries::new(
-            &populations,
-            &frame,
-            patches,
-            // Structures may cover them as well.
-            true,
-        );
+        // Structures may cover the cells at the faces as well.
+        let mut boundaries = Boundaries::new(&populations, &frame, patches, true);
         boundaries.balance(domain.communicator());
-        let cover = setup.saturation.map(|method| {
-            let antisymmetric = setup.operator.model().antisymmetric_rate();
-            let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
-            let mut cover = Cover::new(&populations, method, tau, antisymmetric, threads);
-            cover.wall_off(boundaries.behind_walls_at_rest(&populations));
-            cover
-        });
-        let start_on_gpu = |cover: Option<&Cover>| {
-            on_gpu::start(
-                &setup,
-                &populations,
-                &boundaries,
-                pass.as_ref(),
-                cover,
-                domain,
-            )
+        let cover = setup.cover(&populations, &boundaries, threads);
+        let start_on_gpu = || {
+            let cover = cover.as_ref();
+            let pass = pass.as_ref();
+            on_gpu::start(&setup, &populations, &boundaries, pass, cover, domain)
         };
         let gpu = match setup.device {
             Device::Cpu => None,
-            Device::Gpu => Some(start_on_gpu(cover.as_ref())?),
-            Device::Auto => start_on_gpu(cover.as_ref())
+            Device::Gpu => Some(start_on_gpu()?),
+            Device::Auto => start_on_gpu()
                 .inspect_err(|why| log::info!("the fluid runs on the processor: {why}"))
                 .ok(),
         };
@@ -189,24 +217,7 @@ impl<S: Stored> Fluid<S> {
         periodic_within[split] = false;
         // There is nothing to go round.
         periodic_within[populations.velocities().dimension..].fill(false);
-        log::info!(
-            "rank {}: lattice {:?} of {} cells, {} numbers of {} bytes each; this slab {cells:?}, {} bytes, {threads} threads",
-            domain.rank(),
-            setup.set,
-            setup.cells.iter().product::<usize>(),
-            populations.velocities().q(),
-            size_of::<S>(),
-            cells.iter().product::<usize>() * populations.velocities().q() * size_of::<S>()
-        );
-        log::debug!(
-            "rank {}: operator {:?}, relaxation time {tau}, eddy viscosity {:?}, force {:?}, periodic {:?}, patches {:?}",
-            domain.rank(),
-            setup.operator,
-            setup.turbulence,
-            setup.force,
-            setup.periodic,
-            boundaries.names().collect::<Vec<_>>()
-        );
+        setup.report(&populations, &boundaries, domain.rank(), threads);
         Ok(Self {
             populations,
             boundaries,
