@@ -3,6 +3,7 @@
 use super::Clock;
 use super::device::device;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
+use crate::case::darcy::Darcy;
 use crate::case::fluid::Device;
 use crate::case::fluid::Precision;
 use crate::family::Description;
@@ -12,6 +13,7 @@ use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
 use crate::scene::observe::ProbeAt;
+use crate::scene::seepage::Seepage;
 use serde::Serialize;
 
 /// A model and its reason.
@@ -25,286 +27,314 @@ pub struct Choice {
     pub reason: String,
 }
 
+/// Returns the choices of a scene, in the order in which a plan prints them.
 pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
-    let mut list = Vec::new();
-    let mut choose = |what: &str, model: String, reason: String| {
-        // Automatic choices have their own reasons.
-        let own = scene.chosen.why(what);
-        list.push(Choice {
+    let list = Vec::new();
+    let mut choices = Choices { scene, clock, list };
+    choices.automatic();
+    choices.timed_walls();
+    choices.grains();
+    if let Some(seepage) = &scene.seepage {
+        choices.seepage(seepage);
+    }
+    match &scene.flow {
+        None if scene.seepage.is_some() => {}
+        None => choices.add(
+            "fluid",
+            "none",
+            "the case has no fluid: no lattice is allocated",
+        ),
+        Some(flow) => choices.flow(flow),
+    }
+    match (&scene.coupling, &scene.flow) {
+        (Some(coupling), Some(flow)) => {
+            choices.add(
+                "coupling",
+                name(coupling, flow),
+                "there are solids in the fluid",
+            );
+        }
+        (None, Some(_)) => choices.add("coupling", "none", "there are no solids in the fluid"),
+        _ => {}
+    }
+    choices.contacts();
+    choices.beds();
+    let axis = scene.grid.split_axis.min(2);
+    choices.add(
+        "slabs",
+        format!("along {}", AXES[axis]),
+        format!("{} planes", scene.grid.cells[axis]),
+    );
+    choices.list
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The choices of a scene while they are collected.
+struct Choices<'a> {
+    scene: &'a Scene,
+    clock: &'a Clock,
+    list: Vec<Choice>,
+}
+
+impl Choices<'_> {
+    /// Adds a choice. Automatic choices have their own reasons.
+    fn add(&mut self, what: &str, model: impl Into<String>, reason: impl Into<String>) {
+        let own = self.scene.chosen.why(what);
+        self.list.push(Choice {
             what: what.into(),
-            model,
-            reason: own.map_or(reason, str::to_owned),
+            model: model.into(),
+            reason: own.map_or_else(|| reason.into(), str::to_owned),
         });
-    };
-    if let Some(accuracy) = scene.chosen.accuracy {
-        let level = accuracy.name();
-        let target = number(100.0 * accuracy.target());
-        let promised = scene.chosen.promised.map_or_else(
-            || String::from("nothing promised"),
-            |error| format!("{} % promised", number(100.0 * error)),
-        );
-        choose(
-            "accuracy",
-            format!("{level}: {target} % of forces, {promised}"),
-            "no measured row covers these cells".into(),
-        );
     }
-    if scene.chosen.why("spacing").is_some() {
-        let cells = scene.grid.cell_count();
-        choose(
-            "spacing",
-            format!("{} m, {cells} cells", number(scene.grid.spacing)),
-            String::new(),
-        );
+
+    /// Adds the accuracy and the sizes that it fixes.
+    fn automatic(&mut self) {
+        let (grid, chosen) = (&self.scene.grid, &self.scene.chosen);
+        if let Some(accuracy) = chosen.accuracy {
+            let level = accuracy.name();
+            let target = number(100.0 * accuracy.target());
+            let promised = chosen.promised.map_or_else(
+                || String::from("nothing promised"),
+                |error| format!("{} % promised", number(100.0 * error)),
+            );
+            self.add(
+                "accuracy",
+                format!("{level}: {target} % of forces, {promised}"),
+                "no measured row covers these cells",
+            );
+        }
+        if chosen.why("spacing").is_some() {
+            let cells = grid.cell_count();
+            let spacing = format!("{} m, {cells} cells", number(grid.spacing));
+            self.add("spacing", spacing, "");
+        }
+        if chosen.why("time step").is_some() {
+            self.add(
+                "time step",
+                format!("{} s", number(self.clock.time_step)),
+                "",
+            );
+        }
     }
-    if scene.chosen.why("time step").is_some() {
-        choose(
-            "time step",
-            format!("{} s", number(clock.time_step)),
-            String::new(),
-        );
-    }
-    for wall in scene.walls.iter().filter(|wall| wall.is_timed()) {
+
+    /// Adds the times of walls that come or go.
+    fn timed_walls(&mut self) {
+        let clock = self.clock;
         let at = |time: f64| {
             let step = clock.interval_to_steps(time);
             format!("{} s (step {step})", number(time))
         };
-        let from = wall.from.map(|time| format!("from {}", at(time)));
-        let until = wall.until.map(|time| format!("until {}", at(time)));
-        let exists: Vec<String> = from.into_iter().chain(until).collect();
-        choose(
-            &format!("wall {}", wall.name),
-            exists.join(" "),
-            "requested".into(),
-        );
+        for wall in self.scene.walls.iter().filter(|wall| wall.is_timed()) {
+            let from = wall.from.map(|time| format!("from {}", at(time)));
+            let until = wall.until.map(|time| format!("until {}", at(time)));
+            let exists: Vec<String> = from.into_iter().chain(until).collect();
+            self.add(
+                &format!("wall {}", wall.name),
+                exists.join(" "),
+                "requested",
+            );
+        }
     }
-    let dimension = scene.grid.dimension;
-    if let Some(grains) = &scene.grains
-        && let Some(grading) = grains.percentiles(dimension)
-    {
-        choose(
-            "grading",
-            grading.to_string(),
-            format!("requested; {} grains, passing by mass", grains.expected),
-        );
+
+    /// Adds the grading of the grains, and the materials of layers and zones.
+    fn grains(&mut self) {
+        let scene = self.scene;
+        let Some(grains) = &scene.grains else {
+            return;
+        };
+        let dimension = scene.grid.dimension;
+        if let Some(grading) = grains.percentiles(dimension) {
+            let reason = format!("requested; {} grains, passing by mass", grains.expected);
+            self.add("grading", grading.to_string(), reason);
+        }
+        for cloud in grains.layers() {
+            let material = &scene.materials[cloud.material].name;
+            let sizes = cloud
+                .percentiles(dimension)
+                .map_or_else(String::new, |p| format!(", {p}"));
+            self.add(
+                &format!("grains of layer {}", cloud.name.as_deref().unwrap_or("1")),
+                format!("{material}{sizes}"),
+                format!("requested; {} grains", cloud.number),
+            );
+        }
+        for zone in &grains.zones {
+            let material = scene.materials[zone.material].name.as_str();
+            let reason = zone.listed.map_or_else(
+                || "requested; assigned after the preparation".into(),
+                |count| format!("requested; {count} grains"),
+            );
+            self.add(&format!("grains of zone {}", zone.name), material, reason);
+        }
     }
-    for cloud in scene.grains.iter().flat_map(|grains| grains.layers()) {
-        let material = &scene.materials[cloud.material].name;
-        let sizes = cloud
-            .percentiles(dimension)
-            .map_or_else(String::new, |p| format!(", {p}"));
-        choose(
-            &format!("grains of layer {}", cloud.name.as_deref().unwrap_or("1")),
-            format!("{material}{sizes}"),
-            format!("requested; {} grains", cloud.number),
-        );
-    }
-    for zone in scene.grains.iter().flat_map(|grains| &grains.zones) {
-        let material = &scene.materials[zone.material].name;
-        let grains = zone.listed.map_or_else(
-            || "requested; assigned after the preparation".into(),
-            |count| format!("requested; {count} grains"),
-        );
-        choose(
-            &format!("grains of zone {}", zone.name),
-            material.clone(),
-            grains,
-        );
-    }
-    if let Some(seepage) = &scene.seepage {
+
+    /// Adds the models of seepage.
+    fn seepage(&mut self, seepage: &Seepage) {
+        let scene = self.scene;
         let written = &seepage.written;
         let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
         let [x, y, z] = seepage.cells;
-        choose(
-            "fluid",
-            "Darcy seepage".into(),
-            if without_grains {
-                format!("requested; {x} x {y} x {z} cells, steady: no grain moves")
-            } else {
-                let steps = clock.solid_steps_per_step;
-                format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
-            },
-        );
-        if without_grains {
-            choose(
-                "permeability",
-                "that of the zones".into(),
-                "there are no grains".into(),
-            );
+        let cells = if without_grains {
+            format!("requested; {x} x {y} x {z} cells, steady: no grain moves")
         } else {
-            choose(
+            let steps = self.clock.solid_steps_per_step;
+            format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
+        };
+        self.add("fluid", "Darcy seepage", cells);
+        if without_grains {
+            self.add("permeability", "that of the zones", "there are no grains");
+        } else {
+            let resistance = written.resistance().model().description();
+            let porosity = written.porosity.model().description();
+            self.add(
                 "permeability",
-                format!(
-                    "{}, {:?} mean diameter",
-                    written.resistance().model().description(),
-                    written.mean_diameter
-                ),
-                format!(
-                    "porosity by {}, at most {}",
-                    written.porosity.model().description(),
-                    written.porosity_cap()
-                ),
+                format!("{resistance}, {:?} mean diameter", written.mean_diameter),
+                format!("porosity by {porosity}, at most {}", written.porosity_cap()),
             );
         }
         for [zone, states, reason] in seepage.describe_zones(without_grains) {
-            choose(&zone, states, reason);
+            self.add(&zone, states, reason);
         }
         if let Some(cut) = seepage.zones.as_ref().map(|z| z.cut()).filter(|n| *n > 0) {
-            choose(
+            self.add(
                 "cells cut by zones",
                 cut.to_string(),
-                "harmonic mean of the permeability across layers, arithmetic mean along them"
-                    .into(),
+                "harmonic mean of the permeability across layers, arithmetic mean along them",
             );
         }
-        choose(
-            "pressure",
-            "conjugate gradients with multigrid".into(),
-            format!("to {:e} of the driving terms", written.tolerance),
-        );
+        let tolerance = format!("to {:e} of the driving terms", written.tolerance);
+        self.add("pressure", "conjugate gradients with multigrid", tolerance);
         if !without_grains {
-            let flow = super::pore_flow::reynolds(scene).map_or_else(
-                || "no pressure and no flux drives the water".to_owned(),
-                |re| {
-                    let re = number(re);
-                    format!("the water seeps at a Reynolds number of about {re}")
-                },
-            );
-            choose("equations", format!("{:?}", written.equations), flow);
-            let balance = if written.drag().model().balances() {
-                "balances the loss of pressure"
-            } else {
-                "independent of the resistance: see the closure of momentum in the log"
-            };
-            choose("drag", written.drag().model().description(), balance.into());
+            self.seepage_on_grains(written);
         }
     }
-    match &scene.flow {
-        None if scene.seepage.is_some() => {}
-        None => choose(
-            "fluid",
-            "none".into(),
-            "the case has no fluid: no lattice is allocated".into(),
-        ),
-        Some(flow) => {
-            let operator = flow.collision.model();
-            let (name, reason) = match flow.lattice {
-                VelocitySet::D2Q9 => ("D2Q9", "the domain is 2-D"),
-                VelocitySet::D3Q19 => (
-                    "D3Q19",
-                    "the domain is 3-D; the smallest velocity set that is accurate at these velocities",
-                ),
-                VelocitySet::D3Q27 if operator.only_on().is_some() => {
-                    ("D3Q27", "the moments of the operator are those of this set")
-                }
-                VelocitySet::D3Q27 => ("D3Q27", "requested: isotropic to fourth order"),
-            };
-            choose("lattice", name.into(), reason.into());
-            let Description { model, reason } = operator.describe(flow.relaxation_time);
-            choose("collision", model, reason);
-            let Description { model, reason } = flow.turbulence.map_or_else(
-                || {
-                    Description::new(
-                        "none",
-                        "not requested: all eddies are assumed to be resolved, no velocity field is stored",
-                    )
-                },
-                |model| model.describe(),
-            );
-            choose("turbulence", model, reason);
-            if let Some((model, reason)) = gravity::describe(scene.gravity, flow.gravity_acts) {
-                choose("gravity on the fluid", model, reason);
+
+    /// Adds the equations and the drag of seepage through grains.
+    fn seepage_on_grains(&mut self, written: &Darcy) {
+        let flow = super::pore_flow::reynolds(self.scene).map_or_else(
+            || "no pressure and no flux drives the water".to_owned(),
+            |re| {
+                let re = number(re);
+                format!("the water seeps at a Reynolds number of about {re}")
+            },
+        );
+        self.add("equations", format!("{:?}", written.equations), flow);
+        let balance = if written.drag().model().balances() {
+            "balances the loss of pressure"
+        } else {
+            "independent of the resistance: see the closure of momentum in the log"
+        };
+        self.add("drag", written.drag().model().description(), balance);
+    }
+
+    /// Adds the models of a fluid on a lattice.
+    fn flow(&mut self, flow: &Flow) {
+        let operator = flow.collision.model();
+        let (name, reason) = match flow.lattice {
+            VelocitySet::D2Q9 => ("D2Q9", "the domain is 2-D"),
+            VelocitySet::D3Q19 => (
+                "D3Q19",
+                "the domain is 3-D; the smallest velocity set that is accurate at these velocities",
+            ),
+            VelocitySet::D3Q27 if operator.only_on().is_some() => {
+                ("D3Q27", "the moments of the operator are those of this set")
             }
-            choose(
-                "populations",
-                match flow.storage {
-                    Precision::F64 => "f64, deviations from rest".into(),
-                    Precision::F32 => "f32, deviations from rest".into(),
-                },
-                "streamed in place: one array; arithmetic in f64".into(),
-            );
-            match device(scene) {
-                Device::Cpu if flow.device == Device::Auto => choose(
-                    "device",
-                    "the processor".into(),
-                    "a GPU does not run this scene yet".into(),
-                ),
-                Device::Cpu => {}
-                Device::Gpu => choose("device", "a GPU".into(), "requested".into()),
-                Device::Auto => choose(
-                    "device",
-                    "a GPU where there is one, else the processor".into(),
-                    "requested; the state is the same on both".into(),
-                ),
-            }
+            VelocitySet::D3Q27 => ("D3Q27", "requested: isotropic to fourth order"),
+        };
+        self.add("lattice", name, reason);
+        let Description { model, reason } = operator.describe(flow.relaxation_time);
+        self.add("collision", model, reason);
+        let Description { model, reason } = flow.turbulence.map_or_else(
+            || {
+                Description::new(
+                    "none",
+                    "not requested: all eddies are assumed to be resolved, no velocity field is stored",
+                )
+            },
+            |model| model.describe(),
+        );
+        self.add("turbulence", model, reason);
+        if let Some((model, reason)) = gravity::describe(self.scene.gravity, flow.gravity_acts) {
+            self.add("gravity on the fluid", model, reason);
         }
+        let storage = match flow.storage {
+            Precision::F64 => "f64, deviations from rest",
+            Precision::F32 => "f32, deviations from rest",
+        };
+        self.add(
+            "populations",
+            storage,
+            "streamed in place: one array; arithmetic in f64",
+        );
+        self.device(flow);
     }
-    match (&scene.coupling, &scene.flow) {
-        (Some(coupling), Some(flow)) => choose(
-            "coupling",
-            name(coupling, flow),
-            "there are solids in the fluid".into(),
-        ),
-        (None, Some(_)) => choose(
-            "coupling",
-            "none".into(),
-            "there are no solids in the fluid".into(),
-        ),
-        _ => {}
+
+    /// Adds the device of a fluid on a lattice, where it is not the processor as requested.
+    fn device(&mut self, flow: &Flow) {
+        let (device, reason) = match device(self.scene) {
+            Device::Cpu if flow.device == Device::Auto => {
+                ("the processor", "a GPU does not run this scene yet")
+            }
+            Device::Cpu => return,
+            Device::Gpu => ("a GPU", "requested"),
+            Device::Auto => (
+                "a GPU where there is one, else the processor",
+                "requested; the state is the same on both",
+            ),
+        };
+        self.add("device", device, reason);
     }
-    let solid = scene.has_solids();
-    let kind = if dimension == 2 { "discs" } else { "spheres" };
-    match &scene.contact {
-        Some(table) if solid => {
-            let polyhedra = scene.polyhedra().count();
-            let reason = if polyhedra == 0 {
-                format!("requested; {kind}, without orientation")
-            } else {
-                format!("requested; {polyhedra} polyhedra")
-            };
-            choose("contact law", table.model().describe(), reason);
-            if table.is_elastic() {
-                choose(
-                    "contact damping",
-                    "none".into(),
-                    "no damping is set: bodies rebound from an impact as fast as they came".into(),
+
+    /// Adds the contact law of solids.
+    fn contacts(&mut self) {
+        let scene = self.scene;
+        let Some(table) = scene.contact.as_ref().filter(|_| scene.has_solids()) else {
+            self.add("contact law", "none", "nothing moves freely");
+            return;
+        };
+        let polyhedra = scene.polyhedra().count();
+        let reason = if polyhedra > 0 {
+            format!("requested; {polyhedra} polyhedra")
+        } else {
+            let flat = scene.grid.dimension == 2;
+            let kind = if flat { "discs" } else { "spheres" };
+            format!("requested; {kind}, without orientation")
+        };
+        self.add("contact law", table.model().describe(), reason);
+        if table.is_elastic() {
+            self.add(
+                "contact damping",
+                "none",
+                "no damping is set: bodies rebound from an impact as fast as they came",
+            );
+        }
+        self.add(
+            "solid steps",
+            format!("{} per fluid step", self.clock.solid_steps_per_step),
+            "the smallest number within the safety of the critical time step, or as requested",
+        );
+    }
+
+    /// Adds the beds that probes measure.
+    fn beds(&mut self) {
+        for probe in &self.scene.probes {
+            if let ProbeAt::Bed(bed) = &probe.at {
+                let [along, across, _] = bed.axes.map(|axis| AXES[axis]);
+                let name = &probe.name;
+                let threshold = number(bed.threshold);
+                let from = number(bed.mean_from);
+                self.add(
+                    "bed",
+                    format!("probe `{name}`: stream along {along}, bed across {across}"),
+                    format!("surface at a solid fraction of {threshold}, means from {from} s on"),
                 );
             }
-            choose(
-                "solid steps",
-                format!("{} per fluid step", clock.solid_steps_per_step),
-                "the smallest number within the safety of the critical time step, or as requested"
-                    .into(),
-            );
-        }
-        _ => choose("contact law", "none".into(), "nothing moves freely".into()),
-    }
-    for probe in &scene.probes {
-        if let ProbeAt::Bed(bed) = &probe.at {
-            let [along, across, _] = bed.axes.map(|axis| ["x", "y", "z"][axis]);
-            choose(
-                "bed",
-                format!(
-                    "probe `{}`: stream along {along}, bed across {across}",
-                    probe.name
-                ),
-                format!(
-                    "surface at a solid fraction of {}, means from {} s on",
-                    number(bed.threshold),
-                    number(bed.mean_from)
-                ),
-            );
         }
     }
-    choose(
-        "slabs",
-        format!("along {}", ["x", "y", "z"][scene.grid.split_axis.min(2)]),
-        format!("{} planes", scene.grid.cells[scene.grid.split_axis.min(2)]),
-    );
-    list
 }
 
-/// The coupling in words.
+/// Returns the coupling in words.
 fn name(coupling: &Coupling, flow: &Flow) -> String {
     let written = match coupling {
         Coupling::BounceBack(written) => {
