@@ -210,7 +210,13 @@ impl Scene {
         let seepage =
             seepage::Seepage::resolve(case, &grid, grains.as_ref(), &structures, &mut findings);
         let regions = observe::regions(case, &grid, &names, &mut findings);
-        let probes = observe::probes(case, &grid, (&bodies, &structures), &mut findings);
+        let measured = observe::Measured {
+            case,
+            grid: &grid,
+            bodies: &bodies,
+            structures: &structures,
+        };
+        let probes = observe::probes(&measured, &mut findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
         let solid = has_solids(case);

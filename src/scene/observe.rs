@@ -1,22 +1,21 @@
 //! Regions, probes, outputs and analysis of a scene.
 
 mod bed;
+mod probes;
 
 use super::block::Block;
-use super::bodies::Body;
 use super::findings::{Findings, at_least, number};
 use super::grains::{check_radii, fits_period};
 use super::grid::Grid;
-use super::structures::Structure;
 use super::{material, unique};
 use crate::case::Case;
 use crate::case::fluid::Fluid;
 use crate::case::geometry::{Axis, Face};
 use crate::case::grains::Radii;
-use crate::case::observe::{Action as Written, FieldName, ProbeAt as WrittenAt, When};
-use crate::dem::contact::Contact;
+use crate::case::observe::{Action as Written, FieldName, When};
 use crate::error::Remedy;
 pub use bed::Bed;
+pub(crate) use probes::{Measured, probes};
 use serde::Serialize;
 
 /// A box in which something happens to grains.
@@ -162,17 +161,8 @@ pub(crate) fn regions(
                     Block::vector(grid, v, &format!("{path}.velocity"), findings)
                 });
                 let name = name.as_ref().or(case.grains.as_ref().map(|g| &g.material));
-                let index = match name {
-                    Some(name) => material(names, name, &format!("{path}.material"), findings),
-                    None => {
-                        findings.error(
-                            &format!("{path}.material"),
-                            "the grains need a material",
-                            "name one",
-                        );
-                        None
-                    }
-                };
+                let path = format!("{path}.material");
+                let index = generated(name, names, &path, findings);
                 Action::Generate {
                     rate: *rate,
                     radii: radii.clone(),
@@ -202,220 +192,20 @@ pub(crate) fn regions(
     regions
 }
 
-pub(crate) fn probes(
-    case: &Case,
-    grid: &Grid,
-    (bodies, structures): (&[Body], &[Structure]),
+/// Returns the index of the material of generated grains.
+fn generated(
+    name: Option<&String>,
+    names: &[String],
+    path: &str,
     findings: &mut Findings,
-) -> Vec<Probe> {
-    let mut known = Vec::new();
-    let mut probes = Vec::new();
-    for (n, probe) in case.probes.iter().enumerate() {
-        let path = format!("probes[{n}]");
-        unique(&mut known, &probe.name, &format!("{path}.name"), findings);
-        due(case, probe.every, &format!("{path}.every"), findings);
-        let inside = |point: [f64; 3], path: &str, findings: &mut Findings| {
-            if !grid.contains(point) {
-                findings.error(path, "the probe lies outside the domain", "move it inside");
-            }
-            point
-        };
-        let needs_fluid = !matches!(probe.at, WrittenAt::Body { .. } | WrittenAt::Grains { .. });
-        if needs_fluid && case.fluid.is_none() {
-            findings.error(
-                &format!("{path}.at"),
-                "there is no fluid to probe",
-                "add `fluid`, or remove the probe",
-            );
-        }
-        let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
-        let of_pores = matches!(
-            probe.at,
-            WrittenAt::Point { .. } | WrittenAt::Section { .. }
-        );
-        if needs_fluid && seeps && !of_pores {
-            findings.error(
-                &format!("{path}.at"),
-                "this probe samples a fluid on a lattice; this is seepage",
-                "use a point, a section, or `output.fluid`, which has the pressure and velocity of every cell",
-            );
-        }
-        let at = match &probe.at {
-            WrittenAt::Point { position } => {
-                let path = format!("{path}.at.point.position");
-                let point = Block::vector(grid, position, &path, findings);
-                let holds = |s: &&Structure| s.stops.water() && s.solid.distance(point) < 0.0;
-                if let Some(structure) = structures.iter().find(holds) {
-                    findings.error(
-                        &path,
-                        format!("the point lies in the structure `{}`", structure.name),
-                        "move it into the water",
-                    );
-                }
-                ProbeAt::Point(inside(point, &path, findings))
-            }
-            WrittenAt::Line { from, to, points } => {
-                let ends = [("from", from), ("to", to)].map(|(name, end)| {
-                    let path = format!("{path}.at.line.{name}");
-                    let point = Block::vector(grid, end, &path, findings);
-                    inside(point, &path, findings)
-                });
-                ProbeAt::Line {
-                    from: ends[0],
-                    to: ends[1],
-                    points: usize::try_from(*points).unwrap_or(usize::MAX),
-                }
-            }
-            WrittenAt::Plane { axis, position } => {
-                let axis = axis.index();
-                if axis >= grid.dimension {
-                    findings.error(
-                        &format!("{path}.at.plane.axis"),
-                        "there is no z in a 2-D problem",
-                        "use x or y",
-                    );
-                } else if !(0.0..=grid.size[axis]).contains(position) {
-                    findings.error(
-                        &format!("{path}.at.plane.position"),
-                        format!(
-                            "the plane lies outside the domain, which is 0 … {} m there",
-                            number(grid.size[axis])
-                        ),
-                        "move it inside",
-                    );
-                }
-                ProbeAt::Plane {
-                    axis,
-                    position: *position,
-                }
-            }
-            WrittenAt::Body { name } => {
-                let index = bodies.iter().position(|b| b.name == *name);
-                if index.is_none() {
-                    let names: Vec<&str> = bodies.iter().map(|b| b.name.as_str()).collect();
-                    let remedy = crate::case::check::nearest(name, &names).map_or_else(
-                        || format!("bodies here: {}", names.join(", ")).into(),
-                        |near| {
-                            Remedy::from(format!("did you mean `{near}`?"))
-                                .set(format!("{path}.at.body.name"), near)
-                        },
-                    );
-                    findings.error(
-                        &format!("{path}.at.body.name"),
-                        "there is no body of this name",
-                        remedy,
-                    );
-                }
-                ProbeAt::Body(index.unwrap_or(0))
-            }
-            WrittenAt::Structure { name } => {
-                let mut water = structures.iter().filter(|s| s.stops.water());
-                let index = water.position(|s| s.name == *name);
-                if index.is_none() {
-                    let names: Vec<&str> = (structures.iter().filter(|s| s.stops.water()))
-                        .map(|s| s.name.as_str())
-                        .collect();
-                    findings.error(
-                        &format!("{path}.at.structure.name"),
-                        "there is no structure of this name that stops water",
-                        format!("structures here: {}", names.join(", ")),
-                    );
-                }
-                ProbeAt::Structure(index.unwrap_or(0))
-            }
-            WrittenAt::Section {
-                axis,
-                position,
-                part,
-            } => {
-                let path = format!("{path}.at.section");
-                if case.fluid.is_some() && !seeps {
-                    findings.error(
-                        &path,
-                        "a section is one of seepage; this is a fluid on a lattice",
-                        "use a plane",
-                    );
-                }
-                let axis = axis.index();
-                if axis >= grid.dimension || !(0.0..=grid.size[axis.min(2)]).contains(position) {
-                    findings.error(
-                        &format!("{path}.position"),
-                        "the section lies outside the domain",
-                        "move it inside",
-                    );
-                }
-                let part = part.as_ref().map(|part| {
-                    let from =
-                        Block::vector(grid, &part.from, &format!("{path}.part.from"), findings);
-                    let to = Block::vector(grid, &part.to, &format!("{path}.part.to"), findings);
-                    Block {
-                        from,
-                        to,
-                        dimension: grid.dimension,
-                    }
-                });
-                ProbeAt::Section {
-                    axis,
-                    position: *position,
-                    part,
-                }
-            }
-            WrittenAt::Wall { face } => {
-                if face.axis() >= grid.dimension || grid.periodic[face.axis()] {
-                    findings.error(
-                        &format!("{path}.at.wall.face"),
-                        "there is no wall at this face",
-                        "name another face",
-                    );
-                }
-                ProbeAt::Wall(*face)
-            }
-            WrittenAt::Grains(written) => {
-                let path = format!("{path}.at.grains");
-                if case.grains.is_none() {
-                    findings.error(
-                        &path,
-                        "there are no grains in this case",
-                        "add `grains`, or remove the probe",
-                    );
-                }
-                if matches!(case.contact, Some(Contact::Blocks(_))) {
-                    findings.error(
-                        &path,
-                        "the law `blocks` has contacts over areas, of which the stress of single forces and the number of contacts say nothing",
-                        "use another law, or remove the probe",
-                    );
-                }
-                ProbeAt::Grains {
-                    part: match &written.part {
-                        Some(part) => Block::resolve(grid, part, &format!("{path}.part"), findings),
-                        None => Block {
-                            from: [0.0; 3],
-                            to: grid.size,
-                            dimension: grid.dimension,
-                        },
-                    },
-                    mean_from: means(case, written.mean_from, &path, findings),
-                }
-            }
-            WrittenAt::Bed(written) => {
-                let path = format!("{path}.at.bed");
-                match bed::resolve(case, grid, written, &path, findings) {
-                    Some(bed) => ProbeAt::Bed(Box::new(bed)),
-                    None => continue,
-                }
-            }
-        };
-        probes.push(Probe {
-            name: probe.name.clone(),
-            every: probe.every,
-            at,
-        });
+) -> Option<usize> {
+    if name.is_none() {
+        findings.error(path, "the grains need a material", "name one");
     }
-    probes
+    material(names, name?, path, findings)
 }
 
-/// Start of the means over time of a probe \[s\].
+/// Returns the start of the means over time of a probe \[s\].
 fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
     let end = case.time.end;
     if from.is_some_and(|from| from >= end) {
@@ -476,39 +266,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                 Remedy::take_out("name one, or remove this output", "output.fluid"),
             );
         }
-        let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
-        let weightless =
-            (case.gravity.as_ref()).is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
-        for (n, field) in fluid.fields.iter().enumerate() {
-            let path = format!("output.fluid.fields[{n}]");
-            match field {
-                FieldName::Velocity | FieldName::Pressure => {}
-                FieldName::Head if !seeps => findings.error(
-                    &path,
-                    "a hydraulic head is one of seepage; this is a fluid on a lattice",
-                    "use `pressure`",
-                ),
-                FieldName::Head if weightless => findings.error(
-                    &path,
-                    "a head needs gravity, and there is none in this case",
-                    "add `gravity`, or use `pressure`",
-                ),
-                FieldName::Head => {}
-                _ if seeps => findings.error(
-                    &path,
-                    "seepage has no such field",
-                    "use velocity, pressure or head",
-                ),
-                _ => {}
-            }
-            if fluid.fields[..n].contains(field) {
-                findings.error(
-                    &format!("output.fluid.fields[{n}]"),
-                    "this field is named twice",
-                    "remove one of them",
-                );
-            }
-        }
+        check_fields(case, &fluid.fields, findings);
     }
     averages(case, findings);
     let others = [
@@ -530,6 +288,39 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
     }
     if let Some(every) = case.checkpoint.every {
         due(case, every, "checkpoint.every", findings);
+    }
+}
+
+/// Refuses fields that the fluid does not have, and fields that are named twice.
+fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
+    let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
+    let weightless =
+        (case.gravity.as_ref()).is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+    for (n, field) in fields.iter().enumerate() {
+        let path = format!("output.fluid.fields[{n}]");
+        match field {
+            FieldName::Velocity | FieldName::Pressure => {}
+            FieldName::Head if !seeps => findings.error(
+                &path,
+                "a hydraulic head is one of seepage; this is a fluid on a lattice",
+                "use `pressure`",
+            ),
+            FieldName::Head if weightless => findings.error(
+                &path,
+                "a head needs gravity, and there is none in this case",
+                "add `gravity`, or use `pressure`",
+            ),
+            FieldName::Head => {}
+            _ if seeps => findings.error(
+                &path,
+                "seepage has no such field",
+                "use velocity, pressure or head",
+            ),
+            _ => {}
+        }
+        if fields[..n].contains(field) {
+            findings.error(&path, "this field is named twice", "remove one of them");
+        }
     }
 }
 
@@ -574,6 +365,8 @@ fn averages(case: &Case, findings: &mut Findings) {
     }
 }
 
+const EROSION_LAW: &str = "analysis.erosion_law";
+
 pub(crate) fn erosion_law(
     case: &Case,
     grid: &Grid,
@@ -581,7 +374,7 @@ pub(crate) fn erosion_law(
     findings: &mut Findings,
 ) -> Option<ErosionLaw> {
     let law = case.analysis.erosion_law.as_ref()?;
-    let path = "analysis.erosion_law";
+    let path = EROSION_LAW;
     let hole = Block::resolve(grid, &law.hole, &format!("{path}.hole"), findings);
     due(case, law.every, &format!("{path}.every"), findings);
     let flow_axis = law.flow_axis.index();
@@ -600,7 +393,8 @@ pub(crate) fn erosion_law(
         findings.error(
             &format!("{path}.hole"),
             format!(
-                "the hole reaches the face of the domain across the flow, along {}, so that it does not have two faces of grains and its width and shear stress are not defined",
+                "the hole reaches the face of the domain across the flow, along {}, so that it does not have \
+                 two faces of grains and its width and shear stress are not defined",
                 ["x", "y"][across]
             ),
             "leave grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
@@ -618,21 +412,33 @@ pub(crate) fn erosion_law(
             );
         }
     }
+    let outlets = outlets(law.outlet.as_deref(), regions, findings);
+    Some(ErosionLaw {
+        hole,
+        flow_axis,
+        every: law.every,
+        outlets,
+        end_at_eroded_fraction: law.end_at_eroded_fraction,
+    })
+}
+
+/// Returns the indices of the regions whose removals count as eroded.
+fn outlets(outlet: Option<&str>, regions: &[Region], findings: &mut Findings) -> Vec<usize> {
     let removes = |r: &Region| matches!(r.action, Action::Remove { .. });
     let outlets: Vec<usize> = regions
         .iter()
         .enumerate()
-        .filter(|(_, r)| removes(r) && law.outlet.as_ref().is_none_or(|name| r.name == *name))
+        .filter(|(_, r)| removes(r) && outlet.is_none_or(|name| r.name == name))
         .map(|(n, _)| n)
         .collect();
     if outlets.is_empty() {
-        let (at, reason) = match law.outlet {
+        let (at, reason) = match outlet {
             Some(_) => (
-                format!("{path}.outlet"),
+                format!("{EROSION_LAW}.outlet"),
                 "there is no region of this name that removes grains",
             ),
             None => (
-                path.to_string(),
+                EROSION_LAW.to_string(),
                 "no region removes grains, so that no erosion would be counted",
             ),
         };
@@ -642,11 +448,5 @@ pub(crate) fn erosion_law(
             "add a region with {\"remove\": {}} and name it",
         );
     }
-    Some(ErosionLaw {
-        hole,
-        flow_axis,
-        every: law.every,
-        outlets,
-        end_at_eroded_fraction: law.end_at_eroded_fraction,
-    })
+    outlets
 }
