@@ -21,8 +21,8 @@ pub enum Initial {
         velocity: [f64; 3],
         /// Pressure above the reference \[Pa\].
         pressure: f64,
-        /// The weight of water at rest, which its pressure bears; none where gravity does not act on it, and where the case states
-        /// velocity and pressure.
+        /// The weight of water at rest, which its pressure bears; none where gravity does not act on it, and where the
+        /// case states velocity and pressure.
         weight: Option<Weight>,
     },
     /// Taylor-Green vortices: u = -U cos(ax) sin(by) cos(cz), v = (a/b) U sin(ax) cos(by) cos(cz).
@@ -60,8 +60,9 @@ pub enum Initial {
 
 /// Pressure that bears the weight of water at rest, p = p_0 + f·(x - x_0).
 ///
-/// On the lattice the density is then linear, and the populations are w_i (δρ - 3/2 c_i·F): collision turns the sign of the part of F, and
-/// streaming adds 3 w_i c_i·F, so that these populations stay as they are, also where links bounce back half-way.
+/// On the lattice the density is then linear, and the populations are w_i (δρ - 3/2 c_i·F): collision turns the sign
+/// of the part of F, and streaming adds 3 w_i c_i·F, so that these populations stay as they are, also where links
+/// bounce back half-way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Weight {
     /// Force density f [N/m3]: of the axes along which gravity acts and that have an end.
@@ -84,8 +85,9 @@ impl Weight {
 /// Openings may differ from one hydrostatic pressure by this part of the weight of the water column.
 const ALIKE: f64 = 0.5;
 
-/// The hydrostatic pressure of water at rest: that of the openings with a pressure, or of mean zero in the domain where there are none.
-/// None where nothing is to be borne, or where the openings contradict it, as those above and below water that falls.
+/// Returns the hydrostatic pressure of water at rest: that of the openings with a pressure, or of mean zero in the
+/// domain where there are none. None where nothing is to be borne, or where the openings contradict it, as those above
+/// and below water that falls.
 pub(super) fn weight(
     (density, gravity): (f64, [f64; 3]),
     acts: [bool; 3],
@@ -134,6 +136,7 @@ pub(super) fn weight(
     })
 }
 
+/// Returns the initial flow of a case.
 pub(super) fn initial(
     lbm: &LatticeBoltzmann,
     grid: &Grid,
@@ -141,61 +144,26 @@ pub(super) fn initial(
     findings: &mut Findings,
 ) -> Initial {
     let path = format!("{PATH}.initial");
+    let uniform = |velocity: [f64; 3], pressure: f64| Initial::Uniform {
+        velocity,
+        pressure,
+        weight: None,
+    };
     match &lbm.initial {
-        fluid::Initial::Rest {} => Initial::Uniform {
-            velocity: [0.0; 3],
-            pressure: 0.0,
-            weight: None,
-        },
-        fluid::Initial::Uniform(UniformFlow { velocity, pressure }) => Initial::Uniform {
-            velocity: Block::vector(
-                grid,
-                velocity,
-                &format!("{path}.uniform.velocity"),
-                findings,
-            ),
-            pressure: *pressure,
-            weight: None,
-        },
+        fluid::Initial::Rest {} => uniform([0.0; 3], 0.0),
+        fluid::Initial::Uniform(UniformFlow { velocity, pressure }) => {
+            let path = format!("{path}.uniform.velocity");
+            uniform(Block::vector(grid, velocity, &path, findings), *pressure)
+        }
         fluid::Initial::TaylorGreen {
             velocity,
             waves,
             waves_along_z,
         } => {
-            if waves.contains(&0) {
-                findings.error(
-                    &format!("{path}.taylor_green.waves"),
-                    "at least one wave is needed along each axis",
-                    Remedy::from("write for example [1, 1]")
-                        .set(format!("{path}.taylor_green.waves"), json!([1, 1])),
-                );
-            }
-            if !(grid.periodic[0] && grid.periodic[1]) {
-                findings.error(
-                    &format!("{path}.taylor_green"),
-                    "the vortices repeat along x and y, but the domain does not",
-                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
-                        .set("domain.periodic", json!(["x", "y"])),
-                );
-            }
-            if *waves_along_z > 0 && !(grid.dimension == 3 && grid.periodic[2]) {
-                findings.error(
-                    &format!("{path}.taylor_green.waves_along_z"),
-                    "the waves repeat along z, but the domain does not",
-                    "make the domain 3-D and periodic along z, or omit this",
-                );
-            }
-            let wave = |axis: usize, waves: u32| {
-                std::f64::consts::TAU * f64::from(waves) / grid.size[axis]
-            };
-            let along_z = if grid.dimension == 3 {
-                wave(2, *waves_along_z)
-            } else {
-                0.0
-            };
+            let path = format!("{path}.taylor_green");
             Initial::TaylorGreen {
                 velocity: *velocity,
-                wave_numbers: [wave(0, waves[0]), wave(1, waves[1]), along_z],
+                wave_numbers: wave_numbers(*waves, *waves_along_z, grid, &path, findings),
             }
         }
         fluid::Initial::ShearLayers {
@@ -203,14 +171,7 @@ pub(super) fn initial(
             thickness,
             perturbation,
         } => {
-            if !(grid.periodic[0] && grid.periodic[1]) {
-                findings.error(
-                    &format!("{path}.shear_layers"),
-                    "the layers repeat along x and y, but the domain does not",
-                    Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
-                        .set("domain.periodic", json!(["x", "y"])),
-                );
-            }
+            repeats("layers", grid, &format!("{path}.shear_layers"), findings);
             Initial::ShearLayers {
                 velocity: *velocity,
                 thickness: *thickness,
@@ -225,30 +186,13 @@ pub(super) fn initial(
             peak,
             fluctuations,
         } => {
+            let path = format!("{path}.channel");
             if let Some(fluctuations) = fluctuations {
-                let path = format!("{path}.channel.fluctuations");
-                fluctuations.check(grid.spacing, &path, findings);
+                fluctuations.check(grid.spacing, &format!("{path}.fluctuations"), findings);
             }
             let (flow, across) = (flow.index(), across.index());
-            if flow == across || flow.max(across) >= grid.dimension {
-                findings.error(
-                    &format!("{path}.channel"),
-                    "the flow and the direction across it must be two different axes of the domain",
-                    "write for example \"flow\": \"x\", \"across\": \"y\"",
-                );
-            }
-            let size = grid.size[across];
-            let between = [from.unwrap_or(0.0), to.unwrap_or(size)];
-            if !(0.0 <= between[0] && between[0] < between[1] && between[1] <= size) {
-                findings.error(
-                    &format!("{path}.channel"),
-                    format!(
-                        "the flow begins at {} m and ends at {} m, but the domain goes from 0 to {size} m along {}",
-                        between[0], between[1], ["x", "y", "z"][across]
-                    ),
-                    "state `from` below `to`, both inside the domain",
-                );
-            }
+            let between = [from.unwrap_or(0.0), to.unwrap_or(grid.size[across])];
+            check_channel([flow, across], between, grid, &path, findings);
             Initial::Channel {
                 flow,
                 across,
@@ -258,20 +202,98 @@ pub(super) fn initial(
             }
         }
         fluid::Initial::File { path: file } => {
-            let file = directory.join(file);
-            if let Err(reason) = holds_fields(&file, grid) {
-                findings.error(
-                    &format!("{path}.file.path"),
-                    reason,
-                    "name a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the case",
-                );
-            }
-            Initial::File(file)
+            let path = format!("{path}.file.path");
+            Initial::File(checked(directory.join(file), grid, &path, findings))
         }
     }
 }
 
-/// Whether a file holds velocity and pressure of every cell; only its headers are read.
+/// Returns the wave numbers of vortices that repeat with the domain.
+fn wave_numbers(
+    waves: [u32; 2],
+    waves_along_z: u32,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) -> [f64; 3] {
+    if waves.contains(&0) {
+        findings.error(
+            &format!("{path}.waves"),
+            "at least one wave is needed along each axis",
+            Remedy::from("write for example [1, 1]").set(format!("{path}.waves"), json!([1, 1])),
+        );
+    }
+    repeats("vortices", grid, path, findings);
+    if waves_along_z > 0 && !(grid.dimension == 3 && grid.periodic[2]) {
+        findings.error(
+            &format!("{path}.waves_along_z"),
+            "the waves repeat along z, but the domain does not",
+            "make the domain 3-D and periodic along z, or omit this",
+        );
+    }
+    let wave = |axis: usize, waves: u32| std::f64::consts::TAU * f64::from(waves) / grid.size[axis];
+    let along_z = if grid.dimension == 3 {
+        wave(2, waves_along_z)
+    } else {
+        0.0
+    };
+    [wave(0, waves[0]), wave(1, waves[1]), along_z]
+}
+
+/// Refuses a flow that repeats along x and y in a domain that does not.
+fn repeats(what: &str, grid: &Grid, path: &str, findings: &mut Findings) {
+    if !(grid.periodic[0] && grid.periodic[1]) {
+        findings.error(
+            path,
+            format!("the {what} repeat along x and y, but the domain does not"),
+            Remedy::from("write \"periodic\": [\"x\", \"y\"] in the domain")
+                .set("domain.periodic", json!(["x", "y"])),
+        );
+    }
+}
+
+/// Refuses axes that are not two of the domain, and ends in the wrong order or outside the domain.
+fn check_channel(
+    [flow, across]: [usize; 2],
+    [from, to]: [f64; 2],
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) {
+    if flow == across || flow.max(across) >= grid.dimension {
+        findings.error(
+            path,
+            "the flow and the direction across it must be two different axes of the domain",
+            "write for example \"flow\": \"x\", \"across\": \"y\"",
+        );
+    }
+    let size = grid.size[across];
+    if !(0.0 <= from && from < to && to <= size) {
+        findings.error(
+            path,
+            format!(
+                "the flow begins at {from} m and ends at {to} m, \
+                 but the domain goes from 0 to {size} m along {}",
+                ["x", "y", "z"][across]
+            ),
+            "state `from` below `to`, both inside the domain",
+        );
+    }
+}
+
+/// Returns a file, and refuses it without velocity and pressure of every cell.
+fn checked(file: PathBuf, grid: &Grid, path: &str, findings: &mut Findings) -> PathBuf {
+    if let Err(reason) = holds_fields(&file, grid) {
+        findings.error(
+            path,
+            reason,
+            "name a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the case",
+        );
+    }
+    file
+}
+
+/// Returns an error unless a file holds velocity and pressure of every cell; only its headers are read.
 fn holds_fields(file: &Path, grid: &Grid) -> Result<(), String> {
     for (name, components) in [("velocity", 3), ("pressure", 1)] {
         let shape = io::fields::column_shape(file, name).map_err(|e| e.to_string())?;
