@@ -105,30 +105,15 @@ fn walls(lbm: &LatticeBoltzmann) -> [[bool; 2]; 3] {
     walls
 }
 
-/// The patches of every face of the domain.
+/// Returns the patches of every face of the domain.
 pub(super) fn faces(
     lbm: &LatticeBoltzmann,
     grid: &Grid,
     directory: &Path,
     findings: &mut Findings,
 ) -> [Vec<Patch>; 6] {
-    let mut faces: [Vec<Patch>; 6] = Default::default();
-    for face in Face::ALL {
-        if face.axis() < grid.dimension && !grid.periodic[face.axis()] {
-            let (from, to) = whole_face(grid, face);
-            faces[face.index()].push(Patch {
-                name: face.name().into(),
-                face,
-                from,
-                to,
-                ends: ends_of(from, to),
-                walls: walls(lbm),
-                condition: Condition::NoSlip(NoSlip {}),
-                index: None,
-            });
-        }
-    }
     let walls = walls(lbm);
+    let mut faces = closed(grid, walls);
     let mut named = [false; 6];
     let mut names: Vec<&str> = Vec::new();
     for (n, boundary) in lbm.boundaries.iter().enumerate() {
@@ -144,96 +129,146 @@ pub(super) fn faces(
         let condition_path = format!("{path}.condition");
         let site = site(grid, face, &condition_path, walls);
         let condition = boundary.condition.resolved(&site, &read, findings);
-        if face.axis() >= grid.dimension {
+        if !has_conditions(grid, face, &format!("{path}.face"), findings) {
+            continue;
+        }
+        let patches = &mut faces[face.index()];
+        if let Some(extent) = &boundary.patch {
+            let whole = Patch {
+                name: boundary.name.clone(),
+                condition,
+                index: Some(n),
+                ..closed_face(grid, face, walls)
+            };
+            let path = format!("{path}.patch");
+            let block = tangential(grid, face, extent, &path, findings);
+            let patch = part(whole, &block, grid, &path, findings);
+            check_overlap(&patch, &patches[1..], &path, findings);
+            patches.push(patch);
+            continue;
+        }
+        if std::mem::replace(&mut named[face.index()], true) {
             findings.error(
                 &format!("{path}.face"),
-                "there is no such face in a 2-D problem",
-                "take this condition out",
-            );
-            continue;
-        }
-        if grid.periodic[face.axis()] {
-            let axis = ["x", "y", "z"][face.axis()];
-            findings.error(
-                &format!("{path}.face"),
-                format!("the domain is periodic along {axis}: this face has no condition"),
-                format!("take this condition out, or {axis} out of domain.periodic"),
-            );
-            continue;
-        }
-        let Some(extent) = &boundary.patch else {
-            if std::mem::replace(&mut named[face.index()], true) {
-                findings.error(
-                    &format!("{path}.face"),
-                    format!("the whole face {} has two conditions", face.name()),
-                    "keep one, or give one of them a patch",
-                );
-            }
-            let base = &mut faces[face.index()][0];
-            base.name.clone_from(&boundary.name);
-            base.condition = condition;
-            base.index = Some(n);
-            continue;
-        };
-        let patch_path = format!("{path}.patch");
-        let block = tangential(grid, face, extent, &patch_path, findings);
-        let (mut from, mut to) = whole_face(grid, face);
-        let cut = condition.model().nature().strength == Strength::Velocity;
-        let mut ends = ends_of(from, to);
-        for a in (0..grid.dimension).filter(|a| *a != face.axis()) {
-            // A cell belongs to a patch if its centre does.
-            from[a] = whole((block.from[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
-            to[a] = whole((block.to[a] / grid.spacing - 0.5).ceil()).min(grid.cells[a]);
-            ends[a] = [from[a], to[a]].map(real);
-            if cut && block.from[a] < block.to[a] {
-                // What it imposes is weighted by area in the cells that it cuts.
-                let written = [block.from[a], block.to[a]].map(|x| x / grid.spacing);
-                ends[a] = written.map(|x| {
-                    if (x - x.round()).abs() < AT_FACE {
-                        x.round()
-                    } else {
-                        x
-                    }
-                });
-                from[a] = whole(ends[a][0].floor()).min(grid.cells[a]);
-                to[a] = whole(ends[a][1].ceil()).min(grid.cells[a]);
-            }
-            if from[a] >= to[a] && block.from[a] < block.to[a] {
-                findings.error(
-                    &patch_path,
-                    "the patch holds the centre of no cell",
-                    "make it larger, or the spacing finer",
-                );
-            }
-        }
-        let patch = Patch {
-            name: boundary.name.clone(),
-            face,
-            from,
-            to,
-            ends,
-            walls,
-            condition,
-            index: Some(n),
-        };
-        if patch.condition.model().passes_water() && !cut {
-            moved(grid, &patch, &block, &patch_path, findings);
-        }
-        let overlaps = faces[face.index()][1..]
-            .iter()
-            .find(|other| (0..3).all(|a| other.from[a] < to[a] && from[a] < other.to[a]));
-        if let Some(other) = overlaps {
-            findings.error(
-                &patch_path,
-                format!("this patch overlaps the patch of `{}`", other.name),
-                "make them share no cell",
+                format!("the whole face {} has two conditions", face.name()),
+                "keep one, or give one of them a patch",
             );
         }
-        faces[face.index()].push(patch);
+        let base = &mut patches[0];
+        base.name.clone_from(&boundary.name);
+        base.condition = condition;
+        base.index = Some(n);
     }
     closed_volume(&faces, grid, findings);
     check_cells(&faces, grid, findings);
     faces
+}
+
+/// Returns faces without conditions of their own: walls, but for those that repeat.
+fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<Patch>; 6] {
+    let mut faces: [Vec<Patch>; 6] = Default::default();
+    for face in Face::ALL {
+        if face.axis() < grid.dimension && !grid.periodic[face.axis()] {
+            faces[face.index()].push(closed_face(grid, face, walls));
+        }
+    }
+    faces
+}
+
+/// Returns a whole face as a wall nobody named.
+fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> Patch {
+    let mut to = grid.cells;
+    to[face.axis()] = 1;
+    Patch {
+        name: face.name().into(),
+        face,
+        from: [0; 3],
+        to,
+        ends: to.map(|end| [0.0, real(end)]),
+        walls,
+        condition: Condition::NoSlip(NoSlip {}),
+        index: None,
+    }
+}
+
+/// Returns true for a face that can have conditions, and refuses others.
+fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) -> bool {
+    if face.axis() >= grid.dimension {
+        findings.error(
+            path,
+            "there is no such face in a 2-D problem",
+            "take this condition out",
+        );
+        return false;
+    }
+    let periodic = grid.periodic[face.axis()];
+    if periodic {
+        let axis = ["x", "y", "z"][face.axis()];
+        findings.error(
+            path,
+            format!("the domain is periodic along {axis}: this face has no condition"),
+            format!("take this condition out, or {axis} out of domain.periodic"),
+        );
+    }
+    !periodic
+}
+
+/// Returns the part of a patch of a whole face that lies in a box.
+fn part(
+    mut patch: Patch,
+    block: &Block,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) -> Patch {
+    let cut = patch.condition.model().nature().strength == Strength::Velocity;
+    for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
+        let written = [block.from[a], block.to[a]];
+        let within = |cell: f64| whole(cell).min(grid.cells[a]);
+        // A cell belongs to a patch if its centre does.
+        let mut cells = written.map(|x| within((x / grid.spacing - 0.5).ceil()));
+        patch.ends[a] = cells.map(real);
+        if cut && written[0] < written[1] {
+            // The imposed velocity is weighted by area in the cells that it cuts.
+            let ends = written.map(|x| on_face(x / grid.spacing));
+            patch.ends[a] = ends;
+            cells = [within(ends[0].floor()), within(ends[1].ceil())];
+        }
+        [patch.from[a], patch.to[a]] = cells;
+        if cells[0] >= cells[1] && written[0] < written[1] {
+            findings.error(
+                path,
+                "the patch holds the centre of no cell",
+                "make it larger, or the spacing finer",
+            );
+        }
+    }
+    if patch.condition.model().passes_water() && !cut {
+        moved(grid, &patch, block, path, findings);
+    }
+    patch
+}
+
+/// Returns a place in cells, moved to a face between cells where it lies beside one by rounding.
+fn on_face(x: f64) -> f64 {
+    if (x - x.round()).abs() < AT_FACE {
+        x.round()
+    } else {
+        x
+    }
+}
+
+/// Refuses a patch that shares cells with an earlier one.
+fn check_overlap(patch: &Patch, others: &[Patch], path: &str, findings: &mut Findings) {
+    let shares =
+        |other: &&Patch| (0..3).all(|a| other.from[a] < patch.to[a] && patch.from[a] < other.to[a]);
+    if let Some(other) = others.iter().find(shares) {
+        findings.error(
+            path,
+            format!("this patch overlaps the patch of `{}`", other.name),
+            "make them share no cell",
+        );
+    }
 }
 
 /// Part of a cell by which an end of a patch may lie beside a face between cells and count as on it.
@@ -266,7 +301,7 @@ fn moved(grid: &Grid, patch: &Patch, written: &Block, path: &str, findings: &mut
     }
 }
 
-/// The box of a patch; what it says along the normal does not matter.
+/// Returns the box of a patch; what it says along the normal does not matter.
 fn tangential(
     grid: &Grid,
     face: Face,
@@ -282,17 +317,7 @@ fn tangential(
     Block::resolve(grid, &extent, path, findings)
 }
 
-fn ends_of(from: [usize; 3], to: [usize; 3]) -> [[f64; 2]; 3] {
-    std::array::from_fn(|a| [from[a], to[a]].map(real))
-}
-
-fn whole_face(grid: &Grid, face: Face) -> ([usize; 3], [usize; 3]) {
-    let mut to = grid.cells;
-    to[face.axis()] = 1;
-    ([0; 3], to)
-}
-
-/// What depends on the cells of the patches.
+/// Checks what depends on the cells of the patches.
 fn check_cells(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
     for patch in faces.iter().flatten() {
         if let Some(n) = patch.index {
@@ -304,7 +329,7 @@ fn check_cells(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
     }
 }
 
-/// Water is nearly incompressible: what flows in must find a way out.
+/// Refuses velocities that let more water in than out: it is nearly incompressible.
 fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
     let mut inflow = 0.0;
     let mut through = 0.0;
