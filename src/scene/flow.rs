@@ -20,7 +20,8 @@ use crate::units::LatticeUnits;
 use serde::Serialize;
 use serde_json::json;
 
-/// From this relaxation time on, without eddies, flow is slow enough for the matched operator: its cells resist by viscosity alone.
+/// Relaxation time from which on, without eddies, flow is slow enough for the matched operator: its cells resist by
+/// viscosity alone.
 const SLOW: f64 = 0.52;
 
 /// A resolved lattice Boltzmann fluid, in SI.
@@ -104,7 +105,10 @@ impl Flow {
             let pull = (lbm.density, gravity.to_array());
             *weight = super::initial::weight(pull, acts, grid, &faces);
         }
-        let (time_step, fixed_by) = time_step(lbm, grid, findings)?;
+        let FixedStep {
+            time_step,
+            by: fixed_by,
+        } = time_step(lbm, grid, findings)?;
         let units = LatticeUnits {
             spacing: grid.spacing,
             time_step,
@@ -188,13 +192,15 @@ pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Fi
     }
 }
 
-/// The time step from whichever of the three ways the case uses; with none of them one that holds the place of that which is
-/// chosen once the speeds are known.
-fn time_step(
-    lbm: &LatticeBoltzmann,
-    grid: &Grid,
-    findings: &mut Findings,
-) -> Option<(f64, &'static str)> {
+/// A time step and the field of the case that fixes it.
+struct FixedStep {
+    time_step: f64,
+    by: &'static str,
+}
+
+/// Returns the time step from whichever of the three ways the case uses; with none of them one that holds the place of
+/// that which is chosen once the speeds are known.
+fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
     let ways = [
         ("relaxation_time", lbm.relaxation_time),
         ("time_step", lbm.time_step),
@@ -205,56 +211,24 @@ fn time_step(
         .filter(|(_, value)| value.is_some())
         .map(|(name, _)| *name)
         .collect();
-    if lbm.lattice_velocity.is_some() != lbm.reference_velocity.is_some() {
-        let missing = if lbm.lattice_velocity.is_some() {
-            "reference_velocity"
-        } else {
-            "lattice_velocity"
-        };
-        findings.error(
-            &format!("{PATH}.{missing}"),
-            "`reference_velocity` and `lattice_velocity` fix the time step together",
-            if lbm.lattice_velocity.is_some() {
-                Remedy::take_out(
-                    format!("add `{missing}`, or omit `lattice_velocity`"),
-                    &format!("{PATH}.lattice_velocity"),
-                )
-            } else {
-                Remedy::from(format!("add `{missing}` (for example 0.05), or omit both"))
-                    .set(format!("{PATH}.lattice_velocity"), 0.05)
-            },
-        );
-        if given.is_empty() || missing == "lattice_velocity" {
-            return None;
-        }
+    if !check_velocities(lbm, given.is_empty(), findings) {
+        return None;
     }
     let (h, nu) = (grid.spacing, lbm.kinematic_viscosity);
-    let name = match given[..] {
-        [] => return Some((LatticeUnits::time_step_for(1.0, h, nu), "accuracy")),
+    let by = match given[..] {
+        [] => {
+            return Some(FixedStep {
+                time_step: LatticeUnits::time_step_for(1.0, h, nu),
+                by: "accuracy",
+            });
+        }
         [name] => name,
-        [_, second, ..] => {
-            findings.error(
-                &format!("{PATH}.{second}"),
-                format!(
-                    "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
-                    given.join(" and ")
-                ),
-                {
-                    let remedy = Remedy::from(
-                        "keep one of them, or none: the program then chooses the time step",
-                    );
-                    let others = given[1..].iter().copied();
-                    let more = lbm.lattice_velocity.is_some().then_some("lattice_velocity");
-                    others.chain(more).fold(remedy, |remedy, name| {
-                        remedy.set(format!("{PATH}.{name}"), serde_json::Value::Null)
-                    })
-                },
-            );
+        [..] => {
+            too_many(lbm, &given, findings);
             return None;
         }
     };
-    let path = format!("{PATH}.{name}");
-    let dt = match (
+    let time_step = match (
         lbm.relaxation_time,
         lbm.time_step,
         lbm.reference_velocity,
@@ -265,15 +239,71 @@ fn time_step(
         (.., Some(velocity), Some(lattice_velocity)) => lattice_velocity * h / velocity,
         _ => return None,
     };
-    if let Some(tau) = lbm.relaxation_time
-        && tau <= 0.5
-    {
+    let fixed = FixedStep { time_step, by };
+    check_time_step(lbm, h, &fixed, findings).then_some(fixed)
+}
+
+/// Refuses one of two velocities without the other. Returns false where no time step follows.
+fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings) -> bool {
+    let of_lattice = lbm.lattice_velocity.is_some();
+    if of_lattice == lbm.reference_velocity.is_some() {
+        return true;
+    }
+    let missing = if of_lattice {
+        "reference_velocity"
+    } else {
+        "lattice_velocity"
+    };
+    let path = format!("{PATH}.lattice_velocity");
+    findings.error(
+        &format!("{PATH}.{missing}"),
+        "`reference_velocity` and `lattice_velocity` fix the time step together",
+        if of_lattice {
+            Remedy::take_out(
+                format!("add `{missing}`, or omit `lattice_velocity`"),
+                &path,
+            )
+        } else {
+            Remedy::from(format!("add `{missing}` (for example 0.05), or omit both"))
+                .set(path, 0.05)
+        },
+    );
+    of_lattice && !alone
+}
+
+/// Refuses more than one way to fix the time step.
+fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findings) {
+    let remedy = Remedy::from("keep one of them, or none: the program then chooses the time step");
+    let others = given[1..].iter().copied();
+    let more = lbm.lattice_velocity.is_some().then_some("lattice_velocity");
+    findings.error(
+        &format!("{PATH}.{}", given[1]),
+        format!(
+            "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
+            given.join(" and ")
+        ),
+        others.chain(more).fold(remedy, |remedy, name| {
+            remedy.set(format!("{PATH}.{name}"), serde_json::Value::Null)
+        }),
+    );
+}
+
+/// Returns true for a time step with a relaxation time in the stable range, and refuses others.
+fn check_time_step(
+    lbm: &LatticeBoltzmann,
+    h: f64,
+    fixed: &FixedStep,
+    findings: &mut Findings,
+) -> bool {
+    let (dt, nu) = (fixed.time_step, lbm.kinematic_viscosity);
+    let path = format!("{PATH}.{}", fixed.by);
+    if lbm.relaxation_time.is_some_and(|tau| tau <= 0.5) {
         findings.error(
             &path,
             "the viscosity on the lattice is (tau - 1/2)/3 and must be positive: tau must be above 0.5",
             Remedy::from("use 0.51 to 2, for example 0.8").set(&*path, 0.8),
         );
-        return None;
+        return false;
     }
     let tau = 0.5 + 3.0 * nu * dt / (h * h);
     if !(dt.is_finite() && dt > 0.0 && tau.is_finite()) {
@@ -282,41 +312,35 @@ fn time_step(
             "no finite time step follows from this",
             "check the units of viscosity and spacing",
         );
-        return None;
+        return false;
     }
     if tau <= 0.5 + 1e-12 || tau > 1e3 {
+        let remedy = format!(
+            "use a time step of {} … {} s at this spacing and viscosity",
+            number(0.01 * h * h / (3.0 * nu)),
+            number(0.5 * h * h / nu)
+        );
         findings.error(
             &path,
             format!(
                 "the relaxation time becomes tau = {tau:.6e}; it must be above 0.5 and below 1000"
             ),
-            of_time(
-                lbm,
-                format!(
-                    "use a time step of {} … {} s at this spacing and viscosity",
-                    number(0.01 * h * h / (3.0 * nu)),
-                    number(0.5 * h * h / nu)
-                ),
-                at_most(0.1 * h * h / nu),
-            ),
+            of_time(lbm, remedy, at_most(0.1 * h * h / nu)),
         );
-        return None;
+        return false;
     }
     if tau > 2.0 {
+        let remedy = format!("use a time step below {} s", number(0.5 * h * h / nu));
         findings.warn(
             &path,
             format!(
                 "the relaxation time is tau = {}: large values cost accuracy",
                 number(tau)
             ),
-            of_time(
-                lbm,
-                format!("use a time step below {} s", number(0.5 * h * h / nu)),
-                at_most(0.49 * h * h / nu),
-            ),
+            of_time(lbm, remedy, at_most(0.49 * h * h / nu)),
         );
     }
-    Some((dt, name))
+    true
 }
 
 /// Proposes a time step instead of the field that fixes it.
