@@ -1,7 +1,7 @@
 //! The resolved problem: checked, complete, the same on every rank, without state.
 //!
-//! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI. [`crate::plan`] derives
-//! time steps, memory and stability.
+//! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI.
+//! [`crate::plan`] derives time steps, memory and stability.
 
 pub mod auto;
 pub mod block;
@@ -106,6 +106,80 @@ pub struct Material {
     pub density: Option<f64>,
 }
 
+/// The solids of a scene, and the law of their contacts.
+struct Solids {
+    structures: Vec<structures::Structure>,
+    walls: Vec<walls::Wall>,
+    bodies: Vec<bodies::Body>,
+    grains: Option<grains::Grains>,
+    contact: Option<contact::ContactTable>,
+    blocks: Option<blocks::Blocks>,
+}
+
+impl Solids {
+    /// Resolves the solids of a case.
+    fn resolve(
+        case: &Case,
+        grid: &grid::Grid,
+        names: &[String],
+        flow: Option<&flow::Flow>,
+        findings: &mut Findings,
+    ) -> Self {
+        let structures = structures::structures(case, grid, names, findings);
+        if let Some(flow) = flow {
+            structures::openings(grid, &structures, flow, findings);
+        }
+        let walls = walls::walls(case, grid, names, &structures, findings);
+        let bodies = bodies::bodies(case, grid, names, findings);
+        let grains = grains::grains(case, grid, names, findings);
+        let contact = contact::ContactTable::resolve(case, grains.as_ref(), findings);
+        contact::warn_of_friction(case, findings);
+        Self {
+            structures,
+            walls,
+            bodies,
+            grains,
+            contact,
+            blocks: blocks::blocks(case, grid, names, findings),
+        }
+    }
+
+    /// Checks walls in the water.
+    fn check_water(&self, case: &Case, grid: &grid::Grid, findings: &mut Findings) {
+        let fixed = |body: &&bodies::Body| body.mobility == bodies::Mobility::Fixed;
+        let bodies = self.bodies.iter().filter(fixed);
+        let bodies = bodies.filter_map(|body| body.solid.as_ref());
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        let blocks = blocks.filter(|block| block.fixed);
+        let fixed: Vec<&Solid> = bodies.chain(blocks.map(|block| &block.solid)).collect();
+        let solids = (self.structures.as_slice(), fixed.as_slice());
+        walls::walls_in_water(case, grid, &self.walls, solids, findings);
+    }
+
+    /// Refuses solids that overlap at the start.
+    fn check_start(
+        &self,
+        case: &Case,
+        grid: &grid::Grid,
+        gravity: [f64; 3],
+        findings: &mut Findings,
+    ) {
+        let (bodies, walls, grains) = (&self.bodies, &self.walls, self.grains.as_ref());
+        overlaps::overlaps(grid, grains, bodies, walls, findings);
+        overlaps::fallen_grains(grid, gravity, grains, bodies, findings);
+        if let Some(grains) = grains {
+            let list = match &grains.source {
+                grains::GrainSource::List(list) => (&list[..], false),
+                grains::GrainSource::File { grains, .. } => (&grains[..], true),
+                _ => (&[][..], false),
+            };
+            structures::grains_inside(&self.structures, list, &grains.cut, findings);
+        }
+        let blocks = self.blocks.as_ref();
+        blocks::overlaps(case, blocks, bodies, grains, walls, findings);
+    }
+}
+
 impl Scene {
     /// Resolves a case; returns warnings beside the scene.
     ///
@@ -138,7 +212,7 @@ impl Scene {
         }
     }
 
-    /// The scene at a spacing.
+    /// Resolves a case at a spacing, with the choices that it leaves to the program.
     fn at<'a>(
         written: &Case,
         spacing: &auto::spacing::Spacing,
@@ -149,112 +223,12 @@ impl Scene {
         spacing.note(&mut chosen);
         spacing.tell_of_rounding(written, &mut findings);
         let case = &*auto::filled(written, spacing, &mut chosen);
-        let Some(grid) = grid::Grid::resolve(&case.domain, &mut findings) else {
-            return (None, findings);
-        };
-        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
-            block::Block::vector(&grid, g, "gravity", &mut findings)
-        });
-        let names: Vec<String> = case.materials.keys().cloned().collect();
-        let materials = case
-            .materials
-            .iter()
-            .map(|(name, material)| Material {
-                name: name.clone(),
-                density: material.density,
-            })
-            .collect();
-        let flow = flow::Flow::resolve(case, &grid, &mut findings);
-        let structures = structures::structures(case, &grid, &names, &mut findings);
-        if let Some(flow) = &flow {
-            structures::openings(&grid, &structures, flow, &mut findings);
-        }
-        let walls = walls::walls(case, &grid, &names, &structures, &mut findings);
-        let bodies = bodies::bodies(case, &grid, &names, &mut findings);
-        let grains = grains::grains(case, &grid, &names, &mut findings);
-        let contact = contact::ContactTable::resolve(case, grains.as_ref(), &mut findings);
-        contact::warn_of_friction(case, &mut findings);
-        let blocks = blocks::blocks(case, &grid, &names, &mut findings);
-        let still = bodies
-            .iter()
-            .filter(|body| body.mobility == bodies::Mobility::Fixed);
-        let still = still.filter_map(|body| body.solid.as_ref());
-        let still_blocks = blocks.iter().flat_map(|blocks| &blocks.list);
-        let still_blocks = still_blocks.filter(|block| block.fixed);
-        let fixed: Vec<&Solid> = still
-            .chain(still_blocks.map(|block| &block.solid))
-            .collect();
-        let solids = (structures.as_slice(), fixed.as_slice());
-        walls::walls_in_water(case, &grid, &walls, solids, &mut findings);
         // A run that goes on has left its start behind.
-        if like.is_none() {
-            overlaps::overlaps(&grid, grains.as_ref(), &bodies, &walls, &mut findings);
-            overlaps::fallen_grains(&grid, gravity, grains.as_ref(), &bodies, &mut findings);
-            if let Some(grains) = &grains {
-                let list = match &grains.source {
-                    grains::GrainSource::List(list) => (&list[..], false),
-                    grains::GrainSource::File { grains, .. } => (&grains[..], true),
-                    _ => (&[][..], false),
-                };
-                structures::grains_inside(&structures, list, &grains.cut, &mut findings);
-            }
-            blocks::overlaps(
-                case,
-                blocks.as_ref(),
-                &bodies,
-                grains.as_ref(),
-                &walls,
-                &mut findings,
-            );
-        }
-        let seepage =
-            seepage::Seepage::resolve(case, &grid, grains.as_ref(), &structures, &mut findings);
-        let regions = observe::regions(case, &grid, &names, &mut findings);
-        let measured = observe::Measured {
-            case,
-            grid: &grid,
-            bodies: &bodies,
-            structures: &structures,
-        };
-        let probes = observe::probes(&measured, &mut findings);
-        let erosion_law = observe::erosion_law(case, &grid, &regions, &mut findings);
-        let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, &mut findings);
-        let solid = has_solids(case);
-        observe::outputs(case, solid, &mut findings);
-        agree(case, &mut findings);
-        saved::names(case, &mut findings);
-        if findings.refused()
-            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
-                || case.grains.is_some() && grains.is_none()
-                || case.blocks.is_some() && blocks.is_none())
-        {
+        let starts = like.is_none();
+        let Some(mut scene) = Self::filled(case, starts, &mut findings) else {
             return (None, findings);
-        }
-        let mut scene = Self {
-            title: case.title.clone(),
-            grid,
-            gravity,
-            materials,
-            flow,
-            seepage,
-            grains,
-            blocks,
-            contact,
-            structures,
-            walls,
-            bodies,
-            coupling: case.coupling.clone().filter(|_| solid),
-            time: case.time.clone(),
-            regions,
-            probes,
-            output: case.output.clone(),
-            checkpoint: case.checkpoint.clone(),
-            guards: case.guards.clone(),
-            erosion_law,
-            ground_collapse,
-            density_causes: Vec::new(),
-            chosen,
         };
+        scene.chosen = chosen;
         match like {
             Some(like) => {
                 auto::keep(&mut scene, written, like);
@@ -263,7 +237,8 @@ impl Scene {
             None => auto::settle(&mut scene, case, written, &mut findings),
         }
         log::debug!(
-            "scene: cells {:?} of {} m, {} materials, {} bodies, {} blocks, {} walls, {} regions, {} probes, {} findings",
+            "scene: cells {:?} of {} m, {} materials, {} bodies, \
+             {} blocks, {} walls, {} regions, {} probes, {} findings",
             scene.grid.cells,
             scene.grid.spacing,
             scene.materials.len(),
@@ -275,6 +250,74 @@ impl Scene {
             findings.problems.len()
         );
         (Some(scene), findings)
+    }
+
+    /// Resolves a case with a spacing, before the program chooses what the case leaves out.
+    fn filled(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
+        let grid = grid::Grid::resolve(&case.domain, findings)?;
+        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
+            block::Block::vector(&grid, g, "gravity", findings)
+        });
+        let names: Vec<String> = case.materials.keys().cloned().collect();
+        let materials = case.materials.iter().map(|(name, material)| Material {
+            name: name.clone(),
+            density: material.density,
+        });
+        let materials = materials.collect();
+        let flow = flow::Flow::resolve(case, &grid, findings);
+        let solids = Solids::resolve(case, &grid, &names, flow.as_ref(), findings);
+        solids.check_water(case, &grid, findings);
+        if starts {
+            solids.check_start(case, &grid, gravity, findings);
+        }
+        let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
+        let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
+        let regions = observe::regions(case, &grid, &names, findings);
+        let measured = observe::Measured {
+            case,
+            grid: &grid,
+            bodies: &solids.bodies,
+            structures,
+        };
+        let probes = observe::probes(&measured, findings);
+        let erosion_law = observe::erosion_law(case, &grid, &regions, findings);
+        let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, findings);
+        let solid = has_solids(case);
+        observe::outputs(case, solid, findings);
+        agree(case, findings);
+        saved::names(case, findings);
+        if findings.refused()
+            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
+                || case.grains.is_some() && solids.grains.is_none()
+                || case.blocks.is_some() && solids.blocks.is_none())
+        {
+            return None;
+        }
+        Some(Self {
+            title: case.title.clone(),
+            grid,
+            gravity,
+            materials,
+            flow,
+            seepage,
+            grains: solids.grains,
+            blocks: solids.blocks,
+            contact: solids.contact,
+            structures: solids.structures,
+            walls: solids.walls,
+            bodies: solids.bodies,
+            coupling: case.coupling.clone().filter(|_| solid),
+            time: case.time.clone(),
+            regions,
+            probes,
+            output: case.output.clone(),
+            checkpoint: case.checkpoint.clone(),
+            guards: case.guards.clone(),
+            erosion_law,
+            ground_collapse,
+            density_causes: Vec::new(),
+            chosen: auto::Chosen::default(),
+        })
     }
 
     /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion law.
@@ -362,11 +405,10 @@ fn has_solids(case: &Case) -> bool {
     case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty()
 }
 
-/// The parts of a case must fit each other.
+/// Checks that the parts of a case fit each other.
 fn agree(case: &Case, findings: &mut Findings) {
     let solid = has_solids(case);
     let fluid = case.fluid.is_some();
-    let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
     if !solid && !fluid {
         findings.error(
             "fluid",
@@ -387,14 +429,7 @@ fn agree(case: &Case, findings: &mut Findings) {
             Remedy::take_out("remove the coupling", "coupling"),
         );
     }
-    let moving = case.grains.is_some()
-        || case.blocks.is_some()
-        || case
-            .bodies
-            .iter()
-            .any(|b| matches!(b.motion, solids::Motion::Free { .. }));
     let polyhedra = has_polyhedra(case);
-    let flat = case.domain.size.0.len() == 2;
     of_covered_cells(case, findings);
     if polyhedra {
         of_polyhedra(case, findings);
@@ -405,6 +440,27 @@ fn agree(case: &Case, findings: &mut Findings) {
             Remedy::take_out("remove this output", "output.blocks"),
         );
     }
+    of_contacts(case, findings);
+    of_times(case, findings);
+    for name in case.materials.keys().filter(|name| name.is_empty()) {
+        findings.error(
+            &format!("materials.{name}"),
+            "a material needs a name",
+            "give it one",
+        );
+    }
+}
+
+/// Checks that there is a contact law where bodies move, and only there.
+fn of_contacts(case: &Case, findings: &mut Findings) {
+    let moving = case.grains.is_some()
+        || case.blocks.is_some()
+        || case
+            .bodies
+            .iter()
+            .any(|b| matches!(b.motion, solids::Motion::Free { .. }));
+    let polyhedra = has_polyhedra(case);
+    let flat = case.domain.size.0.len() == 2;
     if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
         let law = if polyhedra {
             law_of_blocks::example()
@@ -428,6 +484,12 @@ fn agree(case: &Case, findings: &mut Findings) {
             Remedy::take_out("remove the contact law", "contact"),
         );
     }
+}
+
+/// Checks times that depend on the fluid.
+fn of_times(case: &Case, findings: &mut Findings) {
+    let fluid = case.fluid.is_some();
+    let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
     if lattice && case.time.solid_time_step.is_some() {
         findings.error(
             "time.solid_time_step",
@@ -452,13 +514,6 @@ fn agree(case: &Case, findings: &mut Findings) {
             "time.warm_up",
             "the warm-up needs a fluid, and there is none",
             Remedy::take_out("remove it", "time.warm_up"),
-        );
-    }
-    for name in case.materials.keys().filter(|name| name.is_empty()) {
-        findings.error(
-            &format!("materials.{name}"),
-            "a material needs a name",
-            "give it one",
         );
     }
 }
