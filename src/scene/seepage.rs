@@ -419,106 +419,17 @@ impl Seepage {
         std::array::from_fn(|a| self.origin[a] + real(self.cells[a]) * self.spacing[a])
     }
 
+    /// Checks the seepage against the rest of the case.
     fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
-        let holds = |p: &Patch| {
-            matches!(
-                p.condition,
-                Condition::Pressure { .. } | Condition::Head { .. }
-            )
-        };
-        if !self.patches.iter().any(holds) {
-            findings.error(
-                &format!("{PATH}.boundaries"),
-                "no pressure and no head is imposed anywhere: the water has no outlet and its pressure is undetermined",
-                "add a boundary with {\"pressure\": {\"value\": 0}} or {\"head\": {\"value\": 0}}",
-            );
-        }
-        let weightless = case
-            .gravity
-            .as_ref()
-            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
-        for (n, patch) in self.patches.iter().enumerate() {
-            let needs = matches!(
-                patch.condition,
-                Condition::Head { .. } | Condition::Rain { .. }
-            );
-            if needs && weightless {
-                findings.error(
-                    &format!("{PATH}.boundaries[{n}].condition"),
-                    "a head and rain need gravity, and there is none in this case",
-                    "add `gravity`, or impose a pressure or a flux",
-                );
-            }
-        }
-        let written = &self.written;
-        let cap = written.porosity_cap();
-        if written.least_porosity >= cap {
-            findings.error(
-                &format!("{PATH}.least_porosity"),
-                "the least porosity must be below the cap",
-                Remedy::from(format!("use a value below {cap}"))
-                    .set(format!("{PATH}.least_porosity"), 0.5 * cap),
-            );
-        }
-        if !written.resistance().model().goes_with(written.equations) {
-            findings.error(
-                &format!("{PATH}.resistance"),
-                "the equations as printed allow only the resistance of Kozeny and Carman",
-                Remedy::from(
-                    "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
-                )
-                .set(format!("{PATH}.equations"), "corrected"),
-            );
-        }
-        let edge = self.smallest_edge(grid.dimension);
-        let path = if written.grid.is_some() {
+        self.check_conditions(case, findings);
+        self.check_laws(findings);
+        let path = if self.written.grid.is_some() {
             format!("{PATH}.grid.cells")
         } else {
             "domain.spacing".to_owned()
         };
-        if let Some((_, largest)) = grains.and_then(|g| g.radii) {
-            let diameter = 2.0 * largest;
-            if edge < diameter {
-                findings.error(
-                    &path,
-                    format!(
-                        "a cell of the seepage has an edge of {} m, but the largest grain a diameter of {} m: a cell has to \
-                         hold grains",
-                        number(edge),
-                        number(diameter)
-                    ),
-                    format!("use cells of at least {} m", number(diameter)),
-                );
-            }
-        }
-        let widest = (0..grid.dimension)
-            .map(|a| self.spacing[a])
-            .fold(0.0, f64::max);
-        // A bed of grains has more of them than cells; a few stand for a continuum. The percentiles are asked for only where the smallest
-        // grain could be too small.
-        let cells: usize = self.cells.iter().product();
-        if let Some(grains) = grains
-            && grains.expected >= cells
-            && grains
-                .radii
-                .is_some_and(|(least, _)| widest > USUAL_DIAMETERS * 2.0 * least)
-            && let Some(sizes) = grains.percentiles(grid.dimension)
-            && widest > USUAL_DIAMETERS * sizes.d50 * (1.0 + 1e-9)
-        {
-            findings.warn(
-                &path,
-                format!(
-                    "a cell of the seepage has an edge of {} m, {} times the median diameter d50 of {} m: pressure and porosity are means over \
-                     the cell, which does not see smaller voids and openings",
-                    number(widest),
-                    number(widest / sizes.d50),
-                    number(sizes.d50)
-                ),
-                format!(
-                    "use cells of 1 to {USUAL_DIAMETERS} median diameters, at most {} m",
-                    number(USUAL_DIAMETERS * sizes.d50)
-                ),
-            );
+        if let Some(grains) = grains {
+            self.check_edges(grains, grid.dimension, &path, findings);
         }
         if (0..grid.dimension).any(|a| self.cells[a] < 5) {
             findings.warn(
@@ -546,7 +457,109 @@ impl Seepage {
         }
     }
 
-    /// Without grains the zones are the bed, and all cells outside are open water.
+    /// Checks that some condition holds the pressure, and that conditions under gravity have one.
+    fn check_conditions(&self, case: &Case, findings: &mut Findings) {
+        let holds = |p: &Patch| {
+            matches!(
+                p.condition,
+                Condition::Pressure { .. } | Condition::Head { .. }
+            )
+        };
+        if !self.patches.iter().any(holds) {
+            findings.error(
+                &format!("{PATH}.boundaries"),
+                "no pressure and no head is imposed anywhere: \
+                 the water has no outlet and its pressure is undetermined",
+                "add a boundary with {\"pressure\": {\"value\": 0}} or {\"head\": {\"value\": 0}}",
+            );
+        }
+        let weightless = case
+            .gravity
+            .as_ref()
+            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+        for (n, patch) in self.patches.iter().enumerate() {
+            let needs = matches!(
+                patch.condition,
+                Condition::Head { .. } | Condition::Rain { .. }
+            );
+            if needs && weightless {
+                findings.error(
+                    &format!("{PATH}.boundaries[{n}].condition"),
+                    "a head and rain need gravity, and there is none in this case",
+                    "add `gravity`, or impose a pressure or a flux",
+                );
+            }
+        }
+    }
+
+    /// Checks the least porosity and the law of resistance.
+    fn check_laws(&self, findings: &mut Findings) {
+        let written = &self.written;
+        let cap = written.porosity_cap();
+        if written.least_porosity >= cap {
+            findings.error(
+                &format!("{PATH}.least_porosity"),
+                "the least porosity must be below the cap",
+                Remedy::from(format!("use a value below {cap}"))
+                    .set(format!("{PATH}.least_porosity"), 0.5 * cap),
+            );
+        }
+        if !written.resistance().model().goes_with(written.equations) {
+            findings.error(
+                &format!("{PATH}.resistance"),
+                "the equations as printed allow only the resistance of Kozeny and Carman",
+                Remedy::from(
+                    "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
+                )
+                .set(format!("{PATH}.equations"), "corrected"),
+            );
+        }
+    }
+
+    /// Checks the edges of cells against the sizes of grains.
+    fn check_edges(&self, grains: &Grains, dimension: usize, path: &str, findings: &mut Findings) {
+        let edge = self.smallest_edge(dimension);
+        let diameter = 2.0 * grains.radii.map_or(0.0, |(_, largest)| largest);
+        if edge < diameter {
+            findings.error(
+                path,
+                format!(
+                    "a cell of the seepage has an edge of {} m, but the largest grain a diameter of {} m: \
+                     a cell has to hold grains",
+                    number(edge),
+                    number(diameter)
+                ),
+                format!("use cells of at least {} m", number(diameter)),
+            );
+        }
+        let spacing = self.spacing[..dimension].iter().copied();
+        let widest = spacing.fold(0.0, f64::max);
+        let too_small = |least: f64| widest > USUAL_DIAMETERS * 2.0 * least;
+        // A bed of grains has more of them than cells; a few stand for a continuum. The percentiles are asked for only
+        // where the smallest grain could be too small.
+        if grains.expected >= self.cell_count()
+            && grains.radii.is_some_and(|(least, _)| too_small(least))
+            && let Some(sizes) = grains.percentiles(dimension)
+            && widest > USUAL_DIAMETERS * sizes.d50 * (1.0 + 1e-9)
+        {
+            findings.warn(
+                path,
+                format!(
+                    "a cell of the seepage has an edge of {} m, {} times the median diameter d50 of {} m: pressure and \
+                     porosity are means over the cell, which does not see smaller voids and openings",
+                    number(widest),
+                    number(widest / sizes.d50),
+                    number(sizes.d50)
+                ),
+                format!(
+                    "use cells of 1 to {USUAL_DIAMETERS} median diameters, at most {} m",
+                    number(USUAL_DIAMETERS * sizes.d50)
+                ),
+            );
+        }
+    }
+
+    /// Checks zones without grains: they are the bed, and all cells outside are open water.
     fn check_without_grains(&self, findings: &mut Findings) {
         let Some(zones) = &self.zones else {
             findings.error(
