@@ -56,7 +56,7 @@ pub enum Mobility {
     Free,
 }
 
-/// The named bodies of a case.
+/// Returns the named bodies of a case.
 pub(crate) fn bodies(
     case: &Case,
     grid: &Grid,
@@ -68,15 +68,7 @@ pub(crate) fn bodies(
     for (n, body) in case.bodies.iter().enumerate() {
         let path = format!("bodies[{n}]");
         unique(&mut known, &body.name, &format!("{path}.name"), findings);
-        let flat = matches!(body.shape, Shape::Disc { .. });
-        if flat != (grid.dimension == 2) {
-            let right = if flat { "sphere" } else { "disc" };
-            findings.error(
-                &format!("{path}.shape"),
-                format!("this shape does not fit a {}-D problem", grid.dimension),
-                format!("use {right}"),
-            );
-        }
+        check_dimension(&body.shape, grid, &format!("{path}.shape"), findings);
         let position = Block::vector(grid, &body.position, &format!("{path}.position"), findings);
         let (solid, radius) = match &body.shape {
             Shape::Disc { radius } | Shape::Sphere { radius } => {
@@ -106,57 +98,11 @@ pub(crate) fn bodies(
                 "move it inside",
             );
         }
-        for a in 0..grid.dimension {
-            let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
-            let width = solid.as_ref().map_or(2.0 * radius, |solid| {
-                let (low, high) = Piece::of(solid).extent(&along);
-                high - low
-            });
-            // As wide as the domain, but for the rounding of its corners, closes it.
-            if width > grid.size[a] * (1.0 + 1e-9) {
-                findings.error(
-                    &format!("{path}.shape"),
-                    format!(
-                        "the body is wider than the domain along {}",
-                        ["x", "y", "z"][a]
-                    ),
-                    "make it smaller, or the domain larger",
-                );
-                break;
-            }
-        }
-        let at = format!("{path}.motion");
-        let (mobility, velocity, angular_velocity) = match &body.motion {
-            WrittenMotion::Fixed {} => (Mobility::Fixed, [0.0; 3], [0.0; 3]),
-            WrittenMotion::Driven {
-                velocity,
-                angular_velocity,
-            } => {
-                let (v, w) = motion(
-                    grid,
-                    velocity.as_ref(),
-                    angular_velocity.as_ref(),
-                    &format!("{at}.driven"),
-                    findings,
-                );
-                (Mobility::Driven, v, w)
-            }
-            WrittenMotion::Free {
-                velocity,
-                angular_velocity,
-            } => {
-                let (v, w) = motion(
-                    grid,
-                    velocity.as_ref(),
-                    angular_velocity.as_ref(),
-                    &format!("{at}.free"),
-                    findings,
-                );
-                (Mobility::Free, v, w)
-            }
-        };
+        let shape = format!("{path}.shape");
+        check_width(solid.as_ref(), radius, grid, &shape, findings);
+        let moves = moves(&body.motion, grid, &format!("{path}.motion"), findings);
         let index = material(names, &body.material, &format!("{path}.material"), findings);
-        if mobility == Mobility::Free && index.is_some() {
+        if moves.mobility == Mobility::Free && index.is_some() {
             needs_density(case, &body.material, findings);
         }
         bodies.push(Body {
@@ -164,11 +110,89 @@ pub(crate) fn bodies(
             radius,
             solid,
             position,
-            velocity,
-            angular_velocity,
-            mobility,
+            velocity: moves.velocity,
+            angular_velocity: moves.angular_velocity,
+            mobility: moves.mobility,
             material: index.unwrap_or(0),
         });
     }
     bodies
+}
+
+/// Refuses a disc in 3-D, and other shapes in 2-D.
+fn check_dimension(shape: &Shape, grid: &Grid, path: &str, findings: &mut Findings) {
+    let flat = matches!(shape, Shape::Disc { .. });
+    if flat != (grid.dimension == 2) {
+        let right = if flat { "sphere" } else { "disc" };
+        findings.error(
+            path,
+            format!("this shape does not fit a {}-D problem", grid.dimension),
+            format!("use {right}"),
+        );
+    }
+}
+
+/// Refuses a body that is wider than the domain.
+fn check_width(
+    solid: Option<&Solid>,
+    radius: f64,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) {
+    for a in 0..grid.dimension {
+        let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
+        let width = solid.map_or(2.0 * radius, |solid| {
+            let (low, high) = Piece::of(solid).extent(&along);
+            high - low
+        });
+        // As wide as the domain, but for the rounding of its corners, closes it.
+        if width > grid.size[a] * (1.0 + 1e-9) {
+            findings.error(
+                path,
+                format!(
+                    "the body is wider than the domain along {}",
+                    ["x", "y", "z"][a]
+                ),
+                "make it smaller, or the domain larger",
+            );
+            break;
+        }
+    }
+}
+
+/// The way a body moves.
+struct Moves {
+    mobility: Mobility,
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+}
+
+/// Resolves the motion of a body.
+fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findings) -> Moves {
+    let (mobility, name, velocity, rotation) = match written {
+        WrittenMotion::Fixed {} => {
+            return Moves {
+                mobility: Mobility::Fixed,
+                velocity: [0.0; 3],
+                angular_velocity: [0.0; 3],
+            };
+        }
+        WrittenMotion::Driven {
+            velocity,
+            angular_velocity,
+        } => (Mobility::Driven, "driven", velocity, angular_velocity),
+        WrittenMotion::Free {
+            velocity,
+            angular_velocity,
+        } => (Mobility::Free, "free", velocity, angular_velocity),
+    };
+    let path = format!("{path}.{name}");
+    let (velocity, rotation) = (velocity.as_ref(), rotation.as_ref());
+    let (velocity, angular_velocity) = motion(grid, velocity, rotation, &path, findings);
+    Moves {
+        mobility,
+        velocity,
+        angular_velocity,
+    }
 }
