@@ -11,8 +11,8 @@ use super::{grading, material, unique};
 use crate::case::Case;
 use crate::case::geometry::Extent;
 use crate::case::grains::{
-    Amount, Deposition as WrittenDeposition, Grading, GrainSource as Written, GrainZone, Growth,
-    Radii, SizeClass,
+    Amount, Deposition as WrittenDeposition, Grading, Grain as WrittenGrain,
+    GrainSource as Written, GrainZone, Growth, Radii, SizeClass,
 };
 use crate::case::sieve::{self, Percentiles};
 use crate::error::Remedy;
@@ -289,7 +289,7 @@ pub(crate) fn grains(
     findings: &mut Findings,
 ) -> Option<Grains> {
     let grains = case.grains.as_ref()?;
-    let index = material(names, &grains.material, "grains.material", findings).unwrap_or(0);
+    let usual = material(names, &grains.material, "grains.material", findings).unwrap_or(0);
     needs_density(case, &grains.material, findings);
     let mut known = Vec::new();
     let cut = grains
@@ -306,78 +306,32 @@ pub(crate) fn grains(
         })
         .collect();
     let mut zones = zones(case, &grains.zones, grid, names, findings);
+    let materials = Materials { names, usual };
     let (mut source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Deposition(written) => falls(case, written, grid, (names, index), findings)?,
-        Written::File { path } => sample(case, path, grid, (names, index), findings),
-        Written::List(list) => {
-            if list.is_empty() {
-                findings.error(
-                    "grains.initial.list",
-                    "the list holds no grain",
-                    "add one, or omit `grains`",
-                );
-            }
-            let mut resolved = Vec::with_capacity(list.len());
-            let narrowest = grid.size[..grid.dimension]
-                .iter()
-                .fold(f64::INFINITY, |least, size| size.min(least));
-            for (n, grain) in list.iter().enumerate() {
-                let plain = grain.position.0.len() == grid.dimension
-                    && 2.0 * grain.radius <= narrowest
-                    && grid.contains(grain.position.to_array())
-                    && grain.velocity.is_none()
-                    && grain.angular_velocity.is_none()
-                    && grain.material.is_none();
-                if plain {
-                    // Paths of grains are written only where there may be something to say.
-                    resolved.push(Grain {
-                        position: grain.position.to_array(),
-                        radius: grain.radius,
-                        velocity: [0.0; 3],
-                        angular_velocity: [0.0; 3],
-                        material: index,
-                    });
-                    continue;
-                }
-                let path = format!("grains.initial.list[{n}]");
-                let (velocity, angular_velocity) = motion(
-                    grid,
-                    grain.velocity.as_ref(),
-                    grain.angular_velocity.as_ref(),
-                    &path,
-                    findings,
-                );
-                let position =
-                    Block::vector(grid, &grain.position, &format!("{path}.position"), findings);
-                if !grid.contains(position) {
-                    findings.error(
-                        &format!("{path}.position"),
-                        "the centre lies outside the domain",
-                        "move it inside",
-                    );
-                }
-                fits_period(grid, grain.radius, &format!("{path}.radius"), findings);
-                let own = grain.material.as_ref().map(|name| {
-                    needs_density(case, name, findings);
-                    material(names, name, &format!("{path}.material"), findings).unwrap_or(0)
-                });
-                resolved.push(Grain {
-                    position,
-                    radius: grain.radius,
-                    velocity,
-                    angular_velocity,
-                    material: own.unwrap_or(index),
-                });
-            }
-            let (radii, expected) = (bounds(&resolved), resolved.len());
-            (GrainSource::List(resolved), radii, expected)
-        }
+        Written::Deposition(written) => falls(case, written, grid, materials, findings)?,
+        Written::File { path } => sample(case, path, grid, materials, findings),
+        Written::List(list) => listed(case, list, grid, materials, findings),
     };
-    if let GrainSource::List(list) | GrainSource::File { grains: list, .. } = &mut source {
-        let counts = assign(&zones, list);
+    count(&mut zones, grains.zones.len(), &mut source, findings);
+    Some(Grains {
+        material: usual,
+        source,
+        save: grains.save.clone(),
+        zones,
+        cut,
+        bond_at_start: grains.bond_at_start,
+        radii,
+        expected,
+    })
+}
+
+/// Assigns zones to listed grains, and warns of zones without grains.
+fn count(zones: &mut [Zone], written: usize, source: &mut GrainSource, findings: &mut Findings) {
+    if let GrainSource::List(list) | GrainSource::File { grains: list, .. } = source {
+        let counts = assign(zones, list);
         for (n, count) in counts.into_iter().enumerate() {
-            if count == 0 && !list.is_empty() && zones.len() == grains.zones.len() {
+            if count == 0 && !list.is_empty() && zones.len() == written {
                 findings.warn(
                     &format!("grains.zones[{n}]"),
                     format!(
@@ -390,16 +344,95 @@ pub(crate) fn grains(
             zones[n].listed = Some(count);
         }
     }
-    Some(Grains {
-        material: index,
-        source,
-        save: grains.save.clone(),
-        zones,
-        cut,
-        bond_at_start: grains.bond_at_start,
-        radii,
-        expected,
-    })
+}
+
+/// Resolves grains that are listed one by one.
+fn listed(
+    case: &Case,
+    list: &[WrittenGrain],
+    grid: &Grid,
+    materials: Materials,
+    findings: &mut Findings,
+) -> Source {
+    if list.is_empty() {
+        findings.error(
+            "grains.initial.list",
+            "the list holds no grain",
+            "add one, or omit `grains`",
+        );
+    }
+    let mut resolved = Vec::with_capacity(list.len());
+    let narrowest = grid.size[..grid.dimension]
+        .iter()
+        .fold(f64::INFINITY, |least, size| size.min(least));
+    for (n, grain) in list.iter().enumerate() {
+        let plain = grain.position.0.len() == grid.dimension
+            && 2.0 * grain.radius <= narrowest
+            && grid.contains(grain.position.to_array())
+            && grain.velocity.is_none()
+            && grain.angular_velocity.is_none()
+            && grain.material.is_none();
+        if plain {
+            // Paths of grains are written only where there may be something to say.
+            resolved.push(Grain {
+                position: grain.position.to_array(),
+                radius: grain.radius,
+                velocity: [0.0; 3],
+                angular_velocity: [0.0; 3],
+                material: materials.usual,
+            });
+            continue;
+        }
+        let path = format!("grains.initial.list[{n}]");
+        resolved.push(listed_grain(case, grain, grid, materials, &path, findings));
+    }
+    let (radii, expected) = (bounds(&resolved), resolved.len());
+    (GrainSource::List(resolved), radii, expected)
+}
+
+/// Resolves a listed grain.
+fn listed_grain(
+    case: &Case,
+    grain: &WrittenGrain,
+    grid: &Grid,
+    materials: Materials,
+    path: &str,
+    findings: &mut Findings,
+) -> Grain {
+    let (velocity, angular_velocity) = motion(
+        grid,
+        grain.velocity.as_ref(),
+        grain.angular_velocity.as_ref(),
+        path,
+        findings,
+    );
+    let position = Block::vector(grid, &grain.position, &format!("{path}.position"), findings);
+    if !grid.contains(position) {
+        findings.error(
+            &format!("{path}.position"),
+            "the centre lies outside the domain",
+            "move it inside",
+        );
+    }
+    fits_period(grid, grain.radius, &format!("{path}.radius"), findings);
+    let own = grain.material.as_ref().map(|name| {
+        needs_density(case, name, findings);
+        material(materials.names, name, &format!("{path}.material"), findings).unwrap_or(0)
+    });
+    Grain {
+        position,
+        radius: grain.radius,
+        velocity,
+        angular_velocity,
+        material: own.unwrap_or(materials.usual),
+    }
+}
+
+/// Names of the materials, and the index of that of grains that name none.
+#[derive(Clone, Copy)]
+struct Materials<'a> {
+    names: &'a [String],
+    usual: usize,
 }
 
 type Source = (GrainSource, Option<(f64, f64)>, usize);
@@ -417,7 +450,10 @@ fn sample(
     case: &Case,
     written: &Path,
     grid: &Grid,
-    (names, material): (&[String], usize),
+    Materials {
+        names,
+        usual: material,
+    }: Materials,
     findings: &mut Findings,
 ) -> Source {
     let path = "grains.initial.file.path";
@@ -607,7 +643,10 @@ fn falls(
     case: &Case,
     written: &WrittenDeposition,
     grid: &Grid,
-    (names, default): (&[String], usize),
+    Materials {
+        names,
+        usual: default,
+    }: Materials,
     findings: &mut Findings,
 ) -> Option<Source> {
     let path = "grains.initial.deposition";
@@ -670,6 +709,7 @@ fn falls(
     ))
 }
 
+/// Resolves and checks grains that grow in a box.
 fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {
     let path = "grains.initial.growth";
     let block = growth.region.as_ref().map_or(
@@ -690,23 +730,9 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     } else {
         4.0 / 3.0 * pi * growth.radii.mean_power(3, 3)
     };
-    let largest = 2.0 * growth.radii.bounds().1;
-    let narrowest = (0..grid.dimension)
-        .map(|a| block.to[a] - block.from[a])
-        .fold(f64::INFINITY, f64::min);
-    if largest > narrowest {
-        findings.error(
-            &format!("{path}.radii"),
-            format!(
-                "a grain of {} m is wider than the box of {} m",
-                number(largest),
-                number(narrowest)
-            ),
-            "use smaller radii; they are in m",
-        );
+    if !fits_box(growth, &block, &format!("{path}.radii"), findings) {
         return None;
     }
-    let (least, most) = if flat { (0.7, 0.9) } else { (0.5, 0.72) };
     let (amount_path, number_of, fraction) = match growth.amount {
         Amount::Number(n) => (
             format!("{path}.amount.number"),
@@ -719,34 +745,11 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
             fraction,
         ),
     };
-    if fraction > most {
-        findings.error(
-            &amount_path,
-            format!(
-                "the grains would fill {} of the box at full size; a packing holds at most {most}",
-                number(fraction)
-            ),
-            match growth.amount {
-                Amount::SolidFraction(_) => Remedy::from(format!(
-                    "use fewer or smaller grains, a fraction of {most} at most"
-                ))
-                .set(&*amount_path, most),
-                Amount::Number(_) => {
-                    let fewer = (number_of * most / fraction).floor();
-                    Remedy::from(format!(
-                        "use fewer or smaller grains, {fewer} of these at most"
-                    ))
-                    .set(&*amount_path, crate::number::whole(fewer))
-                }
-            },
-        );
-    } else if fraction < least {
-        findings.warn(
-            &amount_path,
-            format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
-            "use more or larger grains if the sample should hold together",
-        );
-    }
+    let packing = Packing {
+        number_of,
+        fraction,
+    };
+    packing.check(&growth.amount, flat, &amount_path, findings);
     if number_of > 1e8 {
         findings.error(
             &amount_path,
@@ -775,4 +778,67 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
         Some(growth.radii.bounds()),
         number_of,
     ))
+}
+
+/// Returns true where the largest grain fits the box in which the grains grow, and refuses it where it does not.
+fn fits_box(growth: &Growth, block: &Block, path: &str, findings: &mut Findings) -> bool {
+    let largest = 2.0 * growth.radii.bounds().1;
+    let narrowest = (0..block.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    let wider = largest > narrowest;
+    if wider {
+        findings.error(
+            path,
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(largest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+    }
+    !wider
+}
+
+/// Grains that grow, and the part of the box that they fill at full size.
+struct Packing {
+    number_of: f64,
+    fraction: f64,
+}
+
+impl Packing {
+    /// Refuses more than a packing can hold, and warns of a loose sample.
+    fn check(&self, amount: &Amount, flat: bool, path: &str, findings: &mut Findings) {
+        let fraction = self.fraction;
+        let (least, most) = if flat { (0.7, 0.9) } else { (0.5, 0.72) };
+        if fraction > most {
+            findings.error(
+                path,
+                format!(
+                    "the grains would fill {} of the box at full size; a packing holds at most {most}",
+                    number(fraction)
+                ),
+                match amount {
+                    Amount::SolidFraction(_) => Remedy::from(format!(
+                        "use fewer or smaller grains, a fraction of {most} at most"
+                    ))
+                    .set(path, most),
+                    Amount::Number(_) => {
+                        let fewer = (self.number_of * most / fraction).floor();
+                        Remedy::from(format!(
+                            "use fewer or smaller grains, {fewer} of these at most"
+                        ))
+                        .set(path, crate::number::whole(fewer))
+                    }
+                },
+            );
+        } else if fraction < least {
+            findings.warn(
+                path,
+                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
+                "use more or larger grains if the sample should hold together",
+            );
+        }
+    }
 }
