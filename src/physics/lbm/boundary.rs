@@ -358,6 +358,13 @@ pub struct Frame {
     pub periodic: [bool; 3],
 }
 
+impl Frame {
+    /// Returns whether a link from a cell leaves the domain along an axis.
+    fn leaves(&self, at: [usize; 3], c: [i8; 3], a: usize) -> bool {
+        !self.periodic[a] && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == self.cells[a]))
+    }
+}
+
 impl<S: Stored> Boundaries<S> {
     /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
     #[must_use]
@@ -383,11 +390,7 @@ impl<S: Stored> Boundaries<S> {
             }
             for i in 1..velocities.q() {
                 let c = velocities.c[i];
-                let outside: [bool; 3] = std::array::from_fn(|a| {
-                    a < dimension
-                        && !frame.periodic[a]
-                        && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == frame.cells[a]))
-                });
+                let outside = std::array::from_fn(|a| a < dimension && frame.leaves(at, c, a));
                 if !outside.contains(&true) {
                     continue;
                 }

@@ -158,9 +158,9 @@ impl<S: Stored> Round<'_, S> {
         all
     }
 
-    /// Returns the copies round another axis: whole rows, with their ghosts. After an even pass ghosts are filled, after
-    /// an odd one delivered. Round the middle axis the planes have their turn before the slab axis, or after it with its
-    /// ghosts (`beyond`).
+    /// Returns the copies round another axis: whole rows, with their ghosts. After an even pass ghosts are filled,
+    /// after an odd one delivered. Round the middle axis the planes have their turn before the slab axis, or after it
+    /// with its ghosts (`beyond`).
     fn axis(&self, axis: usize, other: usize, beyond: bool) -> Vec<Copies> {
         let populations = self.populations;
         let (velocities, cells) = (populations.velocities(), populations.cells());

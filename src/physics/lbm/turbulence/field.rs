@@ -283,8 +283,8 @@ struct Face {
 }
 
 impl Beyond {
-    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` lie at these distances from the
-    /// ghost.
+    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` lie at these distances from
+    /// the ghost.
     fn new<S: Stored>(
         patches: &[Patch<S>],
         frame: &Frame,
