@@ -64,7 +64,7 @@ pub struct Situation {
     pub surroundings: Surroundings,
     /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
-    /// Whether an eddy viscosity is added.
+    /// An eddy viscosity is added.
     pub eddies: bool,
 }
 
@@ -80,11 +80,11 @@ impl Situation {
 /// A body that moves through the fluid, whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MovingBody {
-    /// Whether links at its surface return the populations; otherwise its cells are partially saturated.
+    /// Links at its surface return the populations; otherwise its cells are partially saturated.
     pub links: bool,
     /// Number of dimensions of the flow.
     pub dimension: usize,
-    /// Whether an eddy viscosity is added.
+    /// An eddy viscosity is added.
     pub eddies: bool,
 }
 

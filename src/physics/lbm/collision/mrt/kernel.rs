@@ -103,7 +103,7 @@ impl Basis for Polynomials {
     }
 }
 
-/// What the moment of the product of polynomials a, b, c (0: 1, 1: c, 2: K) is scaled by before [`Basis::compose`]: weight over norm.
+/// Returns the scale of the moment of the product of polynomials a, b, c (0: 1, 1: c, 2: K): weight over norm.
 const fn scale(a: usize, b: usize, c: usize) -> f64 {
     const NORM: [f64; 3] = [6.0, 2.0, 3.0];
     1.0 / (NORM[a] * NORM[b] * NORM[c])
