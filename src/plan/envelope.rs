@@ -5,7 +5,7 @@
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
-use super::margin::{Margin, margin, slower_clock};
+use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin, slower_clock};
 use crate::error::Remedy;
 use crate::number::real;
 use crate::scene::Scene;
@@ -15,9 +15,6 @@ use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
-
-/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
-pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 

@@ -5,6 +5,9 @@ use crate::scene::findings::at_most;
 use crate::scene::flow::{Flow, PATH};
 use serde::Serialize;
 
+/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
+pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
+
 /// A limit and the value of the case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Margin {

@@ -14,8 +14,7 @@
 //! the second have rates of their own, beyond the map. Streams and channels run with it at a thousand
 //! times these values: where the border lies depends on what makes the eddies.
 
-use super::envelope::USUAL_LATTICE_VELOCITY;
-use super::margin::{Margin, margin};
+use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin};
 use crate::case::coupling::{Coupling, Scheme};
 use crate::error::Remedy;
 use crate::lbm::boundary::Surface;

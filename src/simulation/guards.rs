@@ -37,7 +37,7 @@ use crate::lbm::boundary::from_quanta;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::RowSums;
 use crate::plan::Plan;
-use crate::plan::envelope::USUAL_LATTICE_VELOCITY;
+use crate::plan::margin::USUAL_LATTICE_VELOCITY;
 use decomposition::{Communicator, Domain};
 pub use failure::of_solids;
 use failure::{Failure, Kind};

@@ -175,7 +175,8 @@ fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &Body, speed: f64) -> bool {
             body.position[axis]
         };
         let part = gravity[axis].abs() / size(gravity);
-        way - body.radius <= part * speed * scene.time.end
+        let drop = way - body.radius;
+        drop > 0.0 && drop <= part * speed * scene.time.end
     })
 }
 

@@ -6,7 +6,7 @@ use super::super::preparation;
 use super::super::resume::{self, Stage};
 use super::super::setup;
 use super::outside::Outside;
-use super::restore::{self, Origin};
+use super::restore::{self, Origin, Source};
 use crate::checkpoint::{self, Saved, State};
 use crate::dem::Dem;
 use crate::dem::particles::Particles;
@@ -27,21 +27,6 @@ use serde_json::{Value, json};
 pub(super) struct Grains<Sp: Space> {
     pub(super) particles: Particles<Sp>,
     pub(super) source: Source,
-}
-
-/// The source of grains.
-pub(super) enum Source {
-    /// A case without solids.
-    None,
-    /// A checkpoint, with these contacts.
-    Checkpoint(Contacts),
-    /// A sample.
-    Sample {
-        /// The entry of `summary.json`.
-        report: Value,
-        /// Mean radius \[m\].
-        radius: f64,
-    },
 }
 
 /// Returns the grains of the checkpoint, or else those of the sample, which is made where it is missing. Collective.

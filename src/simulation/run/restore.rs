@@ -8,7 +8,6 @@ use super::super::recorders::{Recorders, saved_guards};
 use super::super::removal::Removal;
 use super::super::resume::{self, Resumed, Stage};
 use super::super::setup;
-use super::grains::Source;
 use super::outside::Outside;
 use crate::checkpoint::{self, Saved};
 use crate::coupling::water::Water;
@@ -18,6 +17,21 @@ use crate::error::Error;
 use crate::plan::Plan;
 use io::checkpoint::{Found, Reader};
 use serde_json::{Value, json};
+
+/// The source of grains.
+pub(super) enum Source {
+    /// A case without solids.
+    None,
+    /// A checkpoint, with these contacts.
+    Checkpoint(Contacts),
+    /// A sample.
+    Sample {
+        /// The entry of `summary.json`.
+        report: Value,
+        /// Mean radius \[m\].
+        radius: f64,
+    },
+}
 
 /// The checkpoint from which a run continues, if any, and the stage in which it was saved.
 pub(super) struct Origin {
