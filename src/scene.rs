@@ -223,7 +223,7 @@ impl Scene {
         spacing.note(&mut chosen);
         spacing.tell_of_rounding(written, &mut findings);
         let case = &*auto::filled(written, spacing, &mut chosen);
-        // A run that goes on has left its start behind.
+        // A restarted run is past its start.
         let starts = like.is_none();
         let Some(mut scene) = Self::filled(case, starts, &mut findings) else {
             return (None, findings);

@@ -158,7 +158,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         }
     }
 
-    /// Advances by one step, or by several of water alone where nobody looks between them. Collective.
+    /// Advances by one step, or by several of the fluid alone where no event lies between them. Collective.
     ///
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
@@ -263,7 +263,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         Ok(())
     }
 
-    /// Looks at the state where it is time. Collective.
+    /// Checks the state where a check is due. Collective.
     fn check(&mut self) -> Result<(), Error> {
         let now = &self.now;
         let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));

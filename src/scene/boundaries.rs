@@ -175,7 +175,7 @@ fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<Patch>; 6] {
     faces
 }
 
-/// Returns a whole face as a wall nobody named.
+/// Returns a whole face as a wall without a name.
 fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> Patch {
     let mut to = grid.cells;
     to[face.axis()] = 1;

@@ -272,7 +272,7 @@ impl ErosionRecorder {
     }
 
     /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one
-    /// of this step. [`Self::state`] is not that of a run that goes on afterwards.
+    /// of this step. [`Self::state`] is not that of a run that continues afterwards.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.

@@ -546,7 +546,7 @@ impl Guards {
         }
     }
 
-    /// Whether the last look found a failure in populations that are on a GPU: it is described by the same look once
+    /// Set if the last check found a failure in populations that are on a GPU: it is described by the same look once
     /// they are here.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
