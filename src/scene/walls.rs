@@ -13,7 +13,7 @@ use super::{material, stl, unique, usual_material};
 use crate::case::Case;
 use crate::case::geometry::Face;
 use crate::case::grains::GrainSource;
-use crate::case::solids::{Wall as WrittenWall, WallShape, WallStage};
+use crate::case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
 use crate::dem::Surface;
 use crate::error::Remedy;
 use nalgebra::Vector3;
@@ -100,7 +100,7 @@ fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
     }
 }
 
-/// The walls of a case: those written, those of the structures, then those on faces of the domain.
+/// Returns the walls of a case: those written, those of the structures, then those on faces of the domain.
 pub(crate) fn walls(
     case: &Case,
     grid: &Grid,
@@ -113,94 +113,15 @@ pub(crate) fn walls(
     for (n, wall) in case.walls.iter().enumerate() {
         let path = format!("walls[{n}]");
         unique(&mut known, &wall.name, &format!("{path}.name"), findings);
-        let mut plane = ([0.0; 3], [0.0; 3]);
-        let mut surface = None;
-        match &wall.shape {
-            WallShape::Plane(written) => {
-                let path = format!("{path}.shape.plane");
-                let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
-                let path = format!("{path}.normal");
-                let normal = Block::vector(grid, &written.normal, &path, findings);
-                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-                if !(length > 0.0 && length.is_finite()) {
-                    findings.error(
-                        &path,
-                        "a normal needs a direction",
-                        "write for example [0, 1]",
-                    );
-                }
-                plane = (point, normal.map(|n| n / length));
-                if let Some(axis) = across_periodic(grid, plane.1) {
-                    let reason = format!(
-                        "the wall lies across {axis}, along which the domain repeats: there would be grains on both sides of it"
-                    );
-                    let remedy = format!(
-                        "use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
-                    );
-                    findings.error(&path, reason, remedy);
-                }
-            }
-            shape => surface = facets(case, grid, shape, &format!("{path}.shape"), findings),
-        }
-        let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
-            Block::vector(grid, v, &format!("{path}.velocity"), findings)
-        });
-        let index = material(names, &wall.material, &format!("{path}.material"), findings);
-        if wall.during == WallStage::Preparation {
-            has_a_preparation(case, &path, findings);
-        }
-        check_times(case, wall, &path, findings);
-        walls.push(Wall {
-            name: wall.name.clone(),
-            point: plane.0,
-            normal: plane.1,
-            surface: surface.map(Arc::new),
-            velocity,
-            material: index.unwrap_or(0),
-            temporary: wall.during == WallStage::Preparation,
-            from: wall.from,
-            until: wall.until,
-            face: None,
-            structure: None,
-        });
+        walls.push(written_wall(case, grid, names, wall, &path, findings));
     }
     walls.extend(in_water::of_structures(case, grid, solids, findings));
     no_floor(case, grid, walls.is_empty(), findings);
-    let usual = usual_material(case);
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {
-        let path = format!("box_walls[{n}]");
-        if face.axis() >= grid.dimension {
-            findings.error(&path, "there is no such face in a 2-D problem", "remove it");
-        } else if grid.periodic[face.axis()] {
-            findings.error(
-                &path,
-                "the domain is periodic there: a wall contradicts this",
-                "remove it",
-            );
-        } else if std::mem::replace(&mut taken[face.index()], true) {
-            findings.error(&path, "this face is named twice", "remove one of them");
-        }
-        let index = match (&case.box_wall_material, usual) {
-            (Some(name), _) => material(names, name, "box_wall_material", findings),
-            (None, Some(name)) => names.iter().position(|known| known == name),
-            (None, None) => {
-                if n == 0 {
-                    findings.error(
-                        "box_wall_material",
-                        "the walls need a material: there are no grains, blocks or bodies to take it from",
-                        match names.first() {
-                            Some(first) => Remedy::from(format!(
-                                "add `box_wall_material`, for example `{first}`"
-                            ))
-                            .set("box_wall_material", first.as_str()),
-                            None => "add `box_wall_material`, and the material".into(),
-                        },
-                    );
-                }
-                None
-            }
-        };
+        let twice = std::mem::replace(&mut taken[face.index()], true);
+        check_face(grid, *face, twice, &format!("box_walls[{n}]"), findings);
+        let material = box_material(case, names, n == 0, findings);
         let mut point = [0.0; 3];
         if face.is_max() {
             point[face.axis()] = grid.size[face.axis()];
@@ -211,7 +132,7 @@ pub(crate) fn walls(
             normal: face.inward(),
             surface: None,
             velocity: [0.0; 3],
-            material: index.unwrap_or(0),
+            material: material.unwrap_or(0),
             temporary: false,
             from: None,
             until: None,
@@ -220,6 +141,124 @@ pub(crate) fn walls(
         });
     }
     walls
+}
+
+/// Resolves a wall of the case.
+fn written_wall(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    wall: &WrittenWall,
+    path: &str,
+    findings: &mut Findings,
+) -> Wall {
+    let shape = format!("{path}.shape");
+    let mut plane = Plane::default();
+    let mut surface = None;
+    match &wall.shape {
+        WallShape::Plane(written) => {
+            plane = Plane::resolve(grid, written, &format!("{shape}.plane"), findings);
+        }
+        facetted => surface = facets(case, grid, facetted, &shape, findings),
+    }
+    let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
+        Block::vector(grid, v, &format!("{path}.velocity"), findings)
+    });
+    let index = material(names, &wall.material, &format!("{path}.material"), findings);
+    let temporary = wall.during == WallStage::Preparation;
+    if temporary {
+        has_a_preparation(case, path, findings);
+    }
+    check_times(case, wall, path, findings);
+    Wall {
+        name: wall.name.clone(),
+        point: plane.point,
+        normal: plane.normal,
+        surface: surface.map(Arc::new),
+        velocity,
+        material: index.unwrap_or(0),
+        temporary,
+        from: wall.from,
+        until: wall.until,
+        face: None,
+        structure: None,
+    }
+}
+
+/// A plane with a unit normal.
+#[derive(Default)]
+struct Plane {
+    point: [f64; 3],
+    normal: [f64; 3],
+}
+
+impl Plane {
+    /// Resolves a plane, and refuses one without a direction or across a periodic axis.
+    fn resolve(grid: &Grid, written: &WrittenPlane, path: &str, findings: &mut Findings) -> Self {
+        let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+        let path = format!("{path}.normal");
+        let normal = Block::vector(grid, &written.normal, &path, findings);
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            findings.error(
+                &path,
+                "a normal needs a direction",
+                "write for example [0, 1]",
+            );
+        }
+        let normal = normal.map(|n| n / length);
+        if let Some(axis) = across_periodic(grid, normal) {
+            let reason = format!(
+                "the wall lies across {axis}, along which the domain repeats: there would be grains on both sides of it"
+            );
+            let remedy = format!(
+                "use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+            );
+            findings.error(&path, reason, remedy);
+        }
+        Self { point, normal }
+    }
+}
+
+/// Refuses a wall on a face that does not exist, is periodic, or has one already.
+fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut Findings) {
+    if face.axis() >= grid.dimension {
+        findings.error(path, "there is no such face in a 2-D problem", "remove it");
+    } else if grid.periodic[face.axis()] {
+        findings.error(
+            path,
+            "the domain is periodic there: a wall contradicts this",
+            "remove it",
+        );
+    } else if twice {
+        findings.error(path, "this face is named twice", "remove one of them");
+    }
+}
+
+/// Returns the index of the material of walls on faces; a missing one is told at the first wall only.
+fn box_material(
+    case: &Case,
+    names: &[String],
+    first: bool,
+    findings: &mut Findings,
+) -> Option<usize> {
+    let path = "box_wall_material";
+    if let Some(name) = &case.box_wall_material {
+        return material(names, name, path, findings);
+    }
+    let usual = usual_material(case);
+    if usual.is_none() && first {
+        findings.error(
+            path,
+            "the walls need a material: there are no grains, blocks or bodies to take it from",
+            match names.first() {
+                Some(first) => Remedy::from(format!("add `{path}`, for example `{first}`"))
+                    .set(path, first.as_str()),
+                None => format!("add `{path}`, and the material").into(),
+            },
+        );
+    }
+    names.iter().position(|known| Some(known.as_str()) == usual)
 }
 
 /// The periodic axis along which a unit normal points, at least in part.
