@@ -1,6 +1,7 @@
 //! A bed of grains that a probe measures.
 
 use crate::case::Case;
+use crate::case::geometry::Extent;
 use crate::case::observe;
 use crate::error::Remedy;
 use crate::number::whole;
@@ -12,7 +13,8 @@ use serde::Serialize;
 /// A bed of grains: see [`crate::case::observe::Bed`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Bed {
-    /// Axis of the stream, axis across the bed, and the third: along the bed and across the stream, without extent in 2-D.
+    /// Axis of the stream, axis across the bed, and the third: along the bed and across the stream, without extent in
+    /// 2-D.
     pub axes: [usize; 3],
     /// Gravity across the bed, positive [m/s2].
     pub gravity: f64,
@@ -29,7 +31,10 @@ pub struct Bed {
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+/// End of the remedies of findings about a bed.
+const REMOVE: &str = "or remove the probe";
 
+/// Resolves the bed of a probe; none where there is none to measure.
 pub(super) fn resolve(
     case: &Case,
     grid: &Grid,
@@ -37,12 +42,11 @@ pub(super) fn resolve(
     path: &str,
     findings: &mut Findings,
 ) -> Option<Bed> {
-    let remove = "or remove the probe";
     let Some(grains) = &case.grains else {
         findings.error(
             path,
             "there are no grains in this case, so no bed",
-            format!("add `grains`, {remove}"),
+            format!("add `grains`, {REMOVE}"),
         );
         return None;
     };
@@ -59,26 +63,7 @@ pub(super) fn resolve(
     let across = (0..grid.dimension).filter(|&axis| axis != flow);
     let normal = across.max_by(|&a, &b| gravity[a].abs().total_cmp(&gravity[b].abs()))?;
     let pull = gravity[normal];
-    if pull >= 0.0 {
-        let reason = if pull > 0.0 {
-            format!(
-                "gravity points to the upper face along {}, {} m/s2; the bed is looked for at the lower one",
-                AXES[normal],
-                number(pull)
-            )
-        } else {
-            format!(
-                "no gravity acts across the stream along {}: without weight there is no bed and no Shields number",
-                AXES[flow]
-            )
-        };
-        findings.error(
-            path,
-            reason,
-            format!(
-                "let gravity have a negative component across the stream, name another `flow_axis`, {remove}"
-            ),
-        );
+    if !check_pull(pull, AXES[normal], AXES[flow], path, findings) {
         return None;
     }
     if grid.periodic[normal] {
@@ -88,47 +73,12 @@ pub(super) fn resolve(
                 "{} is periodic, so that the stream has no top and the bed no bottom",
                 AXES[normal]
             ),
-            format!("remove {} from `domain.periodic`, {remove}", AXES[normal]),
+            format!("remove {} from `domain.periodic`, {REMOVE}", AXES[normal]),
         );
     }
-    let density = |name: &str| case.materials.get(name).and_then(|m| m.density);
-    if let (Some(solid), Some(crate::case::fluid::Fluid::LatticeBoltzmann(fluid))) =
-        (density(&grains.material), &case.fluid)
-        && solid <= fluid.density
-    {
-        findings.error(
-            path,
-            format!(
-                "grains of {} kg/m3 do not sink in a fluid of {} kg/m3, so that there is no Shields number",
-                number(solid),
-                number(fluid.density)
-            ),
-            format!("use a denser material, {remove}"),
-        );
-    }
-    let block = written
-        .part
-        .as_ref()
-        .map(|part| Block::resolve(grid, part, &format!("{path}.part"), findings));
-    let cells: [[usize; 2]; 3] = std::array::from_fn(|axis| match &block {
-        Some(block) if axis < grid.dimension => {
-            // A cell belongs to the part if its centre does.
-            let edge = |x: f64| {
-                let cell = (x / grid.spacing - 0.5 - 1e-6).ceil().max(0.0);
-                whole(cell).min(grid.cells[axis])
-            };
-            [edge(block.from[axis]), edge(block.to[axis])]
-        }
-        _ => [0, grid.cells[axis]],
-    });
-    if (0..grid.dimension).any(|axis| cells[axis][1] < cells[axis][0] + 2) {
-        findings.error(
-            &format!("{path}.part"),
-            "the part holds fewer than two cells along an axis",
-            format!("make it larger; a cell is {} m", number(grid.spacing)),
-        );
-        return None;
-    }
+    check_weight(case, &grains.material, path, findings);
+    let part = format!("{path}.part");
+    let cells = cells(written.part.as_ref(), grid, &part, findings)?;
     let height = |level: f64| (0.0..=grid.size[normal]).contains(&level);
     if written.level.is_some_and(|level| !height(level)) {
         findings.error(
@@ -150,4 +100,78 @@ pub(super) fn resolve(
         level: written.level,
         mean_from: super::means(case, written.mean_from, path, findings),
     })
+}
+
+/// Returns true where gravity points to the lower face, and refuses other directions.
+fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Findings) -> bool {
+    let upward = pull >= 0.0;
+    if upward {
+        let reason = if pull > 0.0 {
+            format!(
+                "gravity points to the upper face along {normal}, {} m/s2; the bed is looked for at the lower one",
+                number(pull)
+            )
+        } else {
+            format!(
+                "no gravity acts across the stream along {flow}: without weight there is no bed and no Shields number"
+            )
+        };
+        findings.error(
+            path,
+            reason,
+            format!(
+                "let gravity have a negative component across the stream, name another `flow_axis`, {REMOVE}"
+            ),
+        );
+    }
+    !upward
+}
+
+/// Refuses grains that do not sink in the fluid.
+fn check_weight(case: &Case, grains: &str, path: &str, findings: &mut Findings) {
+    let density = |name: &str| case.materials.get(name).and_then(|m| m.density);
+    if let (Some(solid), Some(crate::case::fluid::Fluid::LatticeBoltzmann(fluid))) =
+        (density(grains), &case.fluid)
+        && solid <= fluid.density
+    {
+        findings.error(
+            path,
+            format!(
+                "grains of {} kg/m3 do not sink in a fluid of {} kg/m3, so that there is no Shields number",
+                number(solid),
+                number(fluid.density)
+            ),
+            format!("use a denser material, {REMOVE}"),
+        );
+    }
+}
+
+/// Returns the cells of a part along each axis: first, one past the last; none for fewer than two.
+fn cells(
+    part: Option<&Extent>,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<[[usize; 2]; 3]> {
+    let block = part.map(|part| Block::resolve(grid, part, path, findings));
+    let cells: [[usize; 2]; 3] = std::array::from_fn(|axis| match &block {
+        Some(block) if axis < grid.dimension => {
+            // A cell belongs to the part if its centre does.
+            let edge = |x: f64| {
+                let cell = (x / grid.spacing - 0.5 - 1e-6).ceil().max(0.0);
+                whole(cell).min(grid.cells[axis])
+            };
+            [edge(block.from[axis]), edge(block.to[axis])]
+        }
+        _ => [0, grid.cells[axis]],
+    });
+    if (0..grid.dimension).any(|axis| cells[axis][1] < cells[axis][0] + 2) {
+        findings.error(
+            path,
+            "the part holds fewer than two cells along an axis",
+            format!("make it larger; a cell is {} m", number(grid.spacing)),
+        );
+        return None;
+    }
+    Some(cells)
 }
