@@ -339,3 +339,29 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
     assert_eq!(told(&agreed), []);
     assert!((agreed.scene.grid.size[0] - grid.size[0]).abs() < 1e-12);
 }
+
+/// A disc at a quarter of the box stands on a position of symmetry wherever the number of cells along an edge is even.
+#[test]
+fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
+    for radius in ["0.002", "0.0021", "0.0022", "0.0024", "0.0025", "0.003"] {
+        let case = format!(
+            r#"{{
+              "domain": {{"size": [0.04, 0.04], "periodic": ["x", "y"]}},
+              "gravity": [0, 0],
+              "materials": {{"steel": {{"density": 7800}}}},
+              "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-4, "body_force": {{"constant": [1e-4, 0]}}}}}},
+              "bodies": [{{"name": "rod", "shape": {{"disc": {{"radius": {radius}}}}}, "position": [0.01, 0.03],
+                          "motion": {{"fixed": {{}}}}, "material": "steel"}}],
+              "time": {{"end": 1}}
+            }}"#
+        );
+        let document =
+            Document::read(&case, &[], Path::new(".")).unwrap_or_else(|p| panic!("{p:#?}"));
+        let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"));
+        let cells = plan.scene.grid.size[0] / plan.scene.grid.spacing;
+        assert!(
+            (cells.rem_euclid(2.0) - 1.0).abs() < 1e-6,
+            "{radius}: {cells}"
+        );
+    }
+}
