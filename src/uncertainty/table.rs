@@ -246,6 +246,37 @@ impl Row {
         Some(relative).filter(|r| r.is_finite())
     }
 
+    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower interval.
+    #[must_use]
+    pub fn why_wide(&self) -> Option<String> {
+        self.relative().filter(|half| *half > WIDE)?;
+        let mut causes: Vec<String> = Vec::new();
+        if self.value.abs() < SMALL * self.scale {
+            causes.push(format!(
+                "the value is {} of the scale of its kind, {:.3e}: a small difference of large terms",
+                percent(Some(self.value.abs() / self.scale)),
+                self.scale
+            ));
+        }
+        if self.settled == Some(false) {
+            causes.push(format!(
+                "it still changes by {} in a tenth of the run: run longer",
+                percent(self.drift.map(f64::abs))
+            ));
+        }
+        causes.push(match self.estimate.behaviour {
+            Behaviour::TwoGrids => "two grids show no order, so that the factor is 3 at first order: a third grid narrows it".to_owned(),
+            Behaviour::Oscillating => "its values rise and fall from grid to grid: gaps or borders are not resolved on the coarser grids".to_owned(),
+            Behaviour::Monotone => format!(
+                "the order {} is below the formal one: the cells are too coarse for it",
+                self.estimate.observed_order.map_or_else(String::new, |p| format!("{p:.2}"))
+            ),
+            Behaviour::Fast => "its order is above that of the method, so that the factor is 3".to_owned(),
+            _ => "it differs this much from grid to grid: the cells are too coarse for it".to_owned(),
+        });
+        Some(causes.join("; "))
+    }
+
     /// Whether it has settled, in words.
     #[must_use]
     pub fn rest(&self) -> String {
@@ -320,12 +351,21 @@ impl Table {
             lines.push(String::new());
         }
         lines.extend(used.iter().map(|b| format!("{}: {}", b.name(), b.method())));
+        lines.extend(self.wide_lines());
         if !self.settings.is_empty() {
             lines.push(String::new());
             lines.push("sensitivity to settings of models, not part of the uncertainty".into());
             lines.extend(self.setting_lines());
         }
         lines.join("\n")
+    }
+
+    /// Returns a line for each wide interval among the answers that the terminal shows.
+    fn wide_lines(&self) -> impl Iterator<Item = String> + '_ {
+        shown(&self.answers).into_iter().filter_map(|(row, _)| {
+            let why = row.why_wide()?;
+            Some(format!("wide interval of {}: {why}", row.answer))
+        })
     }
 
     /// Returns lines on the grids and the conclusion.
@@ -514,6 +554,7 @@ impl Table {
                 row["method"] = known.estimate.behaviour.method().into();
                 row["relative"] = known.relative().into();
                 row["in_time"] = known.rest().into();
+                row["why_wide"] = known.why_wide().into();
             }
         }
         tree
@@ -525,6 +566,12 @@ const MOST_CHANGES: usize = 6;
 
 /// Smaller changes only stand in the files.
 const LEAST_CHANGE: f64 = 1e-4;
+
+/// Half width over the value above which an interval is called wide.
+const WIDE: f64 = 0.2;
+
+/// Value over the scale of its kind below which rounding and staircases of larger terms decide its relative width.
+const SMALL: f64 = 0.1;
 
 /// Rows with columns of equal width.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
@@ -621,6 +668,34 @@ mod tests {
         );
         assert!(text.contains("not settled, drift 3.40 %"), "{text}");
         assert!(text.contains("contact stiffness  x 4"), "{text}");
+    }
+
+    #[test]
+    fn a_wide_interval_names_its_causes() {
+        let of = |h: f64| {
+            [
+                ("coarse", 1.0 + 0.5 * h, 0.03),
+                ("fine", 1.0 + 0.01 * h * h, 0.0),
+                ("small", 0.01 * h, 0.0),
+            ]
+        };
+        let grids = [1.0, 2.0].map(|h| grid(h, &of(h)));
+        let rows = rows(&grids, 0, 2.0, Noise::default());
+        let why: Vec<_> = rows
+            .iter()
+            .map(|row| row.why_wide().unwrap_or_default())
+            .collect();
+        assert!(
+            why[0].starts_with("it still changes by 3.00 %") && why[0].contains("a third grid"),
+            "{}",
+            why[0]
+        );
+        assert_eq!(why[1], "");
+        assert!(
+            why[2].starts_with("the value is 1.00 % of the scale"),
+            "{}",
+            why[2]
+        );
     }
 
     #[test]
