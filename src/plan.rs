@@ -17,6 +17,7 @@ mod linear_stability;
 pub mod margin;
 pub mod models;
 pub mod pore_flow;
+mod porous;
 pub mod report;
 mod seepage;
 mod stability;

@@ -23,6 +23,7 @@ pub mod observe;
 mod overlaps;
 pub(crate) mod packed;
 pub(crate) mod pairs;
+pub mod porous;
 pub mod profile;
 mod region;
 pub mod rock;
@@ -69,6 +70,8 @@ pub struct Scene {
     pub contact: Option<contact::ContactTable>,
     /// Structures, in the order of the case.
     pub structures: Vec<structures::Structure>,
+    /// Porous zones of a fluid on a lattice, in the order of the case.
+    pub porous_zones: Vec<porous::PorousZone>,
     /// Walls of grains: those of the case, of the structures, and on faces of the domain.
     pub walls: Vec<walls::Wall>,
     /// Named bodies.
@@ -272,6 +275,7 @@ impl Scene {
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
+        let porous_zones = porous::zones(case, &grid, findings);
         let regions = observe::regions(case, &grid, &names, findings);
         let measured = observe::Measured {
             case,
@@ -304,6 +308,7 @@ impl Scene {
             blocks: solids.blocks,
             contact: solids.contact,
             structures: solids.structures,
+            porous_zones,
             walls: solids.walls,
             bodies: solids.bodies,
             coupling: case.coupling.clone().filter(|_| solid),

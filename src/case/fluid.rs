@@ -6,7 +6,9 @@ use super::geometry::Vector;
 pub use crate::lbm::collision::Operator as Collision;
 pub use crate::lbm::gpu::Device;
 use crate::lbm::synthetic::Fluctuations;
+pub use crate::lbm::term::porous::Resistance;
 pub use crate::lbm::turbulence::EddyViscosity as Turbulence;
+use crate::structure::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -80,10 +82,25 @@ pub struct LatticeBoltzmann {
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
+    /// Zones in which the water meets a resistance: screens, racks, filters, rockfill.
+    #[serde(default)]
+    pub porous_zones: Vec<PorousZone>,
     /// Speed and pressure that a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes
     /// it. Default: the estimates of the plan.
     #[serde(default)]
     pub pilot: Option<Box<Pilot>>,
+}
+
+/// A zone in which the water meets a resistance. Grains and blocks pass through it. Zones that overlap add up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PorousZone {
+    /// Name of the zone.
+    pub name: String,
+    /// Shape and position.
+    pub shape: Shape,
+    /// Law of the resistance.
+    pub resistance: Resistance,
 }
 
 /// Speed and pressure of the water in a run on coarse cells.

@@ -22,6 +22,7 @@
 //! | `links` | bounce-back on links that cross the surface of a body or of a structure |
 //! | `rigid` | the motion of a body |
 //! | `saturation` | partially saturated cells, solid collision operators |
+//! | `term` | everything that acts on the populations in a step; porous zones |
 //! | `extremes` | largest speed and compression of each row |
 //! | `quanta` | sums that do not depend on the order |
 
@@ -43,4 +44,5 @@ pub mod quanta;
 pub mod rigid;
 pub mod saturation;
 pub mod synthetic;
+pub mod term;
 pub mod turbulence;

@@ -48,6 +48,9 @@ fn obstacles(scene: &Scene) -> Vec<String> {
             patch.name
         ));
     }
+    if !scene.porous_zones.is_empty() {
+        all.push("porous zones".into());
+    }
     if !scene.structures.is_empty() {
         all.push("structures".into());
     }

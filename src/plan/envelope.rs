@@ -39,6 +39,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         compression(scene, flow, &mut margins, findings);
         needed_pressure(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
+        super::porous::check(scene, flow, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage
         && let Some((_, largest)) = scene.grains.as_ref().and_then(|g| g.radii)

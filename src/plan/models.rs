@@ -255,6 +255,10 @@ impl Choices<'_> {
             |model| model.describe(),
         );
         self.add("turbulence", model, reason);
+        for zone in &self.scene.porous_zones {
+            let [what, model, reason] = zone.describe();
+            self.add(&what, model, reason);
+        }
         if let Some((model, reason)) = gravity::describe(self.scene.gravity, flow.gravity_acts) {
             self.add("gravity on the fluid", model, reason);
         }

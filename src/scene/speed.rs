@@ -11,6 +11,7 @@ use super::Scene;
 use super::boundaries::Patch;
 use super::flow::{BodyForce, Flow, PATH};
 use super::initial::Initial;
+use super::porous;
 use crate::lbm::boundary::Surface;
 use crate::lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
@@ -240,7 +241,8 @@ fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let (length, height) = passage(scene, axis);
     let viscous =
         value * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
-    Some((path, free.min(viscous)))
+    let resisted = porous::fastest(&scene.porous_zones, &scene.grid, axis, value / flow.density);
+    Some((path, free.min(viscous).min(resisted)))
 }
 
 /// Length and open height of the way through the domain along an axis: the holes cut into the grains (boxes that do
@@ -339,6 +341,13 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
             viscous.min(size * period / (std::f64::consts::TAU * flow.density))
         }
     };
+    let resisted = porous::fastest(
+        &scene.porous_zones,
+        &scene.grid,
+        axis,
+        size * scene.grid.size[axis] / flow.density,
+    );
+    let estimate = estimate.min(resisted);
     // With no wall in sight only what is in the way can hold the flow back, and that is not known yet.
     estimate.is_finite().then_some(estimate)
 }
@@ -375,7 +384,13 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
         BodyForce::Constant(_) => scene.time.end,
         BodyForce::Oscillating { period, .. } => period / std::f64::consts::TAU,
     };
-    Some(steady.min(force * time / flow.density))
+    let resisted = porous::fastest(
+        &scene.porous_zones,
+        &scene.grid,
+        axis,
+        force * scene.grid.size[axis] / flow.density,
+    );
+    Some(steady.min(force * time / flow.density).min(resisted))
 }
 
 /// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law (Pope 2000,

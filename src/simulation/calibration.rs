@@ -228,6 +228,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
         patches: Vec::new(),
         saturation: None,
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     let axis = [Axis::X, Axis::Y, Axis::Z][plan.scene.grid.split_axis.min(2)];
     let domain = Domain::serial(axis, cells[plan.scene.grid.split_axis], false);

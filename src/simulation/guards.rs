@@ -431,13 +431,13 @@ impl Guards {
             .map(|&n| crate::number::real(n))
             .product();
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
-        let force = flow.fluid_force_total(communicator);
+        let (force, largest) = flow.fluid_force_total(communicator);
         let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
         // Of all axes the largest: along one across the flow there may be nothing but rounding.
         let mut size = communicator.all_reduce_max_f64(scale).max(smallest * cells);
-        for a in 0..3 {
-            let through = from_quanta(sum(communicator, through[a + 1]));
-            size = size.max(through.abs()).max(force[a].abs());
+        size = size.max(largest);
+        for part in &through[1..] {
+            size = size.max(from_quanta(sum(communicator, *part)).abs());
         }
         for (a, force) in force.into_iter().enumerate() {
             let error = (residual(a + 1) - force).abs() / size;

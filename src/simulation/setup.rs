@@ -15,11 +15,14 @@ use crate::error::Error;
 use crate::lbm::boundary::{Opening, Patch};
 use crate::lbm::fluid::{Force, Setup};
 use crate::lbm::lanes::Stored;
+use crate::lbm::term::Make;
+use crate::lbm::term::porous::Porous;
 use crate::number::{real, to_u32};
 use crate::plan::{self, Plan};
 use crate::scene::bodies::Mobility;
 use crate::scene::boundaries;
 use crate::scene::flow::{BodyForce, Flow};
+use crate::scene::porous;
 use crate::scene::sample::Grain;
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Communicator};
@@ -57,7 +60,22 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         patches,
         saturation: coupled::saturation(plan),
         device: plan::device::device(&plan.scene),
+        terms: terms(plan, flow),
     })
+}
+
+/// Returns the terms of the step that the fluid itself does not have: a line for each.
+fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<Make<S>> {
+    let mut terms: Vec<Make<S>> = Vec::new();
+    if !plan.scene.porous_zones.is_empty() {
+        let (zones, grid) = (plan.scene.porous_zones.clone(), plan.scene.grid.clone());
+        let time_step = flow.time_step;
+        terms.push(Box::new(move |populations, start| {
+            let cells = porous::cells(&zones, (&grid, time_step), start, populations.cells());
+            Box::new(Porous::new(populations, start, &cells))
+        }));
+    }
+    terms
 }
 
 fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {

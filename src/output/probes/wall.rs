@@ -263,6 +263,7 @@ mod tests {
             patches,
             saturation: None,
             device: crate::lbm::gpu::Device::Cpu,
+            terms: Vec::new(),
         };
         let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(Axis::X, 6, false)).unwrap();
         fluid.initialise(&|_| (deviation, [0.0; 3]));

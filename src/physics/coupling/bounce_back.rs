@@ -20,7 +20,6 @@ use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
-use crate::number::real;
 use crate::structure::Images;
 use crate::thread_pool;
 use crate::units::LatticeUnits;
@@ -347,11 +346,5 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
 
     fn enclosed(&self, cell: [usize; 3]) -> bool {
         !self.map.is_empty() && self.map.encloses(cell, self.fluid.populations())
-    }
-
-    fn fluid_force_total(&self, communicator: &decomposition::Communicator) -> [f64; 3] {
-        let cells = self.balanced().count(self.fluid.populations()) as u64;
-        let cells = real(communicator.all_reduce_sum_u64(cells));
-        self.fluid.last_force().map(|f| f * cells)
     }
 }

@@ -9,6 +9,8 @@ use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
 use crate::lbm::populations::Populations;
+use crate::lbm::quanta::{from_quanta, quanta};
+use crate::lbm::saturation::cells;
 use crate::thread_pool;
 use decomposition::Communicator;
 
@@ -87,8 +89,36 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;
 
-    /// The body force on all the water in the last step (lattice units). Collective.
-    fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3];
+    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the body force, which a
+    /// covered cell feels by 1 - B, and what other terms gave; and the size of the largest part. Collective.
+    fn fluid_force_total(&self, communicator: &Communicator) -> ([f64; 3], f64) {
+        let (fluid, water) = (self.fluid(), self.balanced());
+        let populations = fluid.populations();
+        let mut open = i128::from(quanta(1.0)) * water.count(populations) as i128;
+        if let Some(cover) = fluid.cover() {
+            let cells = populations.interior();
+            for (_, position) in cells.filter(|(at, _)| water.holds(*at)) {
+                open -= i128::from(cover.weight(position));
+            }
+        }
+        let mut impulse = [0_i128; 3];
+        for term in fluid.terms() {
+            let given = term.impulse(populations, &|at| water.holds(at));
+            for (sum, given) in impulse.iter_mut().zip(given) {
+                *sum += given;
+            }
+        }
+        let sum = |part: i128| {
+            let all = communicator.all_reduce_sum_u128(part.cast_unsigned());
+            all.cast_signed()
+        };
+        let open = cells(sum(open));
+        let uniform = fluid.last_force().map(|force| force * open);
+        let given = impulse.map(|part| from_quanta(sum(part)));
+        let parts = uniform.iter().chain(&given);
+        let largest = parts.fold(0.0_f64, |largest, part| largest.max(part.abs()));
+        (std::array::from_fn(|a| uniform[a] + given[a]), largest)
+    }
 }
 
 /// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an `impl FluidView` of a type with `fluid` and

@@ -28,10 +28,10 @@ use crate::lbm::boundary::Flux;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::Load;
-use crate::lbm::saturation::{Cover, cells};
+use crate::lbm::saturation::Cover;
 use crate::structure::Images;
 use crate::units::LatticeUnits;
-use decomposition::{Communicator, Domain};
+use decomposition::Domain;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -315,22 +315,5 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
     /// Cells that bodies fill in part are in contact with all their neighbours.
     fn enclosed(&self, _: [usize; 3]) -> bool {
         false
-    }
-
-    /// A covered cell feels the force by 1 - B.
-    fn fluid_force_total(&self, communicator: &Communicator) -> [f64; 3] {
-        let populations = self.fluid.populations();
-        let water = self.balanced();
-        let (mut all, mut covered) = (0_i128, 0_i128);
-        for (_, position) in populations.interior().filter(|(at, _)| water.holds(*at)) {
-            all += i128::from(crate::lbm::boundary::quanta(1.0));
-            if let Some(cover) = self.fluid.cover() {
-                covered += i128::from(cover.weight(position));
-            }
-        }
-        let open = communicator
-            .all_reduce_sum_u128((all - covered).cast_unsigned())
-            .cast_signed();
-        self.fluid.last_force().map(|f| f * cells(open))
     }
 }

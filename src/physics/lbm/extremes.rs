@@ -30,10 +30,18 @@ impl Rows {
         let populations = fluid.populations();
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
+        if fluid.corrects_velocities() {
+            self.threads.resize_with(1, Share::default);
+            let Share { work, found } = &mut self.threads[0];
+            found.clear();
+            let rows = populations.rows();
+            found.extend(rows.map(|(_, cell)| fluid.row_extremes(cell, cells[fast], work)));
+            return;
+        }
+        let half = fluid.half_force();
         let rows = cells[slow] * cells[middle];
         let pieces = thread_pool::threads().min(cells[slow]).max(1);
         self.threads.resize_with(pieces, Share::default);
-        let half = fluid.half_force();
         thread_pool::each_item(&mut self.threads, 1, |piece, share| {
             share.found.clear();
             for row in rows * piece / pieces..rows * (piece + 1) / pieces {
@@ -71,6 +79,22 @@ impl<S: Stored> Populations<S> {
         }
         extremes(moments, half)
     }
+}
+
+/// Returns the extreme values of cells from their density deviations and velocities.
+pub(super) fn of_velocities([drho, u, v, w]: &[Vec<f64>; 4]) -> Extremes {
+    let mut found = Extremes {
+        squared_speed: 0.0,
+        compression: 0.0,
+        finite: true,
+    };
+    for ((drho, u), (v, w)) in drho.iter().zip(u).zip(v.iter().zip(w)) {
+        let squared = u * u + v * v + w * w;
+        found.squared_speed = found.squared_speed.max(squared);
+        found.compression = found.compression.max(drho.abs());
+        found.finite &= drho.is_finite() && squared.is_finite();
+    }
+    found
 }
 
 /// The extreme values of the cells of a row.

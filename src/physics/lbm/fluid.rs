@@ -23,6 +23,7 @@ use super::lattice::VelocitySet;
 use super::populations::Populations;
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, Method};
+use super::term::{self, ClosedCells, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use crate::thread_pool;
@@ -52,6 +53,8 @@ pub struct Setup<S: Stored = f64> {
     pub saturation: Option<Method>,
     /// What it runs on.
     pub device: Device,
+    /// Terms of the step that are added to force, boundaries, eddies and covered cells.
+    pub terms: Vec<term::Make<S>>,
 }
 
 impl<S: Stored> Setup<S> {
@@ -101,6 +104,26 @@ impl<S: Stored> Setup<S> {
     }
 }
 
+/// Returns the list of all terms of a slab.
+fn terms<'a, S: Stored>(
+    force: &'a Force,
+    eddies: &'a Option<EddyViscosity>,
+    boundaries: &'a Boundaries<S>,
+    cover: Option<&'a Cover>,
+    closed: Option<&'a ClosedCells>,
+    added: &'a [Box<dyn Term<S>>],
+) -> impl Iterator<Item = &'a dyn Term<S>> {
+    let built_in: [Option<&'a dyn Term<S>>; 5] = [
+        Some(force),
+        eddies.as_ref().map(|eddies| eddies as &dyn Term<S>),
+        Some(boundaries),
+        cover.map(|cover| cover as &dyn Term<S>),
+        closed.map(|closed| closed as &dyn Term<S>),
+    ];
+    let added = added.iter().map(AsRef::as_ref);
+    built_in.into_iter().flatten().chain(added)
+}
+
 /// Cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 1000;
 
@@ -148,8 +171,9 @@ pub struct Fluid<S: Stored> {
     field: Option<VelocityField>,
     /// Where solids are, if cells can be covered.
     cover: Option<Cover>,
-    /// Cells of structures, by position: openings before them are closed. Empty where there are none.
-    closed: Vec<bool>,
+    closed: ClosedCells,
+    /// Terms that act before the collision.
+    added: Vec<Box<dyn Term<S>>>,
     describe: fn(&mut Populations<S>, View, CoverView, bool) -> Shared<S>,
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
@@ -200,10 +224,26 @@ impl<S: Stored> Fluid<S> {
         let mut boundaries = Boundaries::new(&populations, &frame, patches, true);
         boundaries.balance(domain.communicator());
         let cover = setup.cover(&populations, &boundaries, threads);
+        let made = setup.terms.iter();
+        let added: Vec<Box<dyn Term<S>>> = made.map(|make| make(&populations, start)).collect();
         let start_on_gpu = || {
             let cover = cover.as_ref();
-            let pass = pass.as_ref();
-            on_gpu::start(&setup, &populations, &boundaries, pass, cover, domain)
+            let terms = terms(
+                &setup.force,
+                &setup.turbulence,
+                &boundaries,
+                cover,
+                None,
+                &added,
+            );
+            on_gpu::start(
+                &setup,
+                &populations,
+                &boundaries,
+                pass.as_ref(),
+                (cover, terms),
+                domain,
+            )
         };
         let gpu = match setup.device {
             Device::Cpu => None,
@@ -225,7 +265,8 @@ impl<S: Stored> Fluid<S> {
             turbulence: setup.turbulence,
             field,
             cover,
-            closed: Vec::new(),
+            closed: ClosedCells::default(),
+            added,
             describe,
             pass,
             relaxation_time: setup.relaxation_time,
@@ -255,12 +296,34 @@ impl<S: Stored> Fluid<S> {
             field,
             self.threads,
         );
+        if self.corrects_velocities() {
+            let cells: Vec<usize> = self.populations.interior().map(|(_, cell)| cell).collect();
+            for cell in cells {
+                self.shift_to_velocity(cell, half);
+            }
+        }
         self.renew_velocities();
+    }
+
+    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with all terms.
+    fn shift_to_velocity(&mut self, cell: usize, half: [f64; 3]) {
+        let (drho, momentum) = self.populations.moments(cell);
+        let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
+        let v = self.of_momentum(cell, u);
+        for i in 0..self.populations.velocities().q() {
+            let velocities = self.populations.velocities();
+            let (w, c) = (velocities.w[i], velocities.c[i]);
+            let change = initial::equilibrium(w, c, drho, v) - initial::equilibrium(w, c, drho, u);
+            let position = self.populations.incoming(cell, i);
+            let number = &mut self.populations.numbers_mut()[position];
+            *number = S::from_f64(number.to_f64() + change);
+        }
     }
 
     /// Sets a cell to equilibrium.
     pub fn set_equilibrium(&mut self, cell: usize, drho: f64, u: [f64; 3]) {
         let half = self.half_force();
+        let u = self.of_momentum(cell, u);
         self.shared_with_gpu = false;
         for i in 0..self.populations.velocities().q() {
             let v = self.populations.velocities();
@@ -318,8 +381,11 @@ impl<S: Stored> Fluid<S> {
     pub fn advance(&mut self) {
         self.shared_with_gpu = false;
         let planes = self.populations.cells()[self.populations.order()[0]];
-        let force = self.half_force().map(|f| 2.0 * f);
-        let half = force.map(|f| 0.5 * f);
+        let half = self.half_force();
+        let force = half.map(|f| 2.0 * f);
+        for term in &mut self.added {
+            term.act(&mut self.populations, half, self.cover.as_ref());
+        }
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = (self.step + 1) as f64;
         if planes == 0 {
@@ -378,7 +444,7 @@ impl<S: Stored> Fluid<S> {
                 .close_covered(fraction, &mut self.populations);
         }
         if !self.closed.is_empty() {
-            let fraction = |cell: usize, _: [usize; 3]| f64::from(u8::from(self.closed[cell]));
+            let fraction = |cell: usize, _: [usize; 3]| self.closed.fraction(cell);
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
         }
@@ -442,10 +508,19 @@ impl<S: Stored> Fluid<S> {
 
     /// Closes the openings before the cells of structures, given by position.
     pub fn close(&mut self, cells: impl Iterator<Item = usize>) {
-        self.closed = vec![false; self.populations.cell_positions()];
-        for cell in cells {
-            self.closed[cell] = true;
-        }
+        self.closed.close(&self.populations, cells);
+    }
+
+    /// Returns everything that acts on the populations beside collision and streaming.
+    pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
+        terms(
+            &self.force,
+            &self.turbulence,
+            &self.boundaries,
+            self.cover.as_ref(),
+            Some(&self.closed),
+            &self.added,
+        )
     }
 
     /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.

@@ -28,6 +28,7 @@ use crate::scene::Scene;
 use crate::scene::boundaries::Patch;
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
+use crate::scene::porous;
 use crate::scene::speed::{PILOT_MARGIN, passage};
 use serde::Serialize;
 
@@ -181,6 +182,11 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
             causes.extend(
                 loss.map(|(what, pressure)| Cause::steady(what, inlet.path.clone(), pressure)),
             );
+            let losses = porous::losses(&scene.porous_zones, &scene.grid, axis, discharge);
+            causes.extend(losses.map(|(path, loss)| {
+                let what = "the resistance of a porous zone";
+                Cause::steady(what, path.to_owned(), flow.density * loss)
+            }));
         }
     }
     causes.extend(force_against_walls(scene, flow));

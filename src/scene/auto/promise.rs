@@ -44,7 +44,7 @@ pub(crate) fn judge(
         .collect();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
     let mut new = Vec::new();
-    new.extend(of_models(flow, lattice_velocity));
+    new.extend(of_models(scene, flow, lattice_velocity));
     new.extend(of_motion(case));
     new.extend(of_sound(scene, flow, target));
     let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
@@ -199,8 +199,11 @@ fn of_feature<'a>(
 }
 
 /// Models and numbers of the lattice that no row has.
-fn of_models(flow: &Flow, lattice_velocity: f64) -> Vec<String> {
+fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
+    if !scene.porous_zones.is_empty() {
+        new.push("no error was measured of flow beside porous zones".to_owned());
+    }
     if flow.turbulence.is_some() {
         new.push("eddies are modelled, and no error of that was measured".to_owned());
     }

@@ -32,6 +32,7 @@ use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::packed::{in_a_bed, lie_packed};
+use crate::scene::porous;
 use crate::scene::speed::{self, Speed};
 use crate::units::LatticeUnits;
 
@@ -218,6 +219,21 @@ fn limits(
         add(
             format!("a relaxation time of {tau}, at which the bed of grains is stable"),
             LatticeUnits::time_step_for(tau, h, nu),
+        );
+    }
+    if let Some(limit) =
+        porous::step_limit(&scene.porous_zones, speed.map_or(0.0, |speed| speed.value))
+    {
+        let what = format!("the resistance of the porous zone `{}`", limit.zone.name);
+        // Eddies are chosen later, where the water is fast.
+        let eddies = speed.is_some() && scene.grid.dimension == 3;
+        add(
+            what,
+            if eddies {
+                limit.beside_eddies
+            } else {
+                limit.stable
+            },
         );
     }
     if let BodyForce::Oscillating { period, .. } = flow.body_force {

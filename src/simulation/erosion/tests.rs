@@ -240,6 +240,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
         saturation: None,
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     let settings = Settings {
         scheme: Scheme::HalfWay,

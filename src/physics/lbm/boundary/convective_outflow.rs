@@ -376,6 +376,7 @@ mod tests {
             patches: vec![patch(false, inlet), patch(true, outlet)],
             saturation: None,
             device: crate::lbm::gpu::Device::Cpu,
+            terms: Vec::new(),
         };
         Fluid::new(setup, &Domain::serial(Axis::X, length, false)).unwrap()
     }

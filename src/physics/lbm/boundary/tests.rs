@@ -122,6 +122,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         }],
         saturation: None,
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, CELLS[0], false)).unwrap();
     fluid.initialise(&|_: [f64; 3]| (0.01, [0.0; 3]));
@@ -204,6 +205,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             patches,
             saturation: None,
             device: crate::lbm::gpu::Device::Cpu,
+            terms: Vec::new(),
         };
         let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, WIDE[0], false)).unwrap();
         fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));

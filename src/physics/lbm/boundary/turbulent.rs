@@ -247,6 +247,7 @@ mod tests {
             ],
             saturation: None,
             device: crate::lbm::gpu::Device::Cpu,
+            terms: Vec::new(),
         };
         let domain = Domain::serial(Axis::X, cells[0], false);
         let mut fluid = Fluid::new(setup, &domain).unwrap();

@@ -11,6 +11,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::lattice::VelocitySet;
 use crate::lbm::populations::Populations;
 use crate::lbm::saturation::Cover;
+use crate::lbm::term::Term;
 use crate::number::{single, to_u32};
 use decomposition::Domain;
 
@@ -35,23 +36,20 @@ pub fn kernel_exists(
 ///
 /// # Errors
 /// What stands against it, or what the GPU reports.
-pub(super) fn start<S: Stored>(
+pub(super) fn start<'a, S: Stored>(
     setup: &Setup<S>,
     populations: &Populations<S>,
     boundaries: &Boundaries<S>,
     step: &dyn Step<S>,
-    cover: Option<&Cover>,
+    (cover, mut terms): (Option<&Cover>, impl Iterator<Item = &'a dyn Term<S>>),
     domain: &Domain,
 ) -> Result<Gpu, String> {
     let refuse = |what: &str| Err(format!("a GPU does not run {what} yet"));
     if domain.communicator().size() > 1 {
         return refuse("a fluid on several ranks");
     }
-    if setup.turbulence.is_some() {
-        return refuse("a fluid with an eddy viscosity");
-    }
-    if !boundaries.are_walls() {
-        return refuse("a fluid with openings or with faces of free slip");
+    if let Some(term) = terms.find(|term| !term.runs_on_gpu()) {
+        return refuse(term.name());
     }
     let kernel = step.kernel_on_gpu();
     let Some(kernel) = kernel.filter(|kernel| kernel.exists(S::NAME)) else {

@@ -2,7 +2,7 @@
 
 use super::Fluid;
 use crate::lbm::boundary::Flux;
-use crate::lbm::extremes::Extremes;
+use crate::lbm::extremes::{self, Extremes};
 use crate::lbm::initial;
 use crate::lbm::lanes::Stored;
 use std::ops::Range;
@@ -30,7 +30,28 @@ impl<S: Stored> Fluid<S> {
         let (drho, momentum) = self.populations.moments(cell);
         let half = self.half_force();
         let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
-        (drho, u)
+        (drho, self.corrected(cell, u))
+    }
+
+    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change it.
+    fn corrected(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
+        let terms = self.added.iter();
+        terms.fold(velocity, |velocity, term| {
+            term.velocity(cell, velocity, self.cover.as_ref())
+        })
+    }
+
+    /// Returns the inverse of [`Self::corrected`].
+    pub(super) fn of_momentum(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
+        let terms = self.added.iter().rev();
+        terms.fold(velocity, |velocity, term| {
+            term.of_momentum(cell, velocity, self.cover.as_ref())
+        })
+    }
+
+    /// Returns `true` if the velocities are not those of momentum and body force alone.
+    pub(in crate::lbm) fn corrects_velocities(&self) -> bool {
+        self.added.iter().any(|term| term.changes_velocities())
     }
 
     /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then the three
@@ -44,10 +65,21 @@ impl<S: Stored> Fluid<S> {
                 *u = (*u + half) / (1.0 + drho);
             }
         }
+        if self.corrects_velocities() {
+            let [_, u, v, w] = states;
+            let components = u.iter_mut().zip(v.iter_mut()).zip(w.iter_mut());
+            for (position, ((u, v), w)) in (cell..).zip(components) {
+                [*u, *v, *w] = self.corrected(position, [*u, *v, *w]);
+            }
+        }
     }
 
     /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
     pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
+        if self.corrects_velocities() {
+            self.row_states(cell, length, work);
+            return extremes::of_velocities(work);
+        }
         let half = self.half_force();
         self.populations.row_extremes(cell, length, half, work)
     }

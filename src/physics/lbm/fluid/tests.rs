@@ -22,6 +22,7 @@ fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> S
         patches: Vec::new(),
         saturation: None,
         device: Device::Cpu,
+        terms: Vec::new(),
     }
 }
 

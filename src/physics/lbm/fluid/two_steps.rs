@@ -25,6 +25,7 @@ use crate::lbm::boundary::Boundaries;
 use crate::lbm::kernel::Shared;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Parity;
+use crate::lbm::term::Term;
 use crate::lbm::turbulence::field::{Field, Ghosts};
 use crate::thread_pool;
 use std::ops::Range;
@@ -58,10 +59,8 @@ impl<S: Stored> Fluid<S> {
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
-            && self.cover.is_none()
-            && self.closed.is_empty()
             && !self.periodic_within[middle]
-            && self.boundaries.are_walls()
+            && self.terms().all(Term::allows_two_steps)
     }
 
     /// Two steps. Between them nobody sees the populations.

@@ -49,6 +49,7 @@ fn setup(
         patches: Vec::new(),
         saturation: Some(method),
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     }
 }
 

@@ -37,6 +37,7 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
             weighting: Weighting::Viscous,
         }),
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
 }

@@ -26,6 +26,7 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
             weighting: Weighting::Fraction,
         }),
         device: crate::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
 }

@@ -1,0 +1,74 @@
+//! The limit of the time step by the resistance of porous zones ([`crate::lbm::term::porous`]).
+
+use super::margin::{Margin, margin, slower_clock};
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::{Flow, PATH};
+use crate::scene::porous;
+use crate::scene::speed::speeds;
+
+/// Part of the limit that a remedy proposes.
+const PROPOSED: f64 = 0.9;
+
+/// Adds the margin, and findings where it is exceeded.
+pub(super) fn check(
+    scene: &Scene,
+    flow: &Flow,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
+    let speed = speeds(scene, flow)
+        .iter()
+        .map(|speed| speed.value)
+        .fold(0.0, f64::max);
+    let Some(limit) = porous::step_limit(&scene.porous_zones, speed) else {
+        return;
+    };
+    let path = format!("{}.resistance", limit.zone.path);
+    let found = margin(
+        "time step for the resistance of a porous zone",
+        flow.time_step,
+        limit.stable,
+        &path,
+    );
+    let slower = |longest: f64, text: String| {
+        slower_clock(
+            flow,
+            scene.grid.spacing,
+            PROPOSED * longest / flow.time_step,
+            text,
+        )
+    };
+    if found.used > 1.0 {
+        findings.error(
+            &format!("{PATH}.{}", flow.fixed_by),
+            format!(
+                "the zone `{}` takes {} times the momentum of its water in a step of {} s: the velocity swings from step to step above 2",
+                limit.zone.name,
+                number(2.0 * found.used),
+                number(flow.time_step)
+            ),
+            slower(
+                limit.stable,
+                format!(
+                    "use a time step of at most {} s; where the water creeps through soil, model it with `fluid.darcy`",
+                    number(PROPOSED * limit.stable)
+                ),
+            ),
+        );
+    } else if flow.turbulence.is_some() && flow.time_step > limit.beside_eddies {
+        findings.warn(
+            &format!("{PATH}.{}", flow.fixed_by),
+            format!(
+                "the eddy viscosity reads velocities that err by up to {} % at the surface of the zone `{}`",
+                number(100.0 * found.used),
+                limit.zone.name
+            ),
+            slower(
+                limit.beside_eddies,
+                format!("use a time step of at most {} s", number(PROPOSED * limit.beside_eddies)),
+            ),
+        );
+    }
+    margins.push(found);
+}
