@@ -59,6 +59,7 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
         }],
         saturation: None,
         device,
+        terms: Vec::new(),
     }
 }
 

@@ -36,6 +36,15 @@ impl PartialEq for PorousZone {
     }
 }
 
+/// Thickness of a zone along an axis.
+struct Thickness {
+    /// Smallest and largest thickness \[m\].
+    least: f64,
+    most: f64,
+    /// Part of the section that the zone does not reach.
+    open: f64,
+}
+
 /// Resistance of a step, a + b |u| in lattice units, up to which the trapezoidal rule does not swing.
 const WITHOUT_SWINGS: f64 = 2.0;
 /// The same beside an eddy viscosity: the velocity that it reads in a zone errs by half of it.
@@ -55,6 +64,12 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
     for (n, written) in lbm.porous_zones.iter().enumerate() {
         let path = format!("{PATH}.porous_zones[{n}]");
         unique(&mut known, &written.name, &format!("{path}.name"), findings);
+        if let Resistance::Ergun { porosity, .. } = written.resistance
+            && !(0.0 < porosity && porosity < 1.0)
+        {
+            // Refused by its range.
+            continue;
+        }
         let coefficients = written.resistance.coefficients(lbm.kinematic_viscosity);
         if coefficients == Coefficients::default() {
             let law = format!("{path}.resistance.darcy_forchheimer");
@@ -64,12 +79,6 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
                 Remedy::from("state one of both, or remove the zone")
                     .set(format!("{law}.permeability"), 1e-8),
             );
-        }
-        if let Resistance::Ergun { porosity, .. } = written.resistance
-            && !(0.0 < porosity && porosity < 1.0)
-        {
-            // Refused by its range.
-            continue;
         }
         let shape = format!("{path}.shape");
         if let Some(images) = structures::images(case, grid, &written.shape, &shape, findings) {
@@ -98,12 +107,16 @@ impl PorousZone {
         (0.5 - self.solid.distance(centre) / h).clamp(0.0, 1.0)
     }
 
-    /// Returns the smallest and the largest thickness of the zone along an axis, over columns through the domain \[m\].
-    fn thickness(&self, grid: &Grid, axis: usize) -> [f64; 2] {
+    /// Samples the thickness of the zone along an axis on columns through the domain.
+    fn thickness(&self, grid: &Grid, axis: usize) -> Thickness {
         let across: Vec<usize> = (0..grid.dimension).filter(|a| *a != axis).collect();
         let columns = COLUMNS.pow(u32::try_from(across.len()).unwrap_or(1));
         let step = grid.size[axis] / real(SAMPLES);
-        let mut found = [f64::INFINITY, 0.0];
+        let mut found = Thickness {
+            least: f64::INFINITY,
+            most: 0.0,
+            open: 0.0,
+        };
         for column in 0..columns {
             let mut at = [0.0; 3];
             let mut place = column;
@@ -116,7 +129,11 @@ impl PorousZone {
                 (0.5 - self.solid.distance(at) / step).clamp(0.0, 1.0)
             });
             let thickness = step * parts.sum::<f64>();
-            found = [found[0].min(thickness), found[1].max(thickness)];
+            found.least = found.least.min(thickness);
+            found.most = found.most.max(thickness);
+            if thickness == 0.0 {
+                found.open += 1.0 / real(columns);
+            }
         }
         found
     }
@@ -172,9 +189,9 @@ pub(crate) fn cells(
 /// close a section; infinite where the water passes all zones by.
 pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
     let bounds = zones.iter().map(|zone| {
-        let [thinnest, _] = zone.thickness(grid, axis);
-        if thinnest > 0.0 {
-            zone.coefficients.velocity(drop / thinnest)
+        let Thickness { least, .. } = zone.thickness(grid, axis);
+        if least > 0.0 {
+            zone.coefficients.velocity(drop / least)
         } else {
             f64::INFINITY
         }
@@ -192,9 +209,12 @@ pub(crate) fn losses<'a>(
     let across = (0..grid.dimension).filter(move |a| *a != axis);
     let area: f64 = across.map(|a| grid.size[a]).product();
     zones.iter().map(move |zone| {
-        let [_, thickest] = zone.thickness(grid, axis);
-        let loss = zone.coefficients.deceleration(discharge / area) * thickest;
-        (zone.path.as_str(), loss)
+        let Thickness { most, open, .. } = zone.thickness(grid, axis);
+        let speed = discharge / area;
+        let through = zone.coefficients.deceleration(speed) * most;
+        // Where the zone leaves a part of the section open, all the water may take that: a contraction loses at most (U/open)².
+        let past = (speed / open).powi(2);
+        (zone.path.as_str(), through.min(past))
     })
 }
 

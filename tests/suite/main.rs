@@ -30,6 +30,7 @@ mod input_files;
 mod layers;
 mod mutants;
 mod openings;
+mod porous;
 mod probes;
 mod proposals;
 mod ranks;
