@@ -1,7 +1,7 @@
 //! The kernels that run on GPUs: the root of a crate of its own for the target `nvptx64-nvidia-cuda`, made of files of the models.
 //!
 //! Velocity sets, operators and the pass over a cell are the very files that the processor runs; only the functions below, each a
-//! kernel by name, are of the GPU alone. `lbm/gpu/build.sh` compiles this root to PTX, which `lbm/gpu/ptx/` keeps and the host loads
+//! kernel by name, are of the GPU alone. `lbm/gpu/build.sh` compiles this root to PTX, which `lbm/gpu/kernels.ptx.gz` keeps and the host loads
 //! ([`lbm::gpu`]). All operations are rounded as on the processor, none are fused that the source does not fuse, so that the bits are
 //! the same.
 

@@ -64,7 +64,8 @@ fn obstacles(scene: &Scene) -> Vec<String> {
 #[must_use]
 pub fn device(scene: &Scene) -> Device {
     let wish = scene.flow.as_ref().map_or(Device::Cpu, |flow| flow.device);
-    if obstacles(scene).is_empty() {
+    // The kernels of GPUs are read only where one is asked for.
+    if wish == Device::Cpu || obstacles(scene).is_empty() {
         wish
     } else {
         Device::Cpu
@@ -74,8 +75,11 @@ pub fn device(scene: &Scene) -> Device {
 /// Refuses a GPU that is asked for where something stands against it.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let asked = |flow: &crate::scene::flow::Flow| flow.device == Device::Gpu;
+    if !scene.flow.as_ref().is_some_and(asked) {
+        return;
+    }
     let against = obstacles(scene);
-    if scene.flow.as_ref().is_some_and(asked) && !against.is_empty() {
+    if !against.is_empty() {
         let path = format!("{PATH}.device");
         findings.error(
             &path,

@@ -2,7 +2,7 @@
 //!
 //! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for GPUs (the crate root
 //! `src/physics/gpu.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
-//! `gpu/ptx/`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
+//! `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
 //! the program runs as before.
 //!
 //! | file | content |
@@ -16,7 +16,7 @@
 //! | `cover` | the cover of the cells on the GPU |
 //! | `moments` | the extreme values of rows, for the checks of a run; also compiled for GPUs |
 //! | `program` | a step of a slab as passes and copies |
-//! | `build.sh`, `ptx` | the command that compiles the kernels, and what it made |
+//! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
 //!
 //! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at populations. Kernels are added
 //! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with TRT and MRT partially saturated cells;
@@ -56,13 +56,15 @@ use cudarc::driver::{
     DriverError, LaunchConfig, PushKernelArg, sys,
 };
 use cudarc::nvrtc::Ptx;
+use flate2::read::MultiGzDecoder;
 use moments::{HalfForce, RowExtremes};
 use program::Program;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::c_void;
 use std::fmt;
-use std::sync::Arc;
+use std::io::Read;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 /// What the fluid runs on.
@@ -79,29 +81,31 @@ pub enum Device {
     Auto,
 }
 
-/// PTX by the name of its file.
-const KERNELS: [(&str, &str); 8] = [
-    ("bgk", include_str!("gpu/ptx/bgk.ptx")),
-    ("trt", include_str!("gpu/ptx/trt.ptx")),
-    ("mrt", include_str!("gpu/ptx/mrt.ptx")),
-    (
-        "covers_mrt_d3q27",
-        include_str!("gpu/ptx/covers_mrt_d3q27.ptx"),
-    ),
-    (
-        "covers_trt_d3q27",
-        include_str!("gpu/ptx/covers_trt_d3q27.ptx"),
-    ),
-    ("balls", include_str!("gpu/ptx/balls.ptx")),
-    ("looks", include_str!("gpu/ptx/looks.ptx")),
-    ("copies", include_str!("gpu/ptx/copies.ptx")),
-];
+/// PTX of the kernels, compressed, as `build.sh` made it.
+const ARCHIVE: &[u8] = include_bytes!("gpu/kernels.ptx.gz");
 
-/// The PTX that has a kernel.
+/// Start of the first line of each text in the archive, before its name.
+const TITLE: &str = "// Kernels: ";
+
+/// PTX by name. The archive is read where a case asks for a GPU.
+static KERNELS: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
+    let mut text = String::new();
+    if let Err(error) = MultiGzDecoder::new(ARCHIVE).read_to_string(&mut text) {
+        log::error!("the kernels of GPUs cannot be read: {error}");
+    }
+    let texts = text.split(TITLE).skip(1);
+    let named = texts.filter_map(|text| {
+        let (name, text) = text.split_once('\n')?;
+        Some((name.to_owned(), text.to_owned()))
+    });
+    named.collect()
+});
+
+/// Returns the PTX that has a kernel.
 fn ptx_of(name: &str) -> Option<&'static str> {
     let entry = format!(".entry {name}(");
     let file = KERNELS.iter().find(|(_, text)| text.contains(&entry));
-    file.map(|(_, text)| *text)
+    file.map(|(_, text)| text.as_str())
 }
 
 /// The kernels for an operator: its name on GPUs, and the velocity set.

@@ -10,7 +10,8 @@ use std::process::{Command, Stdio};
 #[test]
 fn the_ptx_is_made_from_these_sources() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for (kernels, text) in super::KERNELS {
+    assert_eq!(super::KERNELS.len(), 8);
+    for (kernels, text) in super::KERNELS.iter() {
         let named = |start: &str| {
             let line = text.lines().find_map(|line| line.strip_prefix(start));
             line.unwrap_or_else(|| panic!("{kernels}: no line {start}"))
@@ -38,7 +39,7 @@ fn the_ptx_is_made_from_these_sources() {
 #[test]
 fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     let mut seen = 0;
-    for (kernels, text) in super::KERNELS {
+    for (kernels, text) in super::KERNELS.iter() {
         // A driver refuses functions that stand elsewhere, such as that of a division by zero.
         assert!(!text.contains(".extern"), "{kernels}");
         for line in text.lines() {
