@@ -6,6 +6,7 @@
 
 mod faces;
 mod overlays;
+mod raster;
 mod section;
 mod streamlines;
 
@@ -18,6 +19,7 @@ use io::Moment;
 use io::fields::{Values, inspect, read_column};
 use io::{Alone, Series};
 use overlays::{Arrows, Network};
+use raster::{Frame, Raster, byte, dot};
 use section::Section;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -400,213 +402,6 @@ fn grain_colour(share: f64) -> [f64; 3] {
     along(&STOPS, share)
 }
 
-/// The rectangle that a panel shows, and the directions of its axes.
-struct Frame {
-    right: [f64; 3],
-    up: [f64; 3],
-    /// Towards the viewer.
-    near: [f64; 3],
-    low: [f64; 2],
-    high: [f64; 2],
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-impl Frame {
-    fn new(scenes: &[Scene], view: View) -> Self {
-        let flat = scenes.iter().all(|scene| {
-            scene.faces.is_none()
-                && scene.grains.as_ref().is_none_or(|g| g.flat)
-                && scene.water.as_ref().is_none_or(|w| w.cells[2] == 1)
-        });
-        let (right, up, near) = match view {
-            _ if flat => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            View::Z => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            View::Y => ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
-            View::X => ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
-            View::Corner => {
-                let (s, c) = (30.0_f64.to_radians().sin(), 30.0_f64.to_radians().cos());
-                let (t, d) = (25.0_f64.to_radians().sin(), 25.0_f64.to_radians().cos());
-                ([c, s, 0.0], [-t * s, t * c, d], [d * s, -d * c, t])
-            }
-        };
-        let mut frame = Self {
-            right,
-            up,
-            near,
-            low: [f64::INFINITY; 2],
-            high: [f64::NEG_INFINITY; 2],
-        };
-        for scene in scenes {
-            if let Some(water) = &scene.water {
-                for corner in 0..8 {
-                    let p = std::array::from_fn(|a| {
-                        let far = if corner >> a & 1 == 1 {
-                            real(water.cells[a])
-                        } else {
-                            0.0
-                        };
-                        water.origin[a] + far * water.spacing[a]
-                    });
-                    frame.include(p, 0.0);
-                }
-            }
-            if let Some(grains) = &scene.grains
-                // The grid of a seepage is smaller than the scene.
-                && scene.water.as_ref().is_none_or(|water| water.cells[2] > 1)
-            {
-                for (&p, &r) in grains.positions.iter().zip(&grains.radii) {
-                    frame.include(p, r);
-                }
-            }
-            for &p in scene.faces.iter().flat_map(|faces| &faces.points) {
-                frame.include(p, 0.0);
-            }
-        }
-        frame
-    }
-
-    fn place(&self, p: [f64; 3]) -> [f64; 2] {
-        [dot(p, self.right), dot(p, self.up)]
-    }
-
-    fn include(&mut self, p: [f64; 3], r: f64) {
-        let at = self.place(p);
-        for a in 0..2 {
-            self.low[a] = self.low[a].min(at[a] - r);
-            self.high[a] = self.high[a].max(at[a] + r);
-        }
-    }
-}
-
-/// Pixels of a panel.
-struct Raster {
-    width: usize,
-    height: usize,
-    colours: Vec<[f64; 3]>,
-    depth: Vec<f64>,
-    /// Metres of a pixel.
-    pixel: f64,
-}
-
-impl Raster {
-    /// White paper, `most` pixels wide, or twice as high where the frame is narrower than that.
-    fn new(frame: &Frame, most: usize) -> Self {
-        let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
-        let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));
-        let width = whole((size[0] / pixel).round()).clamp(1, most);
-        let height = whole((size[1] / pixel).round()).clamp(1, 2 * most);
-        Self {
-            width,
-            height,
-            colours: vec![PAPER; width * height],
-            depth: vec![f64::NEG_INFINITY; width * height],
-            pixel,
-        }
-    }
-
-    /// Where a point of the scene lies \[pixels from the upper left corner\].
-    fn pixel_of(&self, frame: &Frame, p: [f64; 3]) -> [f64; 2] {
-        let [x, y] = frame.place(p);
-        [
-            (x - frame.low[0]) / self.pixel,
-            (frame.high[1] - y) / self.pixel,
-        ]
-    }
-
-    /// Where the middle of a pixel lies in the frame.
-    fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
-        [
-            frame.low[0] + (real(column) + 0.5) * self.pixel,
-            frame.high[1] - (real(row) + 0.5) * self.pixel,
-        ]
-    }
-
-    fn water(&mut self, frame: &Frame, water: &Water, scale: [f64; 2]) {
-        for row in 0..self.height {
-            for column in 0..self.width {
-                let at = self.middle(frame, column, row);
-                let cell = [0, 1].map(|a| {
-                    let k = ((at[a] - water.origin[a]) / water.spacing[a])
-                        .floor()
-                        .max(0.0);
-                    whole(k).min(water.cells[a] - 1)
-                });
-                let n = cell[1] * water.cells[0] + cell[0];
-                self.colours[row * self.width + column] = if water.solid[n] {
-                    [225.0, 225.0, 225.0]
-                } else {
-                    water_colour(share(water.values[n], scale))
-                };
-            }
-        }
-    }
-
-    fn grain(&mut self, frame: &Frame, p: [f64; 3], r: f64, colour: [f64; 3], flat: bool) {
-        let at = frame.place(p);
-        let away = dot(p, frame.near);
-        let span = |middle: f64, count: usize| {
-            let from = ((middle - r) / self.pixel - 0.5).floor().max(0.0);
-            let to = ((middle + r) / self.pixel + 0.5).ceil().max(0.0);
-            whole(from).min(count)..whole(to).min(count)
-        };
-        let columns = span(at[0] - frame.low[0], self.width);
-        for row in span(frame.high[1] - at[1], self.height) {
-            for column in columns.clone() {
-                let here = self.middle(frame, column, row);
-                let d = [here[0] - at[0], here[1] - at[1]];
-                let inside = r * r - d[0] * d[0] - d[1] * d[1];
-                if inside < 0.0 {
-                    continue;
-                }
-                let height = inside.sqrt();
-                let n = row * self.width + column;
-                if away + height <= self.depth[n] {
-                    continue;
-                }
-                self.depth[n] = away + height;
-                let light = if flat {
-                    // An outline of about a pixel.
-                    if height < (3.0 * r * self.pixel).sqrt() {
-                        0.7
-                    } else {
-                        1.0
-                    }
-                } else {
-                    let normal = [d[0] / r, d[1] / r, height / r];
-                    0.35 + 0.65 * dot(normal, [-0.4, 0.5, 0.768]).max(0.0)
-                };
-                self.colours[n] = colour.map(|c| c * light);
-            }
-        }
-    }
-
-    fn to_png(&self) -> Result<Vec<u8>, Error> {
-        let wrong = |e: png::EncodingError| Error::Internal(format!("picture: {e}"));
-        let mut bytes = Vec::new();
-        let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        let mut encoder = png::Encoder::new(&mut bytes, side(self.width), side(self.height));
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
-        let mut writer = encoder.write_header().map_err(wrong)?;
-        let pixels: Vec<u8> = self.colours.iter().flat_map(|c| c.map(byte)).collect();
-        writer.write_image_data(&pixels).map_err(wrong)?;
-        writer.finish().map_err(wrong)?;
-        Ok(bytes)
-    }
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to a byte"
-)]
-fn byte(c: f64) -> u8 {
-    c.round().clamp(0.0, 255.0) as u8
-}
 fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
     if high > low {
         (value - low) / (high - low)
@@ -635,160 +430,34 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     if !(frame.high[0] > frame.low[0] && frame.high[1] > frame.low[1]) {
         return Err(Error::Io("there is nothing to draw at these times".into()));
     }
-    let plane = scenes
-        .iter()
-        .all(|s| s.water.as_ref().is_none_or(|w| w.cells[2] == 1));
-    let water = range(
-        scenes
-            .iter()
-            .filter_map(|s| s.water.as_ref())
-            .flat_map(|w| {
-                w.values
-                    .iter()
-                    .zip(&w.solid)
-                    .filter(|(_, solid)| !**solid)
-                    .map(|(v, _)| v)
-            }),
-    )
-    .filter(|_| plane);
-    let grains = range(
-        scenes
-            .iter()
-            .filter_map(|s| s.grains.as_ref()?.values.as_ref())
-            .chain(
-                scenes
-                    .iter()
-                    .filter_map(|s| Some(&s.faces.as_ref()?.values)),
-            )
-            .flatten(),
-    );
-    // One scale in all panels.
-    let arrows = |s: &Scene| Some(s.grains.as_ref()?.arrows.as_ref()?.longest());
-    let longest = scenes.iter().filter_map(arrows).fold(0.0, f64::max);
-    let forces = scenes.iter().filter_map(|s| s.contacts.as_ref());
-    let largest = forces.map(Network::largest).fold(0.0, f64::max);
-    let mut panels = Vec::new();
-    for scene in scenes {
-        let mut raster = Raster::new(&frame, request.width.into());
-        if let (Some(field), Some(scale)) = (&scene.water, water) {
-            raster.water(&frame, field, scale);
-        }
-        if let Some(all) = &scene.grains {
-            for (k, (&p, &r)) in all.positions.iter().zip(&all.radii).enumerate() {
-                let colour = match (&all.values, grains) {
-                    (Some(values), Some(scale)) => grain_colour(share(values[k], scale)),
-                    _ => SAND,
-                };
-                raster.grain(&frame, p, r, colour, all.flat);
-            }
-        }
-        if let Some(structures) = &scene.structures {
-            structures.paint(&mut raster, &frame, |_| STONE);
-        }
-        if let (Some(faces), Some(scale)) = (&scene.faces, grains) {
-            faces.paint(&mut raster, &frame, |v| grain_colour(share(v, scale)));
-        }
-        let lines = scene
-            .water
-            .as_ref()
-            .filter(|w| w.cells[2] == 1 && w.flow.is_some());
-        let lines = lines.map(|water| {
-            streamlines::draw(water, |at| {
-                [
-                    (water.origin[0] + at[0] * water.spacing[0] - frame.low[0]) / raster.pixel,
-                    (frame.high[1] - water.origin[1] - at[1] * water.spacing[1]) / raster.pixel,
-                ]
-            })
-        });
-        let over = over(scene, [longest, largest], &frame, &raster);
-        panels.push((scene.time, raster, lines.unwrap_or_default() + &over));
-    }
-    let Some((_, first, _)) = panels.first() else {
+    let scales = Scales::of(scenes);
+    let panel = |scene| Panel::new(scene, &scales, &frame, request.width.into());
+    let panels: Vec<Panel> = scenes.iter().map(panel).collect();
+    let Some(first) = panels.first() else {
         return Err(Error::Io("there is nothing to draw".into()));
     };
-    let (width, height, pixel) = (first.width, first.height, first.pixel);
-    // Wide panels one above the other, narrow ones side by side.
-    let columns = if 2 * height < width {
-        1
-    } else {
-        panels.len().min(2)
-    };
-    let rows = panels.len().div_ceil(columns);
-    const GAP: usize = 24;
-    const HEAD: usize = 22;
-    const BAR: usize = 52;
-    let key = key(scenes, [longest, largest]);
-    let bars = usize::from(water.is_some()) + usize::from(grains.is_some());
-    // Right of the length, which needs some room in narrow pictures.
-    let x = GAP + (width / 3).max(110);
-    let total = [
-        (columns * width + (columns + 1) * GAP)
-            .max(x + 160 + GAP)
-            .max(2 * GAP + 6 * key.len()),
-        rows * (height + HEAD + GAP) + 16 + BAR * bars.max(1) + if key.is_empty() { 0 } else { 20 },
-    ];
+    let key = key(scenes, &scales);
+    let sheet = Sheet::new(&first.raster, panels.len(), scales.bars(), key.len());
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        total[0], total[1]
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" \
+         font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+        sheet.size[0], sheet.size[1]
     );
-    for (k, (time, raster, lines)) in panels.iter().enumerate() {
-        let x = GAP + (k % columns) * (width + GAP);
-        let y = (k / columns) * (height + HEAD + GAP) + HEAD;
-        let data = base64::engine::general_purpose::STANDARD.encode(raster.to_png()?);
-        let _ = writeln!(
-            svg,
-            "<text x=\"{x}\" y=\"{}\">t = {} s</text>\n<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" href=\"data:image/png;base64,{data}\"/>\n<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
-            y - 6,
-            short(*time, 4)
-        );
-        if !lines.is_empty() {
-            let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
-        }
+    for (k, panel) in panels.iter().enumerate() {
+        panel.write(&mut svg, &sheet, sheet.place(k))?;
     }
-    let foot = rows * (height + HEAD + GAP) + 20;
-    let length = round_length(real(width) * pixel);
+    let foot = sheet.foot;
+    let length = round_length(real(sheet.panel[0]) * first.raster.pixel);
     let _ = writeln!(
         svg,
-        "<line x1=\"{GAP}\" y1=\"{foot}\" x2=\"{:.1}\" y2=\"{foot}\" stroke=\"black\" stroke-width=\"3\"/>\n<text x=\"{GAP}\" y=\"{}\">{length} m</text>",
-        real(GAP) + length / pixel,
+        "<line x1=\"{GAP}\" y1=\"{foot}\" x2=\"{:.1}\" y2=\"{foot}\" stroke=\"black\" stroke-width=\"3\"/>\n\
+         <text x=\"{GAP}\" y=\"{}\">{length} m</text>",
+        real(GAP) + length / first.raster.pixel,
         foot + 20
     );
-    let mut y = foot;
-    let named = |quantity: &str, of: &str| {
-        if bars > 1 {
-            format!("{quantity}, {of}")
-        } else {
-            quantity.to_owned()
-        }
-    };
-    if let (Some(scale), Some(field)) = (water, scenes.iter().find_map(|s| s.water.as_ref())) {
-        bar(
-            &mut svg,
-            [x, y],
-            &named(&request.field, "water"),
-            &field.units,
-            scale,
-            water_colour,
-        );
-        y += BAR;
-    }
-    let of_grains = scenes.iter().find_map(|s| s.grains.as_ref());
-    let of_faces = scenes.iter().find_map(|s| s.faces.as_ref());
-    let legend = of_faces
-        .map(|faces| (&faces.quantity, &faces.units))
-        .or(of_grains.map(|all| (&all.quantity, &all.units)));
-    if let (Some(scale), Some((quantity, units))) = (grains, legend) {
-        bar(
-            &mut svg,
-            [x, y],
-            &named(quantity, "grains"),
-            units,
-            scale,
-            grain_colour,
-        );
-    }
+    scales.write_bars(&mut svg, scenes, &request.field, [sheet.bars, foot]);
     if !key.is_empty() {
-        let y = total[1] - 8;
+        let y = sheet.size[1] - 8;
         let _ = writeln!(
             svg,
             "<text x=\"{GAP}\" y=\"{y}\" font-size=\"11\">{key}</text>"
@@ -798,31 +467,216 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     Ok(svg)
 }
 
-/// Arrows and contacts of a panel.
-fn over(scene: &Scene, [longest, largest]: [f64; 2], frame: &Frame, raster: &Raster) -> String {
+const GAP: usize = 24;
+const HEAD: usize = 22;
+const BAR: usize = 52;
+
+/// Scales that all panels share.
+struct Scales {
+    /// Smallest and largest value of the water; none in space, where it is not drawn.
+    water: Option<[f64; 2]>,
+    /// Smallest and largest value of grains and faces.
+    grains: Option<[f64; 2]>,
+    /// Longest arrow.
+    longest: f64,
+    /// Largest force of a contact.
+    largest: f64,
+}
+
+impl Scales {
+    fn of(scenes: &[Scene]) -> Self {
+        let waters = || scenes.iter().filter_map(|s| s.water.as_ref());
+        let of_water = waters().flat_map(|w| {
+            let cells = w.values.iter().zip(&w.solid);
+            cells.filter(|(_, solid)| !**solid).map(|(v, _)| v)
+        });
+        let of_grains = scenes
+            .iter()
+            .filter_map(|s| s.grains.as_ref()?.values.as_ref());
+        let of_faces = scenes
+            .iter()
+            .filter_map(|s| Some(&s.faces.as_ref()?.values));
+        let arrows = |s: &Scene| Some(s.grains.as_ref()?.arrows.as_ref()?.longest());
+        let forces = scenes.iter().filter_map(|s| s.contacts.as_ref());
+        Self {
+            water: range(of_water).filter(|_| waters().all(|w| w.cells[2] == 1)),
+            grains: range(of_grains.chain(of_faces).flatten()),
+            longest: scenes.iter().filter_map(arrows).fold(0.0, f64::max),
+            largest: forces.map(Network::largest).fold(0.0, f64::max),
+        }
+    }
+
+    /// Returns the number of bars of colours.
+    fn bars(&self) -> usize {
+        usize::from(self.water.is_some()) + usize::from(self.grains.is_some())
+    }
+
+    /// Writes the bars of colours one below the other; `field` is that of the water.
+    fn write_bars(&self, svg: &mut String, scenes: &[Scene], field: &str, [x, mut y]: [usize; 2]) {
+        let named = |quantity: &str, of: &str| {
+            if self.bars() > 1 {
+                format!("{quantity}, {of}")
+            } else {
+                quantity.to_owned()
+            }
+        };
+        let water = scenes.iter().find_map(|s| s.water.as_ref());
+        if let (Some(scale), Some(water)) = (self.water, water) {
+            let name = named(field, "water");
+            bar(svg, [x, y], &name, &water.units, scale, water_colour);
+            y += BAR;
+        }
+        let of_grains = scenes.iter().find_map(|s| s.grains.as_ref());
+        let of_faces = scenes.iter().find_map(|s| s.faces.as_ref());
+        let legend = of_faces
+            .map(|faces| (&faces.quantity, &faces.units))
+            .or(of_grains.map(|all| (&all.quantity, &all.units)));
+        if let (Some(scale), Some((quantity, units))) = (self.grains, legend) {
+            let name = named(quantity, "grains");
+            bar(svg, [x, y], &name, units, scale, grain_colour);
+        }
+    }
+}
+
+/// Places on the picture \[pixels\].
+struct Sheet {
+    /// Panels side by side.
+    columns: usize,
+    /// Width and height of a panel.
+    panel: [usize; 2],
+    /// Level of the length and of the first bar of colours.
+    foot: usize,
+    /// Left end of the bars of colours.
+    bars: usize,
+    /// Width and height of the picture.
+    size: [usize; 2],
+}
+
+impl Sheet {
+    /// Places panels and bars of colours, and below them a key of so many characters.
+    fn new(first: &Raster, panels: usize, bars: usize, key: usize) -> Self {
+        let (width, height) = (first.width, first.height);
+        // Wide panels one above the other, narrow ones side by side.
+        let columns = if 2 * height < width { 1 } else { panels.min(2) };
+        let below = panels.div_ceil(columns) * (height + HEAD + GAP);
+        // Right of the length, which needs some room in narrow pictures.
+        let x = GAP + (width / 3).max(110);
+        let size = [
+            (columns * width + (columns + 1) * GAP)
+                .max(x + 160 + GAP)
+                .max(2 * GAP + 6 * key),
+            below + 16 + BAR * bars.max(1) + if key == 0 { 0 } else { 20 },
+        ];
+        Self {
+            columns,
+            panel: [width, height],
+            foot: below + 20,
+            bars: x,
+            size,
+        }
+    }
+
+    /// Returns the upper left corner of a panel.
+    fn place(&self, k: usize) -> [usize; 2] {
+        let [width, height] = self.panel;
+        [
+            GAP + (k % self.columns) * (width + GAP),
+            (k / self.columns) * (height + HEAD + GAP) + HEAD,
+        ]
+    }
+}
+
+/// Drawing of a scene.
+struct Panel {
+    time: f64,
+    raster: Raster,
+    /// Vector graphics over the raster.
+    lines: String,
+}
+
+impl Panel {
+    fn new(scene: &Scene, scales: &Scales, frame: &Frame, width: usize) -> Self {
+        let mut raster = Raster::new(frame, width);
+        if let (Some(field), Some(scale)) = (&scene.water, scales.water) {
+            raster.water(frame, field, scale);
+        }
+        if let Some(all) = &scene.grains {
+            for (k, (&p, &r)) in all.positions.iter().zip(&all.radii).enumerate() {
+                let colour = match (&all.values, scales.grains) {
+                    (Some(values), Some(scale)) => grain_colour(share(values[k], scale)),
+                    _ => SAND,
+                };
+                raster.grain(frame, p, r, colour, all.flat);
+            }
+        }
+        if let Some(structures) = &scene.structures {
+            structures.paint(&mut raster, frame, |_| STONE);
+        }
+        if let (Some(faces), Some(scale)) = (&scene.faces, scales.grains) {
+            faces.paint(&mut raster, frame, |v| grain_colour(share(v, scale)));
+        }
+        let flat = scene.water.as_ref().filter(|w| w.cells[2] == 1);
+        let lines = flat.filter(|w| w.flow.is_some()).map(|water| {
+            streamlines::draw(water, |at| {
+                [
+                    (water.origin[0] + at[0] * water.spacing[0] - frame.low[0]) / raster.pixel,
+                    (frame.high[1] - water.origin[1] - at[1] * water.spacing[1]) / raster.pixel,
+                ]
+            })
+        });
+        let over = over(scene, scales, frame, &raster);
+        Self {
+            time: scene.time,
+            raster,
+            lines: lines.unwrap_or_default() + &over,
+        }
+    }
+
+    fn write(&self, svg: &mut String, sheet: &Sheet, [x, y]: [usize; 2]) -> Result<(), Error> {
+        let [width, height] = sheet.panel;
+        let data = base64::engine::general_purpose::STANDARD.encode(self.raster.to_png()?);
+        let _ = writeln!(
+            svg,
+            "<text x=\"{x}\" y=\"{}\">t = {} s</text>\n\
+             <image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+             href=\"data:image/png;base64,{data}\"/>\n\
+             <rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
+            y - 6,
+            short(self.time, 4)
+        );
+        let lines = &self.lines;
+        if !lines.is_empty() {
+            let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
+        }
+        Ok(())
+    }
+}
+
+/// Returns arrows and contacts of a panel.
+fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> String {
     let mut text = String::new();
     if let Some(network) = &scene.contacts {
-        text += &network.draw(largest, frame, raster);
+        text += &network.draw(scales.largest, frame, raster);
     }
     if let Some(grains) = &scene.grains
         && let Some(arrows) = &grains.arrows
     {
-        text += &arrows.draw(&grains.positions, longest, frame, raster);
+        text += &arrows.draw(&grains.positions, scales.longest, frame, raster);
     }
     text
 }
 
-/// What the longest arrow and the widest line of any panel stand for; empty without them.
-fn key(scenes: &[Scene], [longest, largest]: [f64; 2]) -> String {
+/// Names what the longest arrow and the widest line of any panel stand for; empty without them.
+fn key(scenes: &[Scene], scales: &Scales) -> String {
     let mut parts = Vec::new();
     let arrows = |s: &'_ Scene| -> Option<String> {
         let arrows = s.grains.as_ref()?.arrows.as_ref()?;
-        let (name, length) = (arrows.quantity.replace('_', " "), short(longest, 3));
+        let (name, length) = (arrows.quantity.replace('_', " "), short(scales.longest, 3));
         Some(format!("longest arrow: {name} {length} {}", arrows.units))
     };
     let network = |s: &'_ Scene| -> Option<String> {
         let units = &s.contacts.as_ref()?.units;
-        Some(format!("widest line: {} {units}", short(largest, 3)))
+        Some(format!("widest line: {} {units}", short(scales.largest, 3)))
     };
     parts.extend(scenes.iter().find_map(arrows));
     parts.extend(scenes.iter().find_map(network));
