@@ -169,19 +169,18 @@ struct Directions {
     conductivity: [Vec<f64>; 3],
 }
 
-/// The pressure of a grid, and the way to it.
-pub struct Pressure {
+/// Cells of a rank, and its exchange with others.
+struct Slab {
     grid: Grid,
     layout: Layout,
-    liquid: Liquid,
-    settings: Settings,
-    patches: Vec<Patch>,
-    boundary: Vec<Boundary>,
-    ground: Vec<Ground>,
     part: Part,
     communicator: Communicator,
     halo: Halo,
     gather: Option<Gather>,
+}
+
+/// Fluxes from cell to cell: faces, conductivities, and what grains carry.
+struct Conduction {
     /// Per axis, open area of a face times 2/spacing; 0 for a closed face.
     factor: [Vec<f64>; 3],
     /// Per axis, one over the open area of a face, 0 for a closed one.
@@ -194,19 +193,64 @@ pub struct Pressure {
     carried: [Vec<f64>; 3],
     /// `true` if they carry anything.
     carries: bool,
+    /// Flux that the gradient drives through each cell \[m/s\].
+    driven: Vec<[f64; 3]>,
+    conducts: Vec<bool>,
+}
+
+impl Conduction {
+    /// Returns the faces of a grid, which conduct nothing yet.
+    fn new(openness: &Openness, layout: &Layout) -> Self {
+        let (grid, n) = (openness.grid, layout.len());
+        let mut all = Self {
+            factor: std::array::from_fn(|_| vec![0.0; n]),
+            per_area: std::array::from_fn(|_| vec![0.0; n]),
+            conductivity: vec![0.0; n],
+            directions: None,
+            carried: std::array::from_fn(|_| vec![0.0; n]),
+            carries: false,
+            driven: vec![[0.0; 3]; grid.count()],
+            conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
+        };
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            for axis in 0..grid.dimension {
+                let open = openness.faces[axis][openness.face(axis, cell)];
+                if cell[axis] > 0 && open > 0.0 {
+                    let area = open * grid.area(axis);
+                    all.factor[axis][layout.at(cell)] = 2.0 * area / grid.spacing[axis];
+                    all.per_area[axis][layout.at(cell)] = 1.0 / area;
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Linear system of a solution, and the vectors of conjugate gradients.
+struct System {
     matrix: Matrix<f64>,
     multigrid: Multigrid,
-    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
-    phi: Vec<f64>,
-    /// The middle of the imposed reduced pressures \[Pa\].
-    level: f64,
     right: Vec<f64>,
     residual: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    /// Flux that the gradient drives through each cell \[m/s\].
-    driven: Vec<[f64; 3]>,
-    conducts: Vec<bool>,
+}
+
+/// The pressure of a grid, and the way to it.
+pub struct Pressure {
+    slab: Slab,
+    conduction: Conduction,
+    system: System,
+    liquid: Liquid,
+    settings: Settings,
+    patches: Vec<Patch>,
+    boundary: Vec<Boundary>,
+    ground: Vec<Ground>,
+    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
+    phi: Vec<f64>,
+    /// The middle of the imposed reduced pressures \[Pa\].
+    level: f64,
     /// No pressure has been found or restored yet.
     fresh: bool,
 }
@@ -256,54 +300,41 @@ impl Pressure {
             None
         };
         let n = layout.len();
-        let mut all = Self {
-            grid,
-            layout,
+        let conduction = Conduction::new(openness, &layout);
+        let all = Self {
+            boundary: boundary(openness, &layout, &patches, &liquid, &settings),
+            slab: Slab {
+                grid,
+                layout,
+                halo: Halo::new::<f64>(layout, &domain, 40).map_err(message)?,
+                part,
+                communicator: communicator.clone(),
+                gather,
+            },
+            conduction,
+            system: System {
+                matrix: Matrix::new(&layout),
+                multigrid,
+                right: vec![0.0; n],
+                residual: vec![0.0; n],
+                direction: vec![0.0; n],
+                product: vec![0.0; n],
+            },
             liquid,
             settings,
-            boundary: boundary(openness, &layout, &patches, &liquid, &settings),
             patches,
             ground: Vec::new(),
-            halo: Halo::new::<f64>(layout, &domain, 40).map_err(message)?,
-            part,
-            communicator: communicator.clone(),
-            gather,
-            factor: std::array::from_fn(|_| vec![0.0; n]),
-            per_area: std::array::from_fn(|_| vec![0.0; n]),
-            conductivity: vec![0.0; n],
-            directions: None,
-            carried: std::array::from_fn(|_| vec![0.0; n]),
-            carries: false,
-            matrix: Matrix::new(&layout),
-            multigrid,
             phi: vec![0.0; n],
             level: 0.0,
-            right: vec![0.0; n],
-            residual: vec![0.0; n],
-            direction: vec![0.0; n],
-            product: vec![0.0; n],
-            driven: vec![[0.0; 3]; grid.count()],
-            conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
             fresh: true,
         };
-        for index in 0..grid.count() {
-            let cell = grid.cell(index);
-            for axis in 0..grid.dimension {
-                let open = openness.faces[axis][openness.face(axis, cell)];
-                if cell[axis] > 0 && open > 0.0 {
-                    let area = open * grid.area(axis);
-                    all.factor[axis][layout.at(cell)] = 2.0 * area / grid.spacing[axis];
-                    all.per_area[axis][layout.at(cell)] = 1.0 / area;
-                }
-            }
-        }
         all.check_outlets()?;
         Ok(all)
     }
 
     /// Labels connected cells; each set needs a face where the pressure is imposed.
     fn check_outlets(&self) -> Result<(), Error> {
-        let mut held = vec![false; self.layout.len()];
+        let mut held = vec![false; self.slab.layout.len()];
         for face in &self.boundary {
             if matches!(
                 self.patches[face.patch].condition,
@@ -312,12 +343,12 @@ impl Pressure {
                 held[face.at] = true;
             }
         }
-        let mut seen = vec![false; self.layout.len()];
+        let mut seen = vec![false; self.slab.layout.len()];
         let mut stack = Vec::new();
         let mut open = false;
-        for index in 0..self.grid.count() {
-            let first = self.layout.at(self.grid.cell(index));
-            if !self.conducts[index] || seen[first] {
+        for index in 0..self.slab.grid.count() {
+            let first = self.slab.layout.at(self.slab.grid.cell(index));
+            if !self.conduction.conducts[index] || seen[first] {
                 continue;
             }
             open = true;
@@ -328,9 +359,9 @@ impl Pressure {
                 cells += 1;
                 outlet |= held[at];
                 for axis in 0..3 {
-                    let step = self.layout.stride[axis];
+                    let step = self.slab.layout.stride[axis];
                     for (face, next) in [(at, at - step), (at + step, at + step)] {
-                        if self.factor[axis][face] > 0.0 && !seen[next] {
+                        if self.conduction.factor[axis][face] > 0.0 && !seen[next] {
                             seen[next] = true;
                             stack.push(next);
                         }
@@ -340,7 +371,7 @@ impl Pressure {
             if !outlet {
                 return Err(Error::Pocket {
                     cells,
-                    at: self.grid.centre(self.grid.cell(index)),
+                    at: self.slab.grid.centre(self.slab.grid.cell(index)),
                 });
             }
         }
@@ -350,7 +381,7 @@ impl Pressure {
     /// The grid.
     #[must_use]
     pub fn grid(&self) -> &Grid {
-        &self.grid
+        &self.slab.grid
     }
 
     /// The relative tolerance of a solution.
@@ -367,8 +398,8 @@ impl Pressure {
     /// Returns the condition that is stated for a face of a cell on the boundary of the grid.
     #[must_use]
     pub fn condition(&self, cell: usize, axis: usize, upper: bool) -> Option<Condition> {
-        let place = self.grid.cell(cell);
-        let last = place[axis] + 1 == self.grid.cells[axis];
+        let place = self.slab.grid.cell(cell);
+        let last = place[axis] + 1 == self.slab.grid.cells[axis];
         let on_face = if upper { last } else { place[axis] == 0 };
         let holds = |p: &&Patch| p.holds(axis, upper, place);
         let patch = self.patches.iter().rev().find(holds);
@@ -377,8 +408,8 @@ impl Pressure {
 
     /// States the conductivity of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
     pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
-        let n = self.layout.len();
-        let directions = self.directions.get_or_insert_with(|| {
+        let n = self.slab.layout.len();
+        let directions = self.conduction.directions.get_or_insert_with(|| {
             Box::new(Directions {
                 ratios: ratios.to_vec(),
                 conductivity: std::array::from_fn(|_| vec![0.0; n]),
@@ -390,14 +421,14 @@ impl Pressure {
     /// Conductivity of a cell along each axis over the one that was given.
     #[must_use]
     pub fn direction(&self, cell: usize) -> [f64; 3] {
-        let directions = self.directions.as_ref();
+        let directions = self.conduction.directions.as_ref();
         directions.map_or([1.0; 3], |directions| directions.ratios[cell])
     }
 
     /// Conductivity along an axis, of water and grains together.
     fn along(&self, axis: usize) -> &[f64] {
-        let directions = self.directions.as_ref();
-        directions.map_or(&self.conductivity, |directions| {
+        let directions = self.conduction.directions.as_ref();
+        directions.map_or(&self.conduction.conductivity, |directions| {
             &directions.conductivity[axis]
         })
     }
@@ -411,7 +442,7 @@ impl Pressure {
     pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
         self.assemble(medium)?;
         let (iterations, residual) = self.iterate()?;
-        if let Some(gather) = &mut self.gather {
+        if let Some(gather) = &mut self.slab.gather {
             gather.fill(&mut self.phi);
         }
         let (inflow, outflow) = self.fluxes();
@@ -438,13 +469,13 @@ impl Pressure {
         self.carry();
         self.sum_faces();
         let (mut largest, mut bad) = (0.0_f64, false);
-        for row in self.layout.rows(&self.layout.whole()) {
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for i in row {
-                largest = largest.max(self.matrix.diagonal[i]);
-                bad |= !self.right[i].is_finite() || !self.phi[i].is_finite();
+                largest = largest.max(self.system.matrix.diagonal[i]);
+                bad |= !self.system.right[i].is_finite() || !self.phi[i].is_finite();
                 // A blocked cell takes no part: a coarse correction there has no effect.
-                if self.matrix.diagonal[i] <= 0.0 {
-                    self.right[i] = 0.0;
+                if self.system.matrix.diagonal[i] <= 0.0 {
+                    self.system.right[i] = 0.0;
                     self.phi[i] = 0.0;
                 }
             }
@@ -452,33 +483,40 @@ impl Pressure {
         if bad {
             return Err(Error::NotFinite("the source or the boundary"));
         }
-        self.multigrid
-            .set(&self.matrix, &self.ground, 1.0 / power_above(largest));
+        self.system.multigrid.set(
+            &self.system.matrix,
+            &self.ground,
+            1.0 / power_above(largest),
+        );
         Ok(())
     }
 
     /// Takes conductivities and what the grains carry; returns whether one is not a number.
     fn take(&mut self, medium: Medium<'_>) -> bool {
-        let nx = self.grid.cells[0];
-        let whole = self.layout.whole();
+        let nx = self.slab.grid.cells[0];
+        let whole = self.slab.layout.whole();
         let mut bad = false;
-        for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+        for (row, first) in self.slab.layout.rows(&whole).zip((0..).step_by(nx)) {
             for (at, cell) in row.zip(first..) {
-                let k = if self.conducts[cell] {
+                let k = if self.conduction.conducts[cell] {
                     medium.conductivity[cell]
                 } else {
                     0.0
                 };
                 bad |= !(0.0..f64::MAX).contains(&k);
-                self.conductivity[at] = k;
+                self.conduction.conductivity[at] = k;
             }
         }
-        self.carries = medium.carried.is_some();
+        self.conduction.carries = medium.carried.is_some();
         if let Some(carried) = medium.carried {
-            for (row, first) in self.layout.rows(&whole).zip((0..).step_by(nx)) {
+            for (row, first) in self.slab.layout.rows(&whole).zip((0..).step_by(nx)) {
                 for (at, cell) in row.zip(first..) {
                     for (a, carried) in carried[cell].iter().enumerate() {
-                        self.carried[a][at] = if self.conducts[cell] { *carried } else { 0.0 };
+                        self.conduction.carried[a][at] = if self.conduction.conducts[cell] {
+                            *carried
+                        } else {
+                            0.0
+                        };
                         bad |= !carried.is_finite();
                     }
                 }
@@ -489,16 +527,17 @@ impl Pressure {
 
     /// Makes the matrix of the faces: the harmonic mean of the two cells times the open area.
     fn join_cells(&mut self) {
-        let whole = self.layout.whole();
+        let whole = self.slab.layout.whole();
         for axis in 0..3 {
-            let stride = self.layout.stride[axis];
-            let k = match &self.directions {
+            let stride = self.slab.layout.stride[axis];
+            let k = match &self.conduction.directions {
                 Some(directions) => &directions.conductivity[axis],
-                None => &self.conductivity,
+                None => &self.conduction.conductivity,
             };
-            let factor = &self.factor[axis];
-            self.layout
-                .sweep(&whole, &mut self.matrix.t[axis], |start, out| {
+            let factor = &self.conduction.factor[axis];
+            self.slab
+                .layout
+                .sweep(&whole, &mut self.system.matrix.t[axis], |start, out| {
                     let n = out.len();
                     let lower = &k[start - stride..start - stride + n];
                     let upper = &k[start..start + n];
@@ -515,7 +554,7 @@ impl Pressure {
     fn centre(&mut self) {
         let level = self.middle();
         if level.total_cmp(&self.level).is_ne() {
-            for row in self.layout.rows(&self.layout.whole()) {
+            for row in self.slab.layout.rows(&self.slab.layout.whole()) {
                 self.phi[row]
                     .iter_mut()
                     .for_each(|phi| *phi += self.level - level);
@@ -528,25 +567,27 @@ impl Pressure {
     fn impose(&mut self) {
         let level = self.level;
         self.ground.clear();
-        self.right.fill(0.0);
+        self.system.right.fill(0.0);
         for face in &mut self.boundary {
-            let k = match &self.directions {
+            let k = match &self.conduction.directions {
                 Some(directions) => directions.conductivity[face.axis][face.at],
-                None => self.conductivity[face.at],
+                None => self.conduction.conductivity[face.at],
             };
-            face.conductance = 2.0 * k * face.area / self.grid.spacing[face.axis];
+            face.conductance = 2.0 * k * face.area / self.slab.grid.spacing[face.axis];
             match self.patches[face.patch].condition {
                 Condition::Pressure { value: p } => {
                     self.ground.push((face.at, face.axis, face.conductance));
-                    self.right[face.at] += face.conductance * (p + face.lift - level);
+                    self.system.right[face.at] += face.conductance * (p + face.lift - level);
                 }
                 Condition::Head { value: h } => {
                     let phi = head_pressure(&self.liquid, &self.settings, h);
                     self.ground.push((face.at, face.axis, face.conductance));
-                    self.right[face.at] += face.conductance * (phi - level);
+                    self.system.right[face.at] += face.conductance * (phi - level);
                 }
-                Condition::Flux { value: q } => self.right[face.at] += q * face.area,
-                Condition::Rain { rate: q } => self.right[face.at] += q * face.area * face.up,
+                Condition::Flux { value: q } => self.system.right[face.at] += q * face.area,
+                Condition::Rain { rate: q } => {
+                    self.system.right[face.at] += q * face.area * face.up
+                }
                 Condition::NoFlow {} => {}
             }
         }
@@ -554,13 +595,13 @@ impl Pressure {
 
     /// Adds the water that appears in the cells to the right sides.
     fn add_source(&mut self, source: &[f64]) {
-        let nx = self.grid.cells[0];
-        let volume = self.grid.volume();
-        let rows = self.layout.rows(&self.layout.whole());
+        let nx = self.slab.grid.cells[0];
+        let volume = self.slab.grid.volume();
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
         for (row, first) in rows.zip((0..).step_by(nx)) {
             for (at, cell) in row.zip(first..) {
-                if self.conducts[cell] {
-                    self.right[at] += source[cell] * volume;
+                if self.conduction.conducts[cell] {
+                    self.system.right[at] += source[cell] * volume;
                 }
             }
         }
@@ -568,31 +609,32 @@ impl Pressure {
 
     /// Sums the faces of each cell to the diagonal.
     fn sum_faces(&mut self) {
-        let [sx, sy, sz] = self.layout.stride;
-        let t = &self.matrix.t;
-        for row in self.layout.rows(&self.layout.whole()) {
+        let [sx, sy, sz] = self.slab.layout.stride;
+        let t = &self.system.matrix.t;
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for i in row {
-                self.matrix.diagonal[i] = ((t[0][i] + t[0][i + sx]) + (t[1][i] + t[1][i + sy]))
+                self.system.matrix.diagonal[i] = ((t[0][i] + t[0][i + sx])
+                    + (t[1][i] + t[1][i + sy]))
                     + (t[2][i] + t[2][i + sz]);
             }
         }
-        self.matrix.leak.fill(0.0);
+        self.system.matrix.leak.fill(0.0);
         for &(at, _, g) in &self.ground {
-            self.matrix.diagonal[at] += g;
-            self.matrix.leak[at] += g;
+            self.system.matrix.diagonal[at] += g;
+            self.system.matrix.leak[at] += g;
         }
     }
 
     /// Conductivities along each axis, where cells differ in them; whether one is not a number.
     fn direct(&mut self) -> bool {
-        let Some(directions) = &mut self.directions else {
+        let Some(directions) = &mut self.conduction.directions else {
             return false;
         };
         let mut bad = false;
         for (axis, along) in directions.conductivity.iter_mut().enumerate() {
-            along.copy_from_slice(&self.conductivity);
+            along.copy_from_slice(&self.conduction.conductivity);
             for (cell, ratios) in directions.ratios.iter().enumerate() {
-                let at = self.layout.at(self.grid.cell(cell));
+                let at = self.slab.layout.at(self.slab.grid.cell(cell));
                 along[at] *= ratios[axis];
                 bad |= !(0.0..f64::MAX).contains(&along[at]);
             }
@@ -602,38 +644,39 @@ impl Pressure {
 
     /// Adds what the grains displace to the right sides.
     fn carry(&mut self) {
-        if !self.carries {
+        if !self.conduction.carries {
             return;
         }
-        for axis in 0..self.grid.dimension {
-            let stride = self.layout.stride[axis];
-            for row in self.layout.rows(&self.layout.whole()) {
+        for axis in 0..self.slab.grid.dimension {
+            let stride = self.slab.layout.stride[axis];
+            for row in self.slab.layout.rows(&self.slab.layout.whole()) {
                 for at in row {
                     let through = self.area(axis, at) * self.face_velocity(axis, at);
-                    self.right[at] += through;
-                    self.right[at - stride] -= through;
+                    self.system.right[at] += through;
+                    self.system.right[at - stride] -= through;
                 }
             }
         }
         for face in &self.boundary {
             if self.imposed(face).is_some() {
                 let outward = if face.upper { 1.0 } else { -1.0 };
-                self.right[face.at] -= outward * face.area * self.carried[face.axis][face.at];
+                self.system.right[face.at] -=
+                    outward * face.area * self.conduction.carried[face.axis][face.at];
             }
         }
     }
 
     /// Open area of the face below a cell \[m2\].
     fn area(&self, axis: usize, at: usize) -> f64 {
-        0.5 * self.factor[axis][at] * self.grid.spacing[axis]
+        0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
     }
 
     /// Returns the flux that is carried through the face below a cell \[m/s\]: that of the two cells,
     /// weighted by their resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
-        let below = at - self.layout.stride[axis];
-        let (k, v) = (self.along(axis), &self.carried[axis]);
-        if self.factor[axis][at] > 0.0 {
+        let below = at - self.slab.layout.stride[axis];
+        let (k, v) = (self.along(axis), &self.conduction.carried[axis]);
+        if self.conduction.factor[axis][at] > 0.0 {
             (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
         } else {
             0.0
@@ -669,7 +712,7 @@ impl Pressure {
             Condition::NoFlow {} => 0.0,
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 let inward = if face.upper { -1.0 } else { 1.0 };
-                let carried = inward * face.area * self.carried[face.axis][face.at];
+                let carried = inward * face.area * self.conduction.carried[face.axis][face.at];
                 self.imposed(face).map_or(0.0, |phi| {
                     face.conductance * (phi - self.level - self.phi[face.at]) + carried
                 })
@@ -679,13 +722,13 @@ impl Pressure {
 
     /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
     fn fluxes(&mut self) -> (f64, f64) {
-        let layout = self.layout;
+        let layout = self.slab.layout;
         let [_, sy, sz] = layout.stride;
-        let nx = self.grid.cells[0];
-        let (t, w, phi) = (&self.matrix.t, &self.per_area, &self.phi);
+        let nx = self.slab.grid.cells[0];
+        let (t, w, phi) = (&self.system.matrix.t, &self.conduction.per_area, &self.phi);
         for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
             let mut west = 0.0;
-            for (at, driven) in row.zip(&mut self.driven[first..first + nx]) {
+            for (at, driven) in row.zip(&mut self.conduction.driven[first..first + nx]) {
                 let face = |axis: usize, at: usize, stride: usize| {
                     (t[axis][at] * w[axis][at]) * (phi[at - stride] - phi[at])
                 };
@@ -698,13 +741,14 @@ impl Pressure {
                 west = east;
             }
         }
-        if self.carries {
+        if self.conduction.carries {
             for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
                 for (at, cell) in row.zip(first..) {
-                    for axis in 0..self.grid.dimension {
+                    for axis in 0..self.slab.grid.dimension {
                         let faces = self.face_velocity(axis, at)
                             + self.face_velocity(axis, at + layout.stride[axis]);
-                        self.driven[cell][axis] += 0.5 * faces - self.carried[axis][at];
+                        self.conduction.driven[cell][axis] +=
+                            0.5 * faces - self.conduction.carried[axis][at];
                     }
                 }
             }
@@ -719,7 +763,7 @@ impl Pressure {
                 outflow.add(-rate);
             }
             let along = if face.upper { -rate } else { rate };
-            self.driven[face.cell][face.axis] += 0.5 * along / face.area;
+            self.conduction.driven[face.cell][face.axis] += 0.5 * along / face.area;
         }
         (inflow.value(), outflow.value())
     }
@@ -727,28 +771,30 @@ impl Pressure {
     /// Volume flux of water and grains through a cell \[m/s\].
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
-        if self.carries {
-            let at = self.layout.at(self.grid.cell(cell));
-            std::array::from_fn(|a| self.driven[cell][a] + self.carried[a][at])
+        if self.conduction.carries {
+            let at = self.slab.layout.at(self.slab.grid.cell(cell));
+            std::array::from_fn(|a| {
+                self.conduction.driven[cell][a] + self.conduction.carried[a][at]
+            })
         } else {
-            self.driven[cell]
+            self.conduction.driven[cell]
         }
     }
 
     /// Flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
-        self.conductivity[self.layout.at(self.grid.cell(cell))]
+        self.conduction.conductivity[self.slab.layout.at(self.slab.grid.cell(cell))]
     }
 
     /// Gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let at = self.layout.at(self.grid.cell(cell));
+        let at = self.slab.layout.at(self.slab.grid.cell(cell));
         std::array::from_fn(|a| {
             let k = self.along(a)[at];
             if k > 0.0 {
-                -self.driven[cell][a] / k
+                -self.conduction.driven[cell][a] / k
             } else {
                 0.0
             }
@@ -774,22 +820,23 @@ impl Pressure {
     /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn reduced(&self, cell: usize) -> f64 {
-        if !self.conducts[cell] {
+        if !self.conduction.conducts[cell] {
             return 0.0;
         }
-        self.level + self.phi[self.layout.at(self.grid.cell(cell))]
+        self.level + self.phi[self.slab.layout.at(self.slab.grid.cell(cell))]
     }
 
     /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the
     /// imposed ones \[Pa\].
     pub fn saved(&self) -> impl Iterator<Item = f64> {
-        (0..self.grid.count()).map(|index| self.phi[self.layout.at(self.grid.cell(index))])
+        (0..self.slab.grid.count())
+            .map(|index| self.phi[self.slab.layout.at(self.slab.grid.cell(index))])
     }
 
     /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
     #[must_use]
     pub fn largest_difference(&self) -> f64 {
-        let cells = (0..self.grid.count()).filter(|cell| self.conducts[*cell]);
+        let cells = (0..self.slab.grid.count()).filter(|cell| self.conduction.conducts[*cell]);
         let imposed = self.boundary.iter().filter_map(|face| self.imposed(face));
         let (low, high) = cells
             .map(|cell| self.reduced(cell))
@@ -803,10 +850,13 @@ impl Pressure {
     /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn pressure(&self, cell: usize) -> f64 {
-        if !self.conducts[cell] {
+        if !self.conduction.conducts[cell] {
             return 0.0;
         }
-        let (x, weight) = (self.grid.centre(self.grid.cell(cell)), self.weight());
+        let (x, weight) = (
+            self.slab.grid.centre(self.slab.grid.cell(cell)),
+            self.weight(),
+        );
         self.reduced(cell) + (weight[0] * x[0] + weight[1] * x[1] + weight[2] * x[2])
     }
 
@@ -815,15 +865,15 @@ impl Pressure {
     /// # Errors
     /// If there is not one for each cell.
     pub fn restore(&mut self, saved: &[f64]) -> Result<(), Error> {
-        if saved.len() != self.grid.count() {
+        if saved.len() != self.slab.grid.count() {
             return Err(Error::Messages(format!(
                 "{} pressures for {} cells",
                 saved.len(),
-                self.grid.count()
+                self.slab.grid.count()
             )));
         }
         for (index, phi) in saved.iter().enumerate() {
-            self.phi[self.layout.at(self.grid.cell(index))] = *phi;
+            self.phi[self.slab.layout.at(self.slab.grid.cell(index))] = *phi;
         }
         self.level = self.middle();
         self.fresh = false;

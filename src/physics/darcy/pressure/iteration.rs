@@ -43,47 +43,60 @@ impl Pressure {
                     tolerance: self.settings.tolerance,
                 });
             }
-            let here = (self.layout, self.part.clone());
+            let here = (self.slab.layout, self.slab.part.clone());
             let here = (&here.0, &here.1);
             // The cycle works in single precision: on a residual near 1.
             let unit = 1.0 / power_above(largest);
-            let residual = &self.residual;
+            let residual = &self.system.residual;
             here.0
-                .sweep(here.1, self.multigrid.right_side(), |start, out| {
+                .sweep(here.1, self.system.multigrid.right_side(), |start, out| {
                     for (b, r) in out.iter_mut().zip(&residual[start..]) {
                         *b = single(r * unit);
                     }
                 });
-            self.multigrid.cycle();
-            let z = self.multigrid.result();
-            let rz = dot(here, &self.residual, z, &self.communicator) / unit;
+            self.system.multigrid.cycle();
+            let z = self.system.multigrid.result();
+            let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
             let beta = if iterations == 0 { 0.0 } else { rz / last };
             last = rz;
-            here.0.sweep(here.1, &mut self.direction, |start, out| {
-                let z = &z[start..start + out.len()];
-                for (p, z) in out.iter_mut().zip(z) {
-                    *p = f64::from(*z) / unit + beta * *p;
-                }
-            });
-            self.halo.fill(&mut self.direction);
-            let (layout, matrix, p) = (&self.layout, &self.matrix, &self.direction);
-            layout.sweep(here.1, &mut self.product, |start, out| {
+            here.0
+                .sweep(here.1, &mut self.system.direction, |start, out| {
+                    let z = &z[start..start + out.len()];
+                    for (p, z) in out.iter_mut().zip(z) {
+                        *p = f64::from(*z) / unit + beta * *p;
+                    }
+                });
+            self.slab.halo.fill(&mut self.system.direction);
+            let (layout, matrix, p) = (
+                &self.slab.layout,
+                &self.system.matrix,
+                &self.system.direction,
+            );
+            layout.sweep(here.1, &mut self.system.product, |start, out| {
                 let n = out.len();
                 let (leak, row) = (&matrix.leak[start..start + n], &p[start..start + n]);
                 inflow(matrix, layout, p, start, n, |i, sum| {
                     out[i] = leak[i] * row[i] - sum;
                 });
             });
-            let energy = dot(here, &self.direction, &self.product, &self.communicator);
+            let energy = dot(
+                here,
+                &self.system.direction,
+                &self.system.product,
+                &self.slab.communicator,
+            );
             let alpha = rz / energy;
             if !alpha.is_finite() {
                 return Err(Error::NotFinite("the iteration"));
             }
             let mut most = 0.0_f64;
             let mut bad = 0.0_f64;
-            for row in self.layout.rows(here.1) {
-                let (p, q) = (&self.direction[row.clone()], &self.product[row.clone()]);
-                let (x, r) = (&mut self.phi[row.clone()], &mut self.residual[row]);
+            for row in self.slab.layout.rows(here.1) {
+                let (p, q) = (
+                    &self.system.direction[row.clone()],
+                    &self.system.product[row.clone()],
+                );
+                let (x, r) = (&mut self.phi[row.clone()], &mut self.system.residual[row]);
                 for i in 0..x.len() {
                     x[i] += alpha * p[i];
                     r[i] -= alpha * q[i];
@@ -92,7 +105,7 @@ impl Pressure {
                     bad += size * 0.0;
                 }
             }
-            largest = self.communicator.all_reduce_max_f64(if bad.is_nan() {
+            largest = self.slab.communicator.all_reduce_max_f64(if bad.is_nan() {
                 f64::INFINITY
             } else {
                 most
@@ -109,35 +122,37 @@ impl Pressure {
     fn flowing(&self) -> f64 {
         let mut most = 0.0_f64;
         for face in &self.boundary {
-            let along = self.grid.cell(face.cell)[self.part.axis];
-            if self.part.planes.contains(&along) {
+            let along = self.slab.grid.cell(face.cell)[self.slab.part.axis];
+            if self.slab.part.planes.contains(&along) {
                 most = most.max(self.inflow(face).abs());
             }
         }
-        for row in self.layout.rows(&self.part) {
+        for row in self.slab.layout.rows(&self.slab.part) {
             for at in row {
-                if self.right[at].abs() > 0.0 && !self.is_ground(at) {
-                    most = most.max(self.right[at].abs());
+                if self.system.right[at].abs() > 0.0 && !self.is_ground(at) {
+                    most = most.max(self.system.right[at].abs());
                 }
             }
         }
-        self.communicator.all_reduce_max_f64(most)
+        self.slab.communicator.all_reduce_max_f64(most)
     }
 
     /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
     /// drives the flow. Over the whole
     /// grid, so that no message is needed.
     fn size(&self) -> f64 {
-        let rows = self.layout.rows(&self.layout.whole());
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()
-            .fold(0.0, |most, at| self.right[at].abs().max(most))
+            .fold(0.0, |most, at| self.system.right[at].abs().max(most))
     }
 
     /// The largest term of the left sides at the pressure where the iteration starts.
     fn largest_term(&self) -> f64 {
-        let rows = self.layout.rows(&self.layout.whole());
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten().fold(0.0, |most, at| {
-            (self.matrix.diagonal[at] * self.phi[at]).abs().max(most)
+            (self.system.matrix.diagonal[at] * self.phi[at])
+                .abs()
+                .max(most)
         })
     }
 
@@ -147,9 +162,14 @@ impl Pressure {
 
     /// `residual = right - A phi`, and its largest size on any rank.
     fn first_residual(&mut self) -> f64 {
-        self.halo.fill(&mut self.phi);
-        let (layout, matrix, phi, right) = (&self.layout, &self.matrix, &self.phi, &self.right);
-        layout.sweep(&self.part, &mut self.residual, |start, out| {
+        self.slab.halo.fill(&mut self.phi);
+        let (layout, matrix, phi, right) = (
+            &self.slab.layout,
+            &self.system.matrix,
+            &self.phi,
+            &self.system.right,
+        );
+        layout.sweep(&self.slab.part, &mut self.system.residual, |start, out| {
             let n = out.len();
             let (leak, row) = (&matrix.leak[start..start + n], &phi[start..start + n]);
             let right = &right[start..start + n];
@@ -158,8 +178,8 @@ impl Pressure {
             });
         });
         let mut most = 0.0_f64;
-        for row in self.layout.rows(&self.part) {
-            for r in &self.residual[row] {
+        for row in self.slab.layout.rows(&self.slab.part) {
+            for r in &self.system.residual[row] {
                 most = if r.is_finite() {
                     most.max(r.abs())
                 } else {
@@ -167,6 +187,6 @@ impl Pressure {
                 };
             }
         }
-        self.communicator.all_reduce_max_f64(most)
+        self.slab.communicator.all_reduce_max_f64(most)
     }
 }

@@ -26,30 +26,34 @@ impl Pressure {
         let mut beside = [ExactSum::new(), ExactSum::new()];
         let mut counts = [0_usize; 2];
         let held = |cell: [usize; 3]| (0..3).all(|a| a == axis || ranges[a].contains(&cell[a]));
-        for index in 0..self.grid.count() {
-            let cell = self.grid.cell(index);
+        for index in 0..self.slab.grid.count() {
+            let cell = self.slab.grid.cell(index);
             let (before, behind) = (cell[axis] + 1 == plane, cell[axis] == plane);
             if !held(cell) || !(before || behind) {
                 continue;
             }
-            if self.conducts[index] {
+            if self.conduction.conducts[index] {
                 let side = usize::from(behind);
                 beside[side].add(self.reduced(index));
                 counts[side] += 1;
             }
-            let at = self.layout.at(cell);
-            if behind && plane > 0 && self.factor[axis][at] > 0.0 {
-                let below = at - self.layout.stride[axis];
-                discharge.add(self.matrix.t[axis][at] * (self.phi[below] - self.phi[at]));
-                if self.carries {
+            let at = self.slab.layout.at(cell);
+            if behind && plane > 0 && self.conduction.factor[axis][at] > 0.0 {
+                let below = at - self.slab.layout.stride[axis];
+                discharge.add(self.system.matrix.t[axis][at] * (self.phi[below] - self.phi[at]));
+                if self.conduction.carries {
                     discharge.add(self.area(axis, at) * self.face_velocity(axis, at));
                 }
                 area.add(self.area(axis, at));
             }
         }
         for face in &self.boundary {
-            let cell = self.grid.cell(face.cell);
-            let level = if face.upper { self.grid.cells[axis] } else { 0 };
+            let cell = self.slab.grid.cell(face.cell);
+            let level = if face.upper {
+                self.slab.grid.cells[axis]
+            } else {
+                0
+            };
             if face.axis == axis && level == plane && held(cell) {
                 let inflow = self.inflow(face);
                 discharge.add(if face.upper { -inflow } else { inflow });
