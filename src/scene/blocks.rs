@@ -1,6 +1,4 @@
-//! The blocks of a scene: a jointed rock mass, a file or a list; their positions, and the check that they do not overlap.
-
-mod overlaps;
+//! The blocks of a scene: a jointed rock mass, a file or a list, and their positions.
 
 use super::block::Block as Extent;
 use super::findings::{Findings, number};
@@ -16,7 +14,6 @@ use crate::case::solids::{Mesh, Orientation, Shape};
 use crate::dem::polyhedron::{HalfSpace, Piece, Polyhedron, ShapeError, Solid};
 use crate::number::real;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
-pub(crate) use overlaps::overlaps;
 use serde::Serialize;
 use std::path::PathBuf;
 

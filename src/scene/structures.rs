@@ -1,6 +1,5 @@
 //! The structures of a scene, and the walls that grains meet at them.
 
-use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::{material, stl, unique, usual_material};
@@ -144,52 +143,6 @@ fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
 #[must_use]
 pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
     structures.iter().any(|one| depth(one, grain).is_some())
-}
-
-/// Grains of a list or a file that start in a structure, and are not cut.
-pub(crate) fn grains_inside(
-    structures: &[Structure],
-    (list, from_file): (&[super::sample::Grain], bool),
-    cuts: &[(String, Block)],
-    findings: &mut Findings,
-) {
-    let stays = |grain: &super::sample::Grain| {
-        !cuts
-            .iter()
-            .any(|(_, block)| block.touches(grain.position, grain.radius))
-    };
-    for structure in structures {
-        let reaching = (list.iter().enumerate())
-            .filter_map(|(n, grain)| Some((n, depth(structure, grain)?)))
-            .filter(|(n, _)| stays(&list[*n]));
-        if !from_file {
-            for (n, depth) in reaching {
-                findings.error(
-                    &format!("grains.initial.list[{n}].position"),
-                    format!(
-                        "this reaches into the structure `{}` by {} m at the start",
-                        structure.name,
-                        number(depth)
-                    ),
-                    "move it away from the structure",
-                );
-            }
-            continue;
-        }
-        let depths: Vec<f64> = reaching.map(|(_, depth)| depth).collect();
-        if !depths.is_empty() {
-            findings.error(
-                "grains.initial.file.path",
-                format!(
-                    "{} grains of the file reach into the structure `{}` at the start, the deepest by {} m",
-                    depths.len(),
-                    structure.name,
-                    number(depths.iter().copied().fold(0.0, f64::max))
-                ),
-                "take them out with `grains.cut`, or move the structure",
-            );
-        }
-    }
 }
 
 /// Openings that structures close completely.
