@@ -269,6 +269,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let time = &scene.time;
     let critical = critical_step::critical_solid_time_step(scene);
     let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
+    let automatic = allowed.map(|step| contacts::accepted(scene, step));
     let (time_step, solid_steps) = if let Some(like) = like {
         (like.time_step, like.solid_steps_per_step)
     } else if let Some(flow) = &scene.flow {
@@ -287,7 +288,10 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         }
         let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
         let steps = match time.solid_steps_per_fluid_step {
-            SolidSteps::Auto(_) => needed,
+            SolidSteps::Auto(_) => {
+                let needed = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+                u32::try_from(whole(needed.min(1e5))).unwrap_or(u32::MAX)
+            }
             SolidSteps::Number(n) => {
                 if n < needed {
                     findings.error(
@@ -308,7 +312,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     } else {
         let dt = time
             .solid_time_step
-            .or(allowed)
+            .or(automatic)
             .unwrap_or(time.end / 1000.0);
         if let Some(allowed) = allowed
             && dt > allowed * (1.0 + 1e-12)

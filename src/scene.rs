@@ -167,19 +167,17 @@ impl Solids {
         gravity: [f64; 3],
         findings: &mut Findings,
     ) {
-        let (bodies, walls, grains) = (&self.bodies, &self.walls, self.grains.as_ref());
-        overlaps::overlaps(grid, grains, bodies, walls, findings);
-        overlaps::fallen_grains(grid, gravity, grains, bodies, findings);
-        if let Some(grains) = grains {
-            let list = match &grains.source {
-                grains::GrainSource::List(list) => (&list[..], false),
-                grains::GrainSource::File { grains, .. } => (&grains[..], true),
-                _ => (&[][..], false),
-            };
-            structures::grains_inside(&self.structures, list, &grains.cut, findings);
-        }
-        let blocks = self.blocks.as_ref();
-        blocks::overlaps(case, blocks, bodies, grains, walls, findings);
+        let start = overlaps::Start {
+            case,
+            grid,
+            gravity,
+            grains: self.grains.as_ref(),
+            blocks: self.blocks.as_ref(),
+            bodies: &self.bodies,
+            walls: &self.walls,
+            structures: &self.structures,
+        };
+        overlaps::overlaps(&start, findings);
     }
 }
 

@@ -257,6 +257,10 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
         let view = now.view();
         (self.recorder).record_due(&view, removed, breaks, mass_error)?;
+        if self.guards.looks_at(view.step) {
+            // The checks may end the run.
+            self.recorder.flush(view.domain)?;
+        }
         self.guards.also_seen(self.recorder.take_speed());
         self.collapse.record_due(&view, removed)?;
         self.phases.done(Phase::Analysis);
@@ -296,6 +300,25 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
             .finish(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
         self.phases.done(Phase::Guards);
         Ok(())
+    }
+
+    /// Writes what the tables lack of a run that failed, where no other rank has to take part.
+    ///
+    /// # Errors
+    /// When a table cannot be written.
+    fn record_failure(&mut self) -> Result<(), Error> {
+        if self.now.domain.communicator().size() > 1 {
+            return Ok(());
+        }
+        let breaks = self
+            .now
+            .dem
+            .as_mut()
+            .map(Dem::take_breaks)
+            .unwrap_or_default();
+        let view = self.now.view();
+        self.recorder.note_breaks(&view, breaks);
+        self.recorder.flush(view.domain)
     }
 
     /// The last rows and outputs: the state at the end of the run, where it was not written at this step. Collective.

@@ -29,7 +29,10 @@ pub const CHANGEABLE: [Changeable; 33] = [
     may("time.neighbour_skin", "affects the cost only"),
     may("domain.split", "affects the cost only"),
     may("domain.slab_bounds", "affects the cost only"),
-    may("output", "from the checkpoint on"),
+    may(
+        "output",
+        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep `from` and `sample_every`",
+    ),
     may("probes", "from the checkpoint on"),
     may("checkpoint", "from the checkpoint on"),
     may("guards", "from the checkpoint on"),

@@ -73,14 +73,46 @@ impl Averages {
     /// The averages of a plan in the slab of `fluid`, without samples.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
-        let written = plan.scene.output.averages.as_ref()?;
+        let (first, every) = Self::schedule(plan)?;
         Some(Self {
-            // A sample at the very start of the run would be the initial state.
-            first: plan.clock.interval_to_steps(written.from).max(1),
-            every: plan.clock.every(written.sample_every),
+            first,
+            every,
             samples: 0,
             sums: vec![0.0; fluid.cells().iter().product::<usize>() * SUMS],
             states: Scratch::default(),
+        })
+    }
+
+    /// Returns the step of the first sample, and the interval of samples.
+    fn schedule(plan: &Plan) -> Option<(u64, Interval)> {
+        let written = plan.scene.output.averages.as_ref()?;
+        // A sample at the very start of the run would be the initial state.
+        let first = plan.clock.interval_to_steps(written.from).max(1);
+        Some((first, plan.clock.every(written.sample_every)))
+    }
+
+    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so far go on, `false` if
+    /// the averages begin anew.
+    ///
+    /// # Errors
+    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another weight.
+    pub fn continues(old: &Plan, new: &Plan, step: u64) -> Result<bool, &'static str> {
+        let (Some((old_first, old_every)), Some((first, every))) =
+            (Self::schedule(old), Self::schedule(new))
+        else {
+            return Ok(false);
+        };
+        if (old_first, old_every) == (first, every) {
+            return Ok(true);
+        }
+        // Nothing was summed up yet, or the new averages start later.
+        if old_first > step || first > step {
+            return Ok(false);
+        }
+        Err(if old_first == first {
+            "output.averages.sample_every"
+        } else {
+            "output.averages.from"
         })
     }
 
@@ -374,5 +406,31 @@ mod tests {
         straight.sample(12, &fluid);
         other.sample(12, &fluid);
         assert_eq!(straight, other);
+    }
+
+    /// Sums of the past go on under the same schedule, are dropped by one that starts later, and forbid any other.
+    #[test]
+    fn sums_go_on_only_under_the_same_schedule() {
+        let plan = |set: &[&str]| {
+            let set: Vec<String> = set.iter().map(|one| (*one).to_owned()).collect();
+            Plan::prepare(Document::read(CASE, &set, Path::new("")).unwrap()).unwrap()
+        };
+        let (from, every) = ("output.averages.from", "output.averages.sample_every");
+        let old = plan(&[]);
+        // A step takes 0.1 s, the first sample is that of step 10.
+        let restart = |set: &[&str], step: u64| Averages::continues(&old, &plan(set), step);
+        assert_eq!(restart(&[], 50), Ok(true));
+        assert_eq!(restart(&["time.end=20"], 50), Ok(true));
+        assert_eq!(restart(&["output.averages.from=6"], 50), Ok(false));
+        assert_eq!(restart(&["output.averages.from=4"], 50), Err(from));
+        assert_eq!(restart(&["output.averages.from=0.5"], 50), Err(from));
+        assert_eq!(
+            restart(&["output.averages.sample_every=0.5"], 50),
+            Err(every)
+        );
+        let later = ["output.averages.from=6", "output.averages.sample_every=0.5"];
+        assert_eq!(restart(&later, 50), Ok(false));
+        // Nothing was summed up yet.
+        assert_eq!(restart(&["output.averages.sample_every=0.5"], 8), Ok(false));
     }
 }

@@ -36,6 +36,7 @@ mod buckets;
 mod census;
 mod columns;
 pub mod contact;
+mod dashpot;
 pub mod deepest;
 mod engine;
 pub mod escape;

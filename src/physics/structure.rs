@@ -15,7 +15,7 @@
 //! | `solid` | [`Solid`], what the program asks a shape |
 //! | `images` | a solid with its periodic images |
 //! | `facets` | surfaces as convex facets, outlines of 2-D solids as triangles |
-//! | `mesh` | signed distance of a triangulated surface |
+//! | `mesh` | signed distance of a triangulated surface, and the parts of a line inside it |
 
 pub mod facets;
 pub mod images;

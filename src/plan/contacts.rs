@@ -28,6 +28,7 @@
 //! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
 mod blocks;
+mod bonds;
 mod network;
 
 use super::Clock;
@@ -119,6 +120,9 @@ pub(super) fn check(
     };
     let (law, dt) = (contact.model(), clock.solid_time_step);
     openings(scene, law, findings);
+    if bonds(scene, law) {
+        bonds::none(scene, law, findings);
+    }
     let limits = match law.blocks() {
         Some(law) => {
             blocks::energy(scene, law, findings);
@@ -165,6 +169,42 @@ pub(super) fn check(
         } else {
             findings.warn(path, reason, remedy);
         }
+    }
+}
+
+/// Returns the longest solid step \[s\] up to `step` that [`check`] accepts: the automatic one.
+pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
+    /// The limit of contacts that are pressed depends a little on the step.
+    const ROUNDS: usize = 4;
+    let Some(contact) = &scene.contact else {
+        return step;
+    };
+    let law = contact.model();
+    let mut step = step;
+    for _ in 0..ROUNDS {
+        let limits = match law.blocks() {
+            Some(law) => blocks::limits(scene, law),
+            None => of_spheres(scene, law, step),
+        };
+        let Some(longest) = limits.refuse(step) else {
+            break;
+        };
+        step = 0.99 * longest;
+    }
+    step
+}
+
+impl Limits {
+    /// Returns the limit \[s\] that a step is above, if it is refused.
+    fn refuse(&self, step: f64) -> Option<f64> {
+        let worst = self.sticking.min(self.packing);
+        let unstable = step > worst && (step > self.sticking || !self.held);
+        let limit = if unstable {
+            worst.min(self.slipping)
+        } else {
+            self.slipping
+        };
+        (step > limit).then_some(limit)
     }
 }
 

@@ -403,7 +403,7 @@ impl<'a, S: Space> Falling<'a, S> {
             progress,
             particles,
         };
-        falling.progress.left = LOOK_EVERY;
+        falling.progress.left = LOOK_EVERY.min(deposition.limit);
         Ok(falling)
     }
 
@@ -434,7 +434,7 @@ impl<'a, S: Space> Falling<'a, S> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
         self.progress.landed = !convergence.is_empty();
-        self.progress.left = LOOK_EVERY;
+        self.progress.left = LOOK_EVERY.min(self.deposition.limit);
         let (particles, bodies) = self.deposition.particles(grains);
         let law = self.deposition.law(self.progress.stage)?;
         self.dem = self.deposition.dem(law, &bodies, self.progress.landed)?;
@@ -488,7 +488,7 @@ impl<'a, S: Space> Falling<'a, S> {
                     })
                     .collect());
             }
-            self.progress.left = LOOK_EVERY;
+            self.progress.left = LOOK_EVERY.min(self.deposition.limit - self.dem.steps());
         }
     }
 }
@@ -695,5 +695,22 @@ mod tests {
             floor > 0.4 * weight && floor < 1.05 * weight,
             "{floor} {weight}"
         );
+    }
+
+    /// No more steps than the case allows, fewer than those between two looks too.
+    #[test]
+    fn steps_are_at_most_those_allowed() {
+        for limit in [50, 500, 620] {
+            let mut short = small();
+            short.limit = limit;
+            short.laws = vec![linear(1e3)];
+            let run = |supervision: &Supervision<'_, Volume>| short.run(supervision);
+            let ((_, report), _) = interrupted(run);
+            assert_eq!(
+                report.convergence.last().map(|look| look.steps),
+                Some(limit)
+            );
+            assert!(!report.settled);
+        }
     }
 }

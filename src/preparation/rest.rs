@@ -1,7 +1,8 @@
 //! Relaxation of bonded grains before the run, without the fluid.
 //!
 //! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the flow started, and
-//! the report gives their number. Driven bodies are at rest meanwhile. Afterwards each grain and body gets the velocity of the case.
+//! the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each grain, body and wall gets the velocity of
+//! the case.
 
 use super::supervision::{Request, Requests};
 use crate::dem::particles::Particles;
@@ -151,6 +152,8 @@ impl Rest {
     ) -> Result<(String, Value), Error> {
         let until = Relaxation::default();
         let damping = dem.settings().local_damping;
+        let driven: Vec<S::Vector> = dem.walls().iter().map(|wall| wall.velocity).collect();
+        dem.drive_walls(&vec![S::Vector::default(); driven.len()]);
         dem.set_local_damping(until.local_damping);
         let communicator = domain.communicator();
         let still: Stillness = loop {
@@ -173,17 +176,22 @@ impl Rest {
             }
         };
         dem.set_local_damping(damping);
+        dem.drive_walls(&driven);
         for k in 0..particles.owned() {
             let velocity = self.velocities.get(&particles.body[k].id);
             set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
         }
-        let line = format!(
-            "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke during the relaxation",
-            self.bonds,
-            self.steps,
-            unbalanced_text(still.unbalanced()),
-            self.broken
-        );
+        let line = if self.bonds == 0 {
+            "no bonds: no grain touches another or a wall at the start".to_owned()
+        } else {
+            format!(
+                "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke during the relaxation",
+                self.bonds,
+                self.steps,
+                unbalanced_text(still.unbalanced()),
+                self.broken
+            )
+        };
         let report = json!({
             "bonds": self.bonds,
             "bonds_broken": self.broken,
@@ -192,5 +200,72 @@ impl Rest {
             "largest_contact_force": still.contact,
         });
         Ok((line, report))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dem::contact::Scaled;
+    use crate::dem::contact::linear::{self, Linear};
+    use crate::dem::particles::{Body, Motion};
+    use crate::dem::{Law, PairTable, Region, Settings, Volume, Wall};
+    use decomposition::Communicator;
+    use nalgebra::Vector3;
+
+    /// No requests.
+    struct Quiet;
+
+    impl Requests for Quiet {
+        fn steps(&self) -> u64 {
+            30
+        }
+
+        fn ask(&mut self, _: &Communicator) -> Request {
+            Request::None
+        }
+    }
+
+    /// A piston that moves in the run stands still before it, and moves after.
+    #[test]
+    fn walls_stand_still() {
+        let corner = Vector3::repeat(0.01);
+        let settings = Settings::new(Region::closed(Vector3::zeros(), corner, 1e-3), 1e-5, 1e-4);
+        let law = Law::Linear(Linear {
+            parameters: PairTable::uniform(
+                1,
+                linear::Parameters {
+                    normal_stiffness: Scaled::Absolute(1e3),
+                    stiffness_ratio: 1.0,
+                    friction: 0.5,
+                    normal_damping: 0.3,
+                    shear_damping: 0.3,
+                    attraction: false,
+                },
+            ),
+        });
+        let up = Vector3::new(0.0, 0.0, 0.3);
+        let mut piston = Wall::new(Vector3::zeros(), Vector3::z(), 0);
+        piston.velocity = up;
+        let mut dem = Dem::<Volume>::new(law, settings, vec![piston]).unwrap();
+        let domain = Domain::alone([10, 10, 10]);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(0.005, 0.005, 0.000_99),
+            ..Motion::default()
+        };
+        particles.insert(Body::uniform::<Volume>(1, 1e-3, 2600.0, 0), motion);
+        let rest = Rest {
+            bonds: 1,
+            broken: 0,
+            steps: 0,
+            velocities: Velocities::new(),
+        };
+        let keep =
+            |_: &Rest, _: &Particles<Volume>, _: &Dem<Volume>, _: &mut Quiet, _: Request| Ok(());
+        rest.run(&mut dem, &mut particles, &domain, &mut Quiet, keep)
+            .unwrap();
+        assert_eq!(dem.walls()[0].point, Vector3::zeros());
+        assert_eq!(dem.walls()[0].velocity, up);
     }
 }

@@ -1,6 +1,4 @@
-//! The blocks of a scene: a jointed rock mass, a file or a list; their positions, and the check that they do not overlap.
-
-mod overlaps;
+//! The blocks of a scene: a jointed rock mass, a file or a list, and their positions.
 
 use super::block::Block as Extent;
 use super::findings::{Findings, number};
@@ -15,8 +13,8 @@ use crate::case::geometry::Rotation;
 use crate::case::solids::{Mesh, Orientation, Shape};
 use crate::dem::polyhedron::{HalfSpace, Piece, Polyhedron, ShapeError, Solid};
 use crate::number::real;
+use crate::structure::surface::judge_unit;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
-pub(crate) use overlaps::overlaps;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -326,9 +324,18 @@ fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> O
 fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
     let file = case.directory.join(&mesh.path);
-    let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+    let read = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
         .map_err(|e| e.to_string())
-        .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+        .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)));
+    let size = case.domain.size.to_array();
+    if let (Ok(triangles), true) = (&read, size.iter().all(|length| *length > 0.0)) {
+        let extent = stl::extent(triangles.iter().flatten().copied());
+        let shape = path.trim_end_matches(".mesh");
+        if !judge_unit(mesh, &extent, &size, shape, findings) {
+            return None;
+        }
+    }
+    let made = read
         .and_then(|triangles| Polyhedron::from_triangles(&triangles).map_err(|e| e.to_string()))
         .map_err(|e| format!("{}: {e}", mesh.path.display()));
     usable(made, &format!("{path}.path"), findings)

@@ -140,25 +140,33 @@ fn check_width(
     path: &str,
     findings: &mut Findings,
 ) {
-    for a in 0..grid.dimension {
-        let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
-        let width = solid.map_or(2.0 * radius, |solid| {
-            let (low, high) = Piece::of(solid).extent(&along);
-            high - low
-        });
-        // As wide as the domain, but for the rounding of its corners, closes it.
-        if width > grid.size[a] * (1.0 + 1e-9) {
-            findings.error(
-                path,
-                format!(
-                    "the body is wider than the domain along {}",
-                    ["x", "y", "z"][a]
-                ),
-                "make it smaller, or the domain larger",
-            );
-            break;
-        }
+    let longer = match solid {
+        Some(solid) => wider(grid, solid, &[true; 3]).map(|(axis, _)| axis),
+        None => (0..grid.dimension).find(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)),
+    };
+    if let Some(axis) = longer {
+        findings.error(
+            path,
+            format!(
+                "the body is wider than the domain along {}",
+                ["x", "y", "z"][axis]
+            ),
+            "make it smaller, or the domain larger",
+        );
     }
+}
+
+/// Returns the first of these axes along which a polyhedron is longer than the domain, and its length \[m\].
+pub(crate) fn wider(grid: &Grid, solid: &Solid, axes: &[bool; 3]) -> Option<(usize, f64)> {
+    let piece = Piece::of(solid);
+    let lengths = (0..grid.dimension).filter(|a| axes[*a]).map(|a| {
+        let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
+        let (low, high) = piece.extent(&along);
+        (a, high - low)
+    });
+    // As long as the domain, but for the rounding of its corners, closes it.
+    let mut longer = lengths.filter(|(a, length)| *length > grid.size[*a] * (1.0 + 1e-9));
+    longer.next()
 }
 
 /// The way a body moves.

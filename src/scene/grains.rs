@@ -368,6 +368,7 @@ fn listed(
     for (n, grain) in list.iter().enumerate() {
         let plain = grain.position.0.len() == grid.dimension
             && 2.0 * grain.radius <= narrowest
+            && grain.radius >= SMALLEST
             && grid.contains(grain.position.to_array())
             && grain.velocity.is_none()
             && grain.angular_velocity.is_none()
@@ -414,7 +415,7 @@ fn listed_grain(
             "move it inside",
         );
     }
-    fits_period(grid, grain.radius, &format!("{path}.radius"), findings);
+    fits_domain(grid, grain.radius, &format!("{path}.radius"), findings);
     let own = grain.material.as_ref().map(|name| {
         needs_density(case, name, findings);
         material(materials.names, name, &format!("{path}.material"), findings).unwrap_or(0)
@@ -479,8 +480,10 @@ fn sample(
             "use the domain the sample was made for",
         );
     }
-    let widest = grains.iter().map(|grain| grain.radius).fold(0.0, f64::max);
-    fits_period(grid, widest, path, findings);
+    if let Some((finest, widest)) = bounds(&grains) {
+        let worst = if finest < SMALLEST { finest } else { widest };
+        fits_domain(grid, worst, path, findings);
+    }
     for (n, name) in names.iter().enumerate() {
         if n != material && grains.iter().any(|grain| grain.material == n) {
             needs_density(case, name, findings);
@@ -490,8 +493,36 @@ fn sample(
     (GrainSource::File { path: file, grains }, radii, expected)
 }
 
-/// Refuses a grain that would overlap its own image round a periodic axis.
-pub(crate) fn fits_period(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
+/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer numbers.
+const SMALLEST: f64 = 1e-10;
+
+/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image round a periodic axis.
+pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
+    if radius < SMALLEST {
+        findings.error(
+            path,
+            format!(
+                "a radius of {} m is smaller than that of an atom; at least {} m",
+                number(radius),
+                number(SMALLEST)
+            ),
+            "write radii in m",
+        );
+    }
+    let diagonal = grid.size[..grid.dimension].iter().map(|x| x * x);
+    let diagonal = diagonal.sum::<f64>().sqrt();
+    if radius > diagonal {
+        findings.error(
+            path,
+            format!(
+                "a grain with a radius of {} m covers the whole domain; at most {} m, its diagonal",
+                number(radius),
+                number(diagonal)
+            ),
+            "write radii in m",
+        );
+        return;
+    }
     let periods = (0..grid.dimension).filter(|a| grid.periodic[*a]);
     let narrowest = periods.min_by(|a, b| grid.size[*a].total_cmp(&grid.size[*b]));
     // As wide as the period, but for rounding, closes it.

@@ -5,7 +5,7 @@ mod probes;
 
 use super::block::Block;
 use super::findings::{Findings, at_least, number};
-use super::grains::{check_radii, fits_period};
+use super::grains::{check_radii, fits_domain};
 use super::grid::Grid;
 use super::{material, unique};
 use crate::case::Case;
@@ -155,7 +155,7 @@ pub(crate) fn regions(
                 let path = format!("{path}.action.generate");
                 if check_radii(radii, &format!("{path}.radii"), findings) {
                     let (_, largest) = radii.bounds();
-                    fits_period(grid, largest, &format!("{path}.radii"), findings);
+                    fits_domain(grid, largest, &format!("{path}.radii"), findings);
                 }
                 let velocity = velocity.as_ref().map_or([0.0; 3], |v| {
                     Block::vector(grid, v, &format!("{path}.velocity"), findings)

@@ -52,6 +52,13 @@ pub(crate) fn triangles(
         .collect())
 }
 
+/// Returns the box that holds corners \[m\].
+pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
+    let [low, high] = corners.fold(none, |[low, high], at| [low.inf(&at), high.sup(&at)]);
+    [low.into(), high.into()]
+}
+
 /// The corners of all triangles, one after the other.
 fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
     let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
@@ -65,17 +72,23 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// The corners of a binary file: its length fits its count of triangles, whatever its first word.
+/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever its first word.
 fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
-    if count == 0 || bytes.len() != 84 + 50 * count {
+    let end = 84 + 50 * count;
+    let padding = bytes.get(end..)?;
+    if count == 0
+        || padding
+            .iter()
+            .any(|byte| !matches!(byte, 0 | b' ' | b'\r' | b'\n'))
+    {
         return None;
     }
     let number = |at: &[u8]| {
         at.try_into()
             .map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)))
     };
-    let corners = bytes[84..].chunks_exact(50).flat_map(|triangle| {
+    let corners = bytes[84..end].chunks_exact(50).flat_map(|triangle| {
         // Three numbers of the normal come first.
         (1..4).map(|corner| {
             std::array::from_fn(|axis| {
@@ -87,25 +100,50 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     Some(corners.collect())
 }
 
-/// The corners of a text file.
+/// The words of a text with their lines, which end by a line feed, a carriage return or both.
+fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.split('\n').flat_map(|line| {
+        let line = line.strip_suffix('\r').unwrap_or(line);
+        line.split('\r')
+    });
+    (1..)
+        .zip(lines)
+        .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
+}
+
+/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any letters of any code.
 fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
-    let text = std::str::from_utf8(bytes)
-        .map_err(|_| "neither binary STL (its length does not fit) nor text")?;
+    let padding = |byte: &u8| *byte == 0;
+    let end = bytes
+        .iter()
+        .rposition(|byte| !padding(byte))
+        .map_or(0, |n| n + 1);
+    let text = String::from_utf8_lossy(&bytes[..end]);
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    if text.contains('\0') || !text.is_ascii() && !text.contains("vertex") {
+        return Err(no_text(bytes));
+    }
     let mut corners = Vec::new();
     let mut in_loop = 0;
-    for (n, line) in (1..).zip(text.lines()) {
-        let mut words = line.split_whitespace();
-        match words.next().map(str::to_ascii_lowercase).as_deref() {
-            Some("outer") => in_loop = 0,
-            Some("vertex") => {
-                let numbers: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
-                let [x, y, z] = numbers[..] else {
+    // The words of a name are no keywords.
+    let mut in_name = false;
+    let mut words = words(text);
+    while let Some((n, word)) = words.next() {
+        let word = word.to_ascii_lowercase();
+        in_name &= word != "facet";
+        match word.as_str() {
+            _ if in_name => {}
+            "solid" | "endsolid" => in_name = true,
+            "outer" => in_loop = 0,
+            "vertex" => {
+                let mut number = || words.next()?.1.parse().ok();
+                let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
                     return Err(format!("line {n}: a vertex is three numbers"));
                 };
                 corners.push([x, y, z]);
                 in_loop += 1;
             }
-            Some("endloop") if in_loop != 3 => {
+            "endloop" if in_loop != 3 => {
                 return Err(format!("line {n}: a facet of {in_loop} corners, not 3"));
             }
             _ => {}
@@ -115,6 +153,22 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
         return Err(format!("{} vertices do not make triangles", corners.len()));
     }
     Ok(corners)
+}
+
+/// Returns the reason why bytes are neither text nor a whole binary file.
+fn no_text(bytes: &[u8]) -> String {
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok());
+    count.map_or_else(
+        || "neither text nor binary STL, which has 84 bytes at least".into(),
+        |count| {
+            let count = u64::from(u32::from_le_bytes(count));
+            format!(
+                "neither text nor binary STL: {count} triangles take {} bytes, the file has {}",
+                84 + 50 * count,
+                bytes.len()
+            )
+        },
+    )
 }
 
 /// Vertices, and the vertex of each corner.
@@ -203,6 +257,37 @@ mod tests {
             assert_eq!(found.len(), 1);
             assert!((found[0].distance - 1e-4).abs() < 1e-12);
         }
+    }
+
+    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals, padding.
+    #[test]
+    fn text_is_read_as_it_is_found() {
+        let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();
+        let named = SQUARE.replacen("solid s", "solid B\u{f6}schung vertex 3", 1);
+        let latin: Vec<u8> = named.chars().map(|c| u32::from(c) as u8).collect();
+        let mut padded = SQUARE.as_bytes().to_vec();
+        padded.extend([0; 40]);
+        for bytes in [
+            latin,
+            SQUARE.replace('\n', " ").into_bytes(),
+            SQUARE.replace('\n', "\r").into_bytes(),
+            SQUARE.replace('\n', "\r\n").into_bytes(),
+            SQUARE.to_uppercase().into_bytes(),
+            format!("\u{feff}{SQUARE}").into_bytes(),
+            padded,
+        ] {
+            assert_eq!(corners(&bytes, 1.0, &Vector3::zeros()).unwrap(), expected);
+        }
+        let mut padded = as_binary();
+        padded.extend([0; 30]);
+        assert_eq!(binary(&padded), binary(&as_binary()));
+        let bad = SQUARE
+            .replace('\n', "\r")
+            .replace("vertex 0 1 0", "vertex 0 1,5 0");
+        let refused = corners(bad.as_bytes(), 1.0, &Vector3::zeros()).unwrap_err();
+        assert!(refused.contains("line 13"), "{refused}");
+        let short = corners(&as_binary()[..150], 1.0, &Vector3::zeros()).unwrap_err();
+        assert!(short.contains("184 bytes, the file has 150"), "{short}");
     }
 
     #[test]

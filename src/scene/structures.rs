@@ -1,12 +1,13 @@
 //! The structures of a scene, and the walls that grains meet at them.
 
-use super::block::Block;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::{material, stl, unique, usual_material};
 use crate::case::Case;
+use crate::case::fluid::Fluid;
 use crate::case::structures::Stops;
 use crate::error::Remedy;
+use crate::number::{floor_i64, real};
 use crate::scene::flow::Flow;
 use crate::structure::{Frame, Images, Shape};
 use nalgebra::Vector3;
@@ -92,6 +93,17 @@ pub(crate) fn images(
     };
     let solid = written.solid(&frame, path, &read, findings)?;
     let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
+    let in_lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
+    if in_lattice && !images.is_empty() && is_lost(&images, grid) {
+        findings.warn(
+            path,
+            format!(
+                "the solid is smaller than a cell of {} m and covers none: the water does not meet it",
+                number(grid.spacing)
+            ),
+            "state lengths in m, or the unit of a mesh by its `scale`; or use a smaller domain.spacing",
+        );
+    }
     if images.is_empty() || !meets(&images, grid) {
         let reaches = images.solid().extent().map(|corner| {
             let corner = corner[..grid.dimension].iter();
@@ -115,6 +127,42 @@ pub(crate) fn images(
         return None;
     }
     Some(images)
+}
+
+/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell and cuts no link between two of them.
+fn is_lost(images: &Images, grid: &Grid) -> bool {
+    let [low, high] = images.solid().extent();
+    let axes = 0..grid.dimension;
+    // A negated comparison, so that a solid without an end is not small.
+    if !axes.clone().all(|a| high[a] - low[a] < grid.spacing) {
+        return false;
+    }
+    let first = |a: usize| floor_i64(low[a] / grid.spacing - 0.5);
+    let centre = |offsets: [i64; 3]| -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if a < grid.dimension {
+                (real(first(a) + offsets[a]) + 0.5) * grid.spacing
+            } else {
+                0.0
+            }
+        })
+    };
+    // Both ends of a link stand within a cell of the solid.
+    let corners = if grid.dimension == 2 { 9 } else { 27 };
+    let place = |n: i64| [n % 3, n / 3 % 3, n / 9];
+    let mut found = Vec::new();
+    (0..corners).all(|n| {
+        let from = centre(place(n));
+        let lies_in = images.solid().distance(from) < 0.0;
+        let cut = (0..corners).any(|m| {
+            let to = centre(place(m));
+            found.clear();
+            let along = std::array::from_fn(|a| to[a] - from[a]);
+            images.solid().chords(from, along, &mut found);
+            n != m && !found.is_empty()
+        });
+        !lies_in && !cut
+    })
 }
 
 /// Whether a part of the solid, however thin, lies in the domain.
@@ -144,52 +192,6 @@ fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
 #[must_use]
 pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
     structures.iter().any(|one| depth(one, grain).is_some())
-}
-
-/// Grains of a list or a file that start in a structure, and are not cut.
-pub(crate) fn grains_inside(
-    structures: &[Structure],
-    (list, from_file): (&[super::sample::Grain], bool),
-    cuts: &[(String, Block)],
-    findings: &mut Findings,
-) {
-    let stays = |grain: &super::sample::Grain| {
-        !cuts
-            .iter()
-            .any(|(_, block)| block.touches(grain.position, grain.radius))
-    };
-    for structure in structures {
-        let reaching = (list.iter().enumerate())
-            .filter_map(|(n, grain)| Some((n, depth(structure, grain)?)))
-            .filter(|(n, _)| stays(&list[*n]));
-        if !from_file {
-            for (n, depth) in reaching {
-                findings.error(
-                    &format!("grains.initial.list[{n}].position"),
-                    format!(
-                        "this reaches into the structure `{}` by {} m at the start",
-                        structure.name,
-                        number(depth)
-                    ),
-                    "move it away from the structure",
-                );
-            }
-            continue;
-        }
-        let depths: Vec<f64> = reaching.map(|(_, depth)| depth).collect();
-        if !depths.is_empty() {
-            findings.error(
-                "grains.initial.file.path",
-                format!(
-                    "{} grains of the file reach into the structure `{}` at the start, the deepest by {} m",
-                    depths.len(),
-                    structure.name,
-                    number(depths.iter().copied().fold(0.0, f64::max))
-                ),
-                "take them out with `grains.cut`, or move the structure",
-            );
-        }
-    }
 }
 
 /// Openings that structures close completely.
@@ -233,6 +235,117 @@ pub(crate) fn openings(
                 &format!("fluid.lattice_boltzmann.boundaries[{n}]"),
                 format!("structures cover all of `{}`: no water passes", patch.name),
                 "move the opening or the structure",
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::case::Document;
+    use crate::error::Problem;
+    use crate::plan::Plan;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    fn findings(case: &Value, folder: &Path) -> Vec<Problem> {
+        let read = Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare);
+        read.map_or_else(|problems| problems, |plan| plan.warnings)
+    }
+
+    /// Water with a ball of this radius \[cells\] at a place \[cells\].
+    fn is_lost(centre: [f64; 3], radius: f64) -> bool {
+        let case = json!({
+            "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
+                "body_force": {"constant": [1, 0, 0]}}},
+            "structures": [{"name": "ball", "shape": {"sphere": {
+                "centre": centre.map(|x| 1e-3 * x), "radius": 1e-3 * radius}}}],
+            "time": {"end": 0.01}
+        });
+        let found = findings(&case, Path::new("."));
+        found
+            .iter()
+            .any(|p| p.path == "structures[0].shape" && p.reason.contains("covers none"))
+    }
+
+    #[test]
+    fn a_solid_that_covers_nothing_is_reported() {
+        // Between all centres and links, on a centre, on a link, and as wide as a cell.
+        assert!(is_lost([10.3, 10.0, 10.2], 0.01));
+        assert!(!is_lost([10.5, 10.5, 10.5], 0.01));
+        assert!(!is_lost([11.0, 10.5, 10.5], 0.01));
+        assert!(!is_lost([10.3, 10.0, 10.2], 0.6));
+    }
+
+    /// A drawing in millimetres is refused wherever a surface is read: as a structure, a wall, a block and a body.
+    #[test]
+    fn the_unit_of_every_surface_is_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        let corner = |k: usize| [0, 1, 2].map(|a| if k >> a & 1 == 0 { 20.0 } else { 60.0 });
+        let faces = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        let mut text = "solid cube\n".to_owned();
+        for [a, b, c, d] in faces {
+            for t in [[a, b, c], [a, c, d]] {
+                text += "facet normal 0 0 0\nouter loop\n";
+                for [x, y, z] in t.map(corner) {
+                    text += &format!("vertex {x} {y} {z}\n");
+                }
+                text += "endloop\nendfacet\n";
+            }
+        }
+        text += "endsolid\n";
+        std::fs::write(folder.path().join("cube.stl"), text).unwrap();
+        let mesh = |scale: f64| json!({"path": "cube.stl", "scale": scale});
+        let case = |parts: Value| {
+            let mut case = json!({
+                "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005},
+                "materials": {"rock": {"density": 2600}},
+                "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}},
+                "bodies": [{"name": "ball", "material": "rock", "shape": {"sphere": {"radius": 0.005}},
+                    "position": [0.01, 0.01, 0.01], "motion": {"free": {}}}],
+                "time": {"end": 1e-3}
+            });
+            for (key, part) in parts.as_object().unwrap() {
+                case[key] = part.clone();
+            }
+            findings(&case, folder.path())
+        };
+        let uses = |scale: f64| {
+            let mesh = mesh(scale);
+            [
+                json!({"structures": [{"name": "s", "shape": {"surface": {"mesh": mesh}}}]}),
+                json!({"walls": [{"name": "w", "material": "rock", "shape": {"mesh": mesh}}]}),
+                json!({"blocks": {"material": "rock", "initial": {"list": [{"shape": {"mesh": mesh}}]}}}),
+                json!({"bodies": [{"name": "b", "material": "rock", "shape": {"mesh": mesh},
+                    "position": [0.04, 0.04, 0.04], "motion": {"free": {}}}]}),
+            ]
+        };
+        for parts in uses(1.0) {
+            let found = case(parts.clone());
+            let errors: Vec<&Problem> = found
+                .iter()
+                .filter(|p| p.path.ends_with("mesh.scale"))
+                .collect();
+            assert_eq!(errors.len(), 1, "{parts}: {found:?}");
+            assert!(
+                errors[0].reason.contains("400 times the domain"),
+                "{}",
+                errors[0]
+            );
+        }
+        for parts in uses(1e-3) {
+            let found = case(parts.clone());
+            assert!(
+                found.iter().all(|p| !p.path.contains("mesh")),
+                "{parts}: {found:?}"
             );
         }
     }

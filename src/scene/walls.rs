@@ -16,6 +16,7 @@ use crate::case::grains::GrainSource;
 use crate::case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
 use crate::dem::Surface;
 use crate::error::Remedy;
+use crate::structure::surface::judge_unit;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -436,6 +437,18 @@ fn facets(
             )
         }
     };
+    // Images of a surface in another unit would be without end.
+    let unit = match (shape, &made) {
+        (WallShape::Mesh(mesh), Ok(surface)) => {
+            let corners = (0..surface.len()).flat_map(|facet| surface.corners(facet));
+            let wall = path.trim_end_matches(".mesh.path");
+            judge_unit(mesh, &stl::extent(corners), &grid.size, wall, findings)
+        }
+        _ => true,
+    };
+    if !unit {
+        return None;
+    }
     let made = made.and_then(|surface| {
         let repeated = surface.repeated([0.0; 3], periods(grid));
         repeated.map_err(|e| e.to_string())

@@ -226,23 +226,7 @@ impl ErosionRecorder {
         if self.state.start.is_none() {
             self.state.start = Some(self.measure_start(view, removed));
         }
-        for broken in breaks {
-            let at_wall = self.at_wall(&broken.position, view.plan);
-            self.pending.push(Pending {
-                step: view.step,
-                time: view.time,
-                solid_step: broken.step,
-                id_a: broken.grain,
-                id_b: match (broken.other, broken.wall) {
-                    (Some(other), _) => other,
-                    (None, wall) => u64::MAX - wall.map_or(0, u64::from),
-                },
-                x: broken.position.get(0),
-                y: broken.position.get(1),
-                shear: broken.mode == Failure::Shear,
-                at_wall,
-            });
-        }
+        self.note_breaks(view, breaks);
         if !removed.is_empty() {
             let outlets = view.plan.scene.erosion_law.as_ref();
             let mut lines = String::new();
@@ -269,6 +253,27 @@ impl ErosionRecorder {
             self.write_row(view, mass_error)?;
         }
         Ok(())
+    }
+
+    /// Takes note of bonds that broke on this rank.
+    pub fn note_breaks<S: Space>(&mut self, view: &View<'_, S>, breaks: Vec<BondBreak<S>>) {
+        for broken in breaks {
+            let at_wall = self.at_wall(&broken.position, view.plan);
+            self.pending.push(Pending {
+                step: view.step,
+                time: view.time,
+                solid_step: broken.step,
+                id_a: broken.grain,
+                id_b: match (broken.other, broken.wall) {
+                    (Some(other), _) => other,
+                    (None, wall) => u64::MAX - wall.map_or(0, u64::from),
+                },
+                x: broken.position.get(0),
+                y: broken.position.get(1),
+                shear: broken.mode == Failure::Shear,
+                at_wall,
+            });
+        }
     }
 
     /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one

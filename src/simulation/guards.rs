@@ -361,6 +361,12 @@ impl Guards {
         step.is_multiple_of(BALANCE_EVERY)
     }
 
+    /// Returns `true` if the state of this step is checked.
+    #[must_use]
+    pub fn looks_at(&self, step: u64) -> bool {
+        step.is_multiple_of(self.every)
+    }
+
     /// The next step after `step` whose state a check or a balance needs.
     #[must_use]
     pub fn next_look(&self, step: u64) -> u64 {

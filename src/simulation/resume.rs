@@ -16,6 +16,7 @@ use crate::dem::particles::Particles;
 use crate::dem::space::Space;
 use crate::error::{Error, Problem, Severity, Verdict};
 use crate::number::{real, whole};
+use crate::output::averages::Averages;
 use crate::output::group::RankGroup;
 use crate::plan::Plan;
 use crate::preparation::rest::SavedRest;
@@ -39,6 +40,8 @@ pub(super) struct Resumed {
     pub(super) walls: Option<Vec<Option<usize>>>,
     /// Which of the run's regions each region is.
     pub(super) regions: Option<Vec<Option<usize>>>,
+    /// `true` if the sums over time go on from those of the checkpoint.
+    pub(super) sums_go_on: bool,
 }
 
 /// Where a run was when it was saved.
@@ -62,6 +65,7 @@ impl Resumed {
             changed: false,
             walls: None,
             regions: None,
+            sums_go_on: true,
         }
     }
 
@@ -361,6 +365,15 @@ pub(super) fn plan(
         resumed.walls = Some(wall_origins(&old.scene.walls, &plan.scene.walls))
             .filter(|_| changed.iter().any(|path| path.contains("walls")));
         resumed.regions = Some(region_origins(&old, &plan)?);
+        let step = resumed.found.manifest.step;
+        resumed.sums_go_on = Averages::continues(&old, &plan, step).map_err(|path| {
+            Error::Case(vec![refusal(
+                path,
+                "changed".into(),
+                "the sums of the checkpoint hold samples at the times of the run before",
+                "undo the change, or let `from` be after the checkpoint: then the averages begin anew",
+            )])
+        })?;
         plan
     };
     check_scales(&plan, attributes, &resumed)?;

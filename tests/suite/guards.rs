@@ -512,3 +512,29 @@ fn a_body_that_moves_fails_where_the_plan_says_so() {
     let holds = ran(1, &moving_disc(20.0), &spacing);
     assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
 }
+
+/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before the run failed.
+#[test]
+fn a_run_that_fails_leaves_its_tables() {
+    let grain =
+        |x: f64, y: f64, u: f64| json!({"position": [x, y], "radius": 0.001, "velocity": [u, 0]});
+    let case = json!({
+        "domain": {"size": [0.1, 0.02], "spacing": 0.002},
+        "materials": {"sand": {"density": 2600}},
+        "grains": {"material": "sand", "bond_at_start": true, "initial": {"list": [
+            grain(0.02, 0.005, -0.5), grain(0.021_999_9, 0.005, 0.5),
+            grain(0.03, 0.015, 20.0), grain(0.04, 0.015, -20.0)
+        ]}},
+        "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e4},
+            "cohesion": {"absolute": 1e-4}, "friction_angle_degrees": 20}},
+        "guards": {"limits": "warn"},
+        "time": {"end": 0.01}
+    });
+    let ran = ran(1, &case, &[]);
+    assert_eq!(ran.done.code, Some(4), "{}", ran.done.stderr);
+    let bonds = std::fs::read_to_string(ran.folder.path().join("run/bonds.csv")).unwrap();
+    let rows = bonds
+        .lines()
+        .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));
+    assert_eq!(rows.count(), 1, "{bonds}");
+}

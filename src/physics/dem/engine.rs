@@ -227,10 +227,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.steps += 1;
             let mut speed = fastest.speed_squared.sqrt();
             for wall in self.walls.iter_mut().filter(|wall| !wall.open) {
-                wall.point += wall.velocity * dt;
+                let drift = wall.drift();
+                wall.point += drift * dt;
                 speed = speed.max(match wall.surface {
-                    None => wall.normal.scalar(&wall.velocity).abs(),
-                    Some(_) => wall.velocity.length(),
+                    None => wall.normal.scalar(&drift).abs(),
+                    Some(_) => drift.length(),
                 });
             }
             // Longer than the true path by more than any rounding.

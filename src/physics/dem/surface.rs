@@ -20,13 +20,15 @@
 //! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
 //! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
 
+mod faces;
 mod repeated;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::ghosts::index;
 use crate::error::Error;
 use crate::number::whole;
+pub(super) use faces::Faces;
 use repeated::Repeated;
 
 /// Convex facets with shared vertices, at rest; a wall carries them along.
@@ -40,6 +42,8 @@ pub struct Surface {
     groups: Vec<Group>,
     /// How it repeats in a periodic domain.
     repeated: Option<Box<Repeated>>,
+    /// Projects a velocity onto the directions across its facets; none where these are all directions.
+    across: Option<Matrix3<f64>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,6 +83,16 @@ pub struct Nearest {
     feature: Feature,
 }
 
+impl Nearest {
+    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other one stands on a facet
+    /// of this wall.
+    pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
+        let nearer = self.distance < other.distance * (1.0 - RIM)
+            || self.distance <= other.distance * (1.0 + RIM) && first;
+        nearer && (self.normal.dot(&other.normal) > SAME || other.feature != Feature::Face && on())
+    }
+}
+
 /// Facets in a group.
 const GROUP: usize = 16;
 /// Closest points this near to the rim of a facet, over its size, lie on the rim.
@@ -101,6 +115,7 @@ impl Surface {
             facets: Vec::new(),
             groups: Vec::new(),
             repeated: None,
+            across: None,
         };
         if facets.is_empty() {
             return Err(Error::Numerical("a surface without facets".into()));
@@ -151,6 +166,7 @@ impl Surface {
             });
         }
         surface.groups = surface.neighbours();
+        surface.across = surface.directions_across();
         Ok(surface)
     }
 
@@ -246,59 +262,6 @@ impl Surface {
         self.facets[facet].normal
     }
 
-    /// The faces: the facets of one plane that hang together by edges. First for each facet the first one of its face; then for
-    /// each facet the first given one of its face and of the images of this face.
-    pub(super) fn faces(&self) -> [Vec<u32>; 2] {
-        fn first_of(of: &[u32], mut k: u32) -> u32 {
-            while of[k as usize] != k {
-                k = of[k as usize];
-            }
-            k
-        }
-        fn join(of: &mut [u32], [a, b]: [u32; 2]) {
-            let [a, b] = [first_of(of, a), first_of(of, b)];
-            of[a.max(b) as usize] = a.min(b);
-        }
-        let count = index(self.len());
-        let mut edges: Vec<([u32; 2], u32)> = Vec::new();
-        for facet in 0..count {
-            let numbers = self.numbers(facet as usize);
-            for (k, &a) in numbers.iter().enumerate() {
-                let b = numbers[(k + 1) % numbers.len()];
-                edges.push(([a.min(b), a.max(b)], facet));
-            }
-        }
-        edges.sort_unstable();
-        let mut of: Vec<u32> = (0..count).collect();
-        let mut with_images = of.clone();
-        // Where images end in one plane, four facets share an edge.
-        for group in edges.chunk_by(|a, b| a.0 == b.0) {
-            for (n, &(_, a)) in group.iter().enumerate() {
-                for &(_, b) in &group[n + 1..] {
-                    if self.in_one_plane(a as usize, b as usize) {
-                        join(&mut of, [a, b]);
-                        join(&mut with_images, [a, b].map(|facet| self.given(facet)));
-                    }
-                }
-            }
-        }
-        [
-            (0..count).map(|k| first_of(&of, k)).collect(),
-            (0..count)
-                .map(|k| first_of(&with_images, self.given(k)))
-                .collect(),
-        ]
-    }
-
-    fn in_one_plane(&self, a: usize, b: usize) -> bool {
-        let (one, two) = (self.facets[a], self.facets[b]);
-        one.normal.cross(&two.normal).norm() <= RIM
-            && self
-                .corners(a)
-                .zip(self.corners(b))
-                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= RIM * one.size.max(two.size))
-    }
-
     fn numbers(&self, facet: usize) -> &[u32] {
         let facet = &self.facets[facet];
         &self.corners[facet.first as usize..facet.end as usize]
@@ -336,6 +299,14 @@ impl Surface {
                         self.may_reach(facet, &point, reach)
                             && self.nearest(facet, &point, reach).is_some()
                     })
+        })
+    }
+
+    /// Returns true if a point lies on one of these facets.
+    pub(super) fn stands_on(&self, near: &[u32], point: &Vector3<f64>) -> bool {
+        near.iter().map(|facet| *facet as usize).any(|facet| {
+            let reach = ON * self.facets[facet].size;
+            self.nearest(facet, point, reach).is_some()
         })
     }
 

@@ -52,6 +52,15 @@ impl<S: Space> Wall<S> {
         }
     }
 
+    /// Returns the velocity with which the wall moves [m/s]; a velocity along its face drags only.
+    #[must_use]
+    pub fn drift(&self) -> S::Vector {
+        match &self.surface {
+            None => self.velocity,
+            Some(surface) => S::from_volume(&surface.moving(&S::to_volume(&self.velocity))),
+        }
+    }
+
     /// A point \[m\] as the facets see it; in a periodic domain inside it.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
@@ -76,6 +85,12 @@ impl<S: Space> Wall<S> {
             surface.contacts(near, &at, reach, found);
             surface.name(found, by);
         }
+    }
+
+    /// Returns true if a point of space \[m\] lies on one of these facets.
+    pub(super) fn stands_on(&self, near: &[u32], point: &S::Vector) -> bool {
+        let surface = self.surface.as_ref();
+        surface.is_some_and(|surface| surface.stands_on(near, &self.local(point)))
     }
 
     /// Distance \[m\] of a point from the plane, positive on the grains' side.

@@ -1,11 +1,22 @@
-//! Signed distance of a triangulated surface.
+//! Signed distance of a triangulated surface, and the parts of a line inside it.
 //!
 //! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the nearest point, which is
-//! right at faces, edges and vertices of any closed surface (J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243).
-//! An open surface has a distance without a sign.
+//! right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243).
+//! Where shells may cross each other, or touch along edges, the sign is that of the winding number ([`crossings`]): inside is what at least
+//! one of them holds. An open surface has a distance without a sign.
+//!
+//! Triangles are wound alike, and shells that are inside out are turned ([`shells`]).
+
+mod crossings;
+mod shells;
 
 use super::{Point, cross, dot, minus, norm, plus, times};
-use std::collections::HashMap;
+use crossings::Line;
+use shells::Shells;
+use std::collections::{HashMap, HashSet};
+
+/// A part of a line is inside where its middle is deeper than this over the length of the line.
+const DEEP: f64 = 1e-9;
 
 /// Triangles of a leaf of the tree.
 const LEAF: usize = 4;
@@ -20,6 +31,8 @@ pub struct Mesh {
     nodes: Vec<Node>,
     extent: [Point; 2],
     open_edges: usize,
+    /// `true` if shells may cross or touch each other.
+    crossed: bool,
 }
 
 /// A box of the tree with its triangles, or with two boxes from `first` on.
@@ -83,10 +96,11 @@ fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
 }
 
 impl Mesh {
-    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent. Triangles without an area are left out.
+    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles without an area are left
+    /// out, and so is all but one of those with the same corners.
     ///
     /// # Errors
-    /// A sentence where nothing is left, or where an edge has more than two triangles or runs the same way in both.
+    /// A sentence where nothing is left, or where the surface has no two sides.
     pub fn new(corners: &[[Point; 3]]) -> Result<Self, String> {
         let (vertices, mut triangles) = shared(corners);
         triangles.retain(|t| {
@@ -97,33 +111,20 @@ impl Mesh {
         if triangles.is_empty() {
             return Err("the file holds no triangle with an area".into());
         }
-        let mut edges: HashMap<(u32, u32), usize> = HashMap::new();
-        for t in &triangles {
-            for k in 0..3 {
-                let count = edges.entry((t[k], t[(k + 1) % 3])).or_default();
-                *count += 1;
-                if *count > 1 {
-                    return Err(
-                        "two triangles run the same way along an edge: the surface is not oriented, or more than two triangles meet"
-                            .into(),
-                    );
-                }
-            }
+        once(&mut triangles);
+        let shells = shells::wind(&mut triangles)?;
+        if shells.open_edges == 0 {
+            shells::turn_outward(&shells, &vertices, &mut triangles);
         }
-        let open_edges = edges.keys().filter(|(a, b)| !edges.contains_key(&(*b, *a)));
-        let open_edges = open_edges.count();
         let mut mesh = Self {
             extent: extent_of(&vertices, &triangles),
+            crossed: shells.open_edges == 0 && may_cross(&shells, &vertices, &triangles),
             vertices,
             triangles,
             normals: Vec::new(),
             nodes: Vec::new(),
-            open_edges,
+            open_edges: shells.open_edges,
         };
-        if open_edges == 0 && mesh.volume() < 0.0 {
-            // Inside out.
-            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-        }
         mesh.plant();
         mesh.weigh();
         Ok(mesh)
@@ -190,11 +191,83 @@ impl Mesh {
             }
         }
         let distance = best.0.sqrt();
-        let side = dot(minus(at, best.1), self.normals[holder][best.2]);
-        if self.open_edges == 0 && side < 0.0 {
-            -distance
+        let inside = if self.crossed {
+            self.winding(at) > 0
         } else {
-            distance
+            self.open_edges == 0 && dot(minus(at, best.1), self.normals[holder][best.2]) < 0.0
+        };
+        if inside { -distance } else { distance }
+    }
+
+    /// Returns how often the surface winds round a point.
+    fn winding(&self, at: Point) -> i32 {
+        let [low, high] = self.extent;
+        let size = norm(minus(high, low));
+        let mut found = Vec::new();
+        self.crossings(&Line::new(at, [size, 0.0, 0.0], size), &mut found);
+        found.iter().map(|(_, sign)| sign).sum()
+    }
+
+    /// Adds the crossings of a line beyond its start to `found`.
+    fn crossings(&self, line: &Line, found: &mut Vec<(f64, i32)>) {
+        let mut stack = vec![0];
+        while let Some(place) = stack.pop() {
+            let node = self.nodes[place];
+            if !line.meets(&node.low, &node.high) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([node.first, node.first + 1]);
+                continue;
+            }
+            let triangles = node.first..node.first + node.count;
+            let crossings = triangles.filter_map(|k| line.crossing(&self.corners(k)));
+            found.extend(crossings.filter(|(place, _)| *place > 0.0));
+        }
+    }
+
+    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length between 0 and 1, apart
+    /// and rising.
+    pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
+        let length = norm(along);
+        let distance = self.distance(from);
+        if length <= 0.0 || distance.abs() > length * (1.0 + DEEP) {
+            if distance < 0.0 {
+                found.push([0.0, 1.0]);
+            }
+            return;
+        }
+        let [low, high] = self.extent;
+        let mut crossings = Vec::new();
+        let line = Line::new(from, along, norm(minus(high, low)));
+        self.crossings(&line, &mut crossings);
+        crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        // Where the line leaves as often as it does beyond a place, the place is inside.
+        let mut winding: i32 = crossings.iter().map(|(_, sign)| sign).sum();
+        let mut entered = (winding > 0).then_some(0.0);
+        let mut add = |first: f64, last: f64| {
+            let middle = plus(from, times(along, 0.5 * (first + last)));
+            if last > first && self.distance(middle) < -DEEP * length {
+                found.push([first, last]);
+            }
+        };
+        for (place, sign) in crossings {
+            if place >= 1.0 {
+                break;
+            }
+            let before = winding;
+            winding -= sign;
+            if before <= 0 && winding > 0 {
+                entered = Some(place);
+            } else if before > 0
+                && winding <= 0
+                && let Some(first) = entered.take()
+            {
+                add(first, place);
+            }
+        }
+        if let Some(first) = entered {
+            add(first, 1.0);
         }
     }
 
@@ -275,6 +348,63 @@ impl Mesh {
             })
             .collect();
     }
+}
+
+/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of cubes side by side.
+fn once(triangles: &mut Vec<[u32; 3]>) {
+    let sorted = |t: &[u32; 3]| {
+        let mut corners = *t;
+        corners.sort_unstable();
+        corners
+    };
+    let mut counts: HashMap<[u32; 3], usize> = HashMap::new();
+    for t in triangles.iter() {
+        *counts.entry(sorted(t)).or_default() += 1;
+    }
+    if counts.len() == triangles.len() {
+        return;
+    }
+    let alone: Vec<[u32; 3]> = (triangles.iter().copied())
+        .filter(|t| counts[&sorted(t)] % 2 == 1)
+        .collect();
+    let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
+    for t in &alone {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let closed = !alone.is_empty() && edges.values().all(|count| count % 2 == 0);
+    let mut known = HashSet::new();
+    triangles.retain(|t| {
+        let corners = sorted(t);
+        (!closed || counts[&corners] % 2 == 1) && known.insert(corners)
+    });
+}
+
+/// Returns `true` if the boxes of two shells overlap, or more than two triangles meet at an edge.
+fn may_cross(shells: &Shells, vertices: &[Point], triangles: &[[u32; 3]]) -> bool {
+    if shells.count == 1 {
+        return shells.many_at_an_edge;
+    }
+    let mut boxes = vec![[[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]]; shells.count];
+    for (t, &shell) in triangles.iter().zip(&shells.of) {
+        for at in t.map(|v| vertices[v as usize]) {
+            for (a, x) in at.into_iter().enumerate() {
+                let [low, high] = &mut boxes[shell];
+                (low[a], high[a]) = (low[a].min(x), high[a].max(x));
+            }
+        }
+    }
+    boxes.sort_by(|a, b| a[0][0].total_cmp(&b[0][0]));
+    boxes.iter().enumerate().any(|(n, one)| {
+        let after = boxes[n + 1..]
+            .iter()
+            .take_while(|other| other[0][0] <= one[1][0]);
+        let mut meeting = after
+            .filter(|other| (1..3).all(|a| other[0][a] <= one[1][a] && one[0][a] <= other[1][a]));
+        meeting.next().is_some()
+    })
 }
 
 fn extent_of(vertices: &[Point], triangles: &[[u32; 3]]) -> [Point; 2] {

@@ -50,6 +50,10 @@ pub trait Solid: Debug + Send + Sync {
 
 /// Shortest step along a line, as a part of its length: thinner chords are passed over.
 const STEP: f64 = 1e-4;
+/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than such a step.
+const GRAZING: u32 = 16;
+/// The longest of them.
+const LONGEST: f64 = 1e-2;
 
 /// [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length passes over nothing
 /// (J. C. Hart, The Visual Computer 12 (1996) 527).
@@ -64,8 +68,18 @@ pub(super) fn trace<S: Solid + ?Sized>(
     let mut t = 0.0;
     let mut distance = place(t);
     let mut entered = (distance < 0.0).then_some(0.0);
+    let (mut shortest, mut row) = (STEP, 0);
     while t < 1.0 {
-        let next = f64::min(t + (distance.abs() / length).max(STEP), 1.0);
+        let free = distance.abs() / length;
+        if free > STEP {
+            (shortest, row) = (STEP, 0);
+        } else {
+            row += 1;
+            if row > GRAZING {
+                shortest = f64::min(2.0 * shortest, LONGEST);
+            }
+        }
+        let next = f64::min(t + free.max(shortest), 1.0);
         let there = place(next);
         if (there < 0.0) != (distance < 0.0) {
             let crossing = root(&place, [t, distance], [next, there]);

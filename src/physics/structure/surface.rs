@@ -1,7 +1,7 @@
 //! A solid from an STL file, convex or not; or a sheet of some thickness about an open surface.
 
 use super::mesh;
-use super::solid::{Frame, ReadMesh, Solid};
+use super::solid::{Frame, ReadMesh, Solid, trace};
 use super::{Facets, Point, only_in};
 use crate::error::{Remedy, Report};
 use crate::geometry::Mesh;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Surface {
-    /// The file. Adjacent triangles run the same way round.
+    /// The file. Triangles are wound alike where the file does not; where shells cross, the solid is what at least one of them holds.
     pub mesh: Mesh,
     /// Thickness of the sheet, half on each side of the surface [m]. Default: the surface is closed and its inside is solid.
     #[serde(default)]
@@ -45,7 +45,7 @@ impl Surface {
                 return None;
             }
         };
-        if !self.judge_unit(&mesh.extent(), frame, path, report) {
+        if !judge_unit(&self.mesh, &mesh.extent(), &frame.size, path, report) {
             return None;
         }
         if mesh.open_edges() > 0 && self.thickness.is_none() {
@@ -69,32 +69,30 @@ impl Surface {
 /// A surface longer than this many domains is in another unit.
 const DOMAINS: f64 = 100.0;
 
-impl Surface {
-    /// Drawings are often in millimetres: whether the surface is not far larger than the domain; a finding if it is.
-    fn judge_unit(
-        &self,
-        extent: &[Point; 2],
-        frame: &Frame,
-        path: &str,
-        report: &mut dyn Report,
-    ) -> bool {
-        let lengths: Point = std::array::from_fn(|axis| extent[1][axis] - extent[0][axis]);
-        let times = (0..3)
-            .map(|axis| lengths[axis] / frame.size[axis])
-            .fold(0.0, f64::max);
-        if times <= DOMAINS {
-            return true;
-        }
-        let [x, y, z] = lengths;
-        let scale = self.mesh.scale * 1e-3;
-        let remedy = "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
-        report.error(
-            &format!("{path}.mesh.scale"),
-            format!("the surface is {x} x {y} x {z} m large, {times:.0} times the domain"),
-            Remedy::from(remedy).set(format!("{path}.mesh.scale"), serde_json::json!(scale)),
-        );
-        false
+/// Refuses a surface that is far larger than the domain, wherever it is read: drawings are often in millimetres. Returns `true` if it is not.
+pub fn judge_unit(
+    mesh: &Mesh,
+    extent: &[Point; 2],
+    domain: &Point,
+    path: &str,
+    report: &mut dyn Report,
+) -> bool {
+    let lengths: Point = std::array::from_fn(|axis| extent[1][axis] - extent[0][axis]);
+    let times = (0..3)
+        .map(|axis| lengths[axis] / domain[axis])
+        .fold(0.0, f64::max);
+    if times <= DOMAINS {
+        return true;
     }
+    let [x, y, z] = lengths;
+    let scale = mesh.scale * 1e-3;
+    let remedy = "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
+    report.error(
+        &format!("{path}.mesh.scale"),
+        format!("the surface is {x} x {y} x {z} m large, {times:.0} times the domain"),
+        Remedy::from(remedy).set(format!("{path}.mesh.scale"), serde_json::json!(scale)),
+    );
+    false
 }
 
 #[derive(Debug)]
@@ -114,6 +112,13 @@ impl Solid for Triangulated {
         let [low, high] = self.mesh.extent();
         let half = self.half.unwrap_or(0.0);
         [low.map(|x| x - half), high.map(|x| x + half)]
+    }
+
+    fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
+        match self.half {
+            Some(_) => trace(self, from, along, found),
+            None => self.mesh.chords(from, along, found),
+        }
     }
 
     fn outline(&self, _: f64) -> Vec<[f64; 2]> {

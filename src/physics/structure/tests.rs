@@ -193,6 +193,103 @@ fn a_surface_of_triangles_has_the_distance_of_its_solid() {
     }
 }
 
+/// A box of triangles between two corners, facing outwards.
+fn boxed(low: Point, high: Point) -> Vec<[Point; 3]> {
+    let at = |k: usize| std::array::from_fn(|a| if k >> a & 1 == 0 { low[a] } else { high[a] });
+    let faces = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let faces = faces.map(|face| face.map(at));
+    faces
+        .into_iter()
+        .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+        .collect()
+}
+
+fn turned(triangles: &[[Point; 3]]) -> Vec<[Point; 3]> {
+    triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect()
+}
+
+/// A part of space.
+type Holds<'a> = &'a dyn Fn(&Point) -> bool;
+
+/// The sign of the distance, and the length inside of lines along the axes, of several shells is that of what at least one of them
+/// holds; a shell in another one that is inside out is a cavity.
+#[test]
+fn shells_that_cross_are_one_solid() {
+    let one = boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
+    let two = boxed([1.7, 0.9, 0.2], [3.5, 2.4, 1.2]);
+    let inner = boxed([1.0, 1.0, 0.8], [1.5, 1.5, 1.2]);
+    let in_box =
+        |at: &Point, low: Point, high: Point| (0..3).all(|a| low[a] < at[a] && at[a] < high[a]);
+    let in_one = |at: &Point| in_box(at, [0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
+    let in_two = |at: &Point| in_box(at, [1.7, 0.9, 0.2], [3.5, 2.4, 1.2]);
+    let in_inner = |at: &Point| in_box(at, [1.0, 1.0, 0.8], [1.5, 1.5, 1.2]);
+    let union = |at: &Point| in_one(at) || in_two(at);
+    let hollow = |at: &Point| in_one(at) && !in_inner(at);
+    // Winding of some triangles, or of a whole shell, the wrong way round.
+    let mut mixed = [one.clone(), two.clone()].concat();
+    for k in [1, 4, 5, 17] {
+        mixed[k] = [mixed[k][0], mixed[k][2], mixed[k][1]];
+    }
+    let cases: [(Vec<[Point; 3]>, Holds<'_>); 5] = [
+        ([one.clone(), two.clone()].concat(), &union),
+        ([one.clone(), turned(&two)].concat(), &union),
+        (mixed, &union),
+        ([one.clone(), turned(&inner)].concat(), &hollow),
+        ([turned(&one), inner.clone()].concat(), &hollow),
+    ];
+    for (n, (triangles, inside)) in cases.iter().enumerate() {
+        let mesh = mesh::Mesh::new(triangles).unwrap();
+        for k in 0..600 {
+            let at = point(&mut Stream::new(5, k, 0), &SPACE);
+            assert_eq!(mesh.distance(at) < 0.0, inside(&at), "{n}: {at:?}");
+        }
+        for k in 0..40 {
+            let mut draw = Stream::new(8, k, 0);
+            let (from, to) = (point(&mut draw, &SPACE), point(&mut draw, &SPACE));
+            let along = minus(to, from);
+            let mut found = Vec::new();
+            mesh.chords(from, along, &mut found);
+            let length: f64 = found.iter().map(|[s, t]| t - s).sum();
+            let on = |k: u32| plus(from, times(along, (f64::from(k) + 0.5) / 2000.0));
+            let sampled = (0..2000).filter(|k| inside(&on(*k))).count();
+            let sampled = real(sampled) / 2000.0;
+            assert!((length - sampled).abs() < 3e-3, "{n}: {length} {sampled}");
+        }
+    }
+}
+
+/// Lines in the plane of a face, along an edge or through corners are outside or inside as a whole, and cost no more than others.
+#[test]
+fn lines_that_graze_a_surface_are_sure() {
+    let mesh = mesh::Mesh::new(&boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5])).unwrap();
+    let chords = |from: Point, to: Point| {
+        let mut found = Vec::new();
+        mesh.chords(from, minus(to, from), &mut found);
+        found
+    };
+    // In the plane of the top, and along its edge.
+    assert!(chords([0.0, 1.0, 1.5], [3.0, 1.1, 1.5]).is_empty());
+    assert!(chords([0.0, 2.0, 1.5], [3.0, 2.0, 1.5]).is_empty());
+    // Through two corners, and through the diagonal of two faces.
+    let through = chords([-0.5, -0.25, 0.0], [3.5, 2.75, 2.0]);
+    assert_eq!(through.len(), 1, "{through:?}");
+    assert!((through[0][0] - 0.25).abs() < 1e-9 && (through[0][1] - 0.75).abs() < 1e-9);
+    let across = chords([1.5, 1.25, 0.0], [1.5, 1.25, 2.0]);
+    assert_eq!(across.len(), 1);
+    assert!((across[0][0] - 0.25).abs() < 1e-9 && (across[0][1] - 0.75).abs() < 1e-9);
+    // From a point of the surface.
+    assert!(chords([1.5, 1.25, 1.5], [1.5, 1.25, 2.0]).is_empty());
+    let down = chords([1.5, 1.25, 1.5], [1.5, 1.25, 1.0]);
+    assert!((down[0][1] - down[0][0] - 1.0).abs() < 1e-9, "{down:?}");
+}
+
 #[test]
 fn solids_that_are_none_are_refused_by_name() {
     let open: Vec<[Point; 3]> = ell()[1..].to_vec();
@@ -208,8 +305,9 @@ fn solids_that_are_none_are_refused_by_name() {
     let stl = r#"{"surface": {"mesh": {"path": "a.stl"}}}"#;
     assert!(refused(stl, &SPACE, &open).contains("open: 3 of its edges"));
     let mut folded = ell();
-    folded.push(folded[0]);
-    assert!(refused(stl, &SPACE, &folded).contains("more than two triangles"));
+    let [a, b, _] = folded[0];
+    folded.push([a, b, [2.0, 2.0, 3.0]]);
+    assert!(refused(stl, &SPACE, &folded).contains("3 triangles meet at an edge"));
     assert!(refused(stl, &FLAT, &ell()).contains("does not fit a 2-D problem"));
     let flat = r#"{"box": {"from": [1, 1], "to": [2, 1]}}"#;
     assert!(refused(flat, &FLAT, &[]).contains("no volume"));

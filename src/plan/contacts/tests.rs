@@ -3,6 +3,7 @@
 use super::network::Network;
 use super::{Depth, Limits, blocks, of_densest};
 use crate::case::Document;
+use crate::error::Severity;
 use crate::plan::Plan;
 use crate::scene::Scene;
 use approx::assert_relative_eq;
@@ -252,4 +253,37 @@ fn points_of_contact_want_damping() {
     assert!(!said(point, 0.0, "fixed"));
     assert!(said(json!("patch"), 0.0, "free"));
     assert!(!said(json!("pressure"), 0.0, "free"));
+}
+
+/// Three discs with strong dashpots: the automatic step is one that the program accepts, and a stated one above the limit is not.
+#[test]
+fn the_automatic_step_is_accepted() {
+    let pile = |damping: f64, time: Value| {
+        json!({
+            "domain": {"size": [0.2, 0.1], "spacing": 0.01},
+            "gravity": [0, -9.81],
+            "materials": {"glass": {"density": 2500}},
+            "grains": {"material": "glass", "initial": {"list": [
+                {"position": [0.09, 0.01], "radius": 0.01}, {"position": [0.11, 0.01], "radius": 0.01},
+                {"position": [0.1, 0.03], "radius": 0.01}
+            ]}},
+            "box_walls": ["y_min"],
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e8}, "shear_to_normal_stiffness": 1,
+                "friction_angle_degrees": 30, "normal_damping_ratio": damping, "shear_damping_ratio": damping}},
+            "time": time
+        })
+    };
+    let unstable = |plan: &Plan| {
+        plan.warnings
+            .iter()
+            .any(|p| p.severity == Severity::Unstable)
+    };
+    for damping in [0.1, 0.4, 0.5, 0.9] {
+        let automatic = plan(&pile(damping, json!({"end": 0.1}))).unwrap();
+        assert!(!unstable(&automatic), "{damping}: {:?}", automatic.warnings);
+    }
+    let longest = plan(&pile(0.5, json!({"end": 0.1}))).unwrap();
+    let step = 1.05 * longest.clock.solid_time_step;
+    let stated = plan(&pile(0.5, json!({"end": 0.1, "solid_time_step": step}))).unwrap();
+    assert!(unstable(&stated));
 }

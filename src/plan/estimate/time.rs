@@ -303,7 +303,14 @@ fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
                 .zip(deposition.falling_stiffness)
                 .map_or(1.0, |(full, soft)| (full / soft).max(1.0).cbrt());
             let steps = SETTLING * fall / (softer * clock.solid_time_step);
-            if steps.is_finite() { steps } else { 0.0 }
+            // The stiffness grows tenfold from stage to stage.
+            let stages = 1.0 + (3.0 * softer.log10()).ceil();
+            let most = stages * f64::from(deposition.stop.at_most_steps);
+            if steps.is_finite() {
+                steps.min(most)
+            } else {
+                0.0
+            }
         }
         GrainSource::File { .. } | GrainSource::List(_) => 0.0,
     }

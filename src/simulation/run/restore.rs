@@ -82,6 +82,13 @@ impl Origin {
         self.resumed.as_ref()?.regions.as_deref()
     }
 
+    /// Returns `true` if the sums over time go on from those of the checkpoint.
+    pub(super) fn sums_go_on(&self) -> bool {
+        self.resumed
+            .as_ref()
+            .is_none_or(|resumed| resumed.sums_go_on)
+    }
+
     /// Returns whether the run was past its preparation.
     pub(super) fn runs(&self) -> bool {
         matches!(self.stage, Some(Stage::Run))

@@ -84,10 +84,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
             runner.summarise(text, json).map_err(Ended::Later)?;
         } else if runner.simulation.now.domain.rank() == 0 {
+            // The error itself matters more than what could not be written down.
+            let _ = runner.simulation.record_failure();
             let message = outcome.as_ref().err().map(ToString::to_string);
             let summary =
                 json!({ "outcome": text, "error": message, "steps": runner.simulation.now.step });
-            // The error itself matters more than that it could not be written down.
             let _ = io::atomic::write_json(&runner.folder.path().join("summary.json"), &summary);
         }
         outcome.map_err(Ended::Later)

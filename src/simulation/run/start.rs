@@ -261,7 +261,8 @@ fn read_averages<Sp: Space, S: Saved>(
         return Ok(None);
     };
     let mut averages = Averages::new(&now.plan, flow);
-    if let (Some(averages), Some(found), true) = (&mut averages, origin.found(), origin.runs()) {
+    let goes_on = origin.runs() && origin.sums_go_on();
+    if let (Some(averages), Some(found), true) = (&mut averages, origin.found(), goes_on) {
         let reader = restore::reader(found)?;
         let read = checkpoint::read_averages(averages, flow.fluid(), &reader);
         agreement::agree(now.domain.communicator(), read)?;

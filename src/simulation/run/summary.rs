@@ -138,6 +138,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let seepage = now.seepage();
         warnings.extend(seepage.iter().flat_map(|seepage| seepage.warnings()));
         warnings.extend(self.lost_mass(measures.mass_change));
+        if self.notes["settling"]["bonds"] == 0 {
+            warnings.push(
+                "no contact was bonded at the start (grains.bond_at_start): no grain touched another or a wall"
+                    .into(),
+            );
+        }
         if seepage.is_none() {
             return warnings;
         }

@@ -31,6 +31,7 @@ use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, PairProperties,
     PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to, linear,
 };
+use crate::dem::dashpot::{over_step, part_of_step};
 use crate::error::{Remedy, Report};
 
 /// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking of faces in contact.
@@ -421,8 +422,11 @@ impl<S: Space> ContactLaw<S> for Blocks {
             law.stiffness(std::f64::consts::PI * scale.radius * kinematics.overlap);
         let dashpot =
             |fraction: f64, stiffness: f64| 2.0 * fraction * (scale.mass * stiffness).sqrt();
-        let push = normal * kinematics.overlap
-            - dashpot(law.normal_damping, normal) * kinematics.separation_rate;
+        let brake = dashpot(law.normal_damping, normal);
+        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
+        let brake =
+            over_step(brake, step, 1.0, scale.mass) * part_of_step(kinematics.overlap, rate, step);
+        let push = normal * kinematics.overlap - brake * rate;
         let push = push.max(0.0);
         let limit = law.friction * push;
         let carried = S::turn(&out_of_space(&history.spring()), &kinematics.normal);

@@ -30,6 +30,7 @@ use super::{
     PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
     load_tangent, save_tangent,
 };
+use crate::dem::dashpot::{over_step, part_of_step};
 use crate::error::Report;
 
 /// F_n = k_n δ down to -C; |F_s| <= F_n tan Φ + C; a contact that opens or slips loses C for good.
@@ -229,6 +230,24 @@ pub struct Constants {
     shear_dashpot: f64,
     friction: f64,
     cohesion: f64,
+    /// Mass times normal stiffness [N² s²/m²].
+    square: f64,
+}
+
+impl Constants {
+    /// Returns the normal dashpot over a time step [N s/m].
+    #[inline(always)]
+    fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
+        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
+        over_step(self.normal_dashpot, step, self.normal, self.square)
+            * part_of_step(kinematics.overlap, rate, step)
+    }
+
+    /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
+    #[inline(always)]
+    fn bond_dashpot(&self, time_step: f64) -> f64 {
+        over_step(self.normal_dashpot, time_step, self.normal, self.square)
+    }
 }
 
 /// The force of the shear spring [N] on the second partner, and the cohesion [N], 0 without a bond.
@@ -271,6 +290,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             shear_dashpot: row.shear_dashpot * root,
             friction: row.friction,
             cohesion: at(row.cohesion, diameter),
+            square: root * root,
         }
     }
 
@@ -287,13 +307,14 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         let limit = normal * c.friction + history.cohesion;
         if length <= limit && normal >= -history.cohesion {
             history.shear = shear;
-            let least = if history.cohesion > 0.0 {
-                f64::NEG_INFINITY
+            let bonded = history.cohesion > 0.0;
+            let (least, dashpot) = if bonded {
+                (f64::NEG_INFINITY, c.bond_dashpot(kinematics.time_step))
             } else {
-                0.0
+                (0.0, c.normal_dashpot(kinematics))
             };
             return ContactForce {
-                normal: (normal - c.normal_dashpot * kinematics.separation_rate).max(least),
+                normal: (normal - dashpot * kinematics.separation_rate).max(least),
                 tangent: shear - kinematics.slip * c.shear_dashpot,
                 moment: S::Spin::default(),
                 failure: None,
@@ -312,7 +333,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             cohesion: 0.0,
         };
         let dashpot = if kinematics.overlap > 0.0 {
-            c.normal_dashpot
+            c.normal_dashpot(kinematics)
         } else {
             0.0
         };

@@ -298,7 +298,8 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         } else {
             history.shear = shear;
             return ContactForce {
-                normal: normal - c.linear.normal_dashpot * kinematics.separation_rate,
+                normal: normal
+                    - c.linear.bond_dashpot(kinematics.time_step) * kinematics.separation_rate,
                 tangent: shear - kinematics.slip * c.linear.shear_dashpot,
                 moment: S::Spin::default(),
                 failure: None,

@@ -44,6 +44,7 @@ use super::{
     PairProperties, PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
     linear, load_tangent, save_tangent,
 };
+use crate::dem::dashpot::over_step;
 use crate::error::{Remedy, Report};
 
 /// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed; incremental shear
@@ -491,9 +492,14 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         let overlap = kinematics.overlap.max(0.0);
         let root = overlap.sqrt();
         let fourth = root.sqrt();
-        let normal = (c.normal * overlap * root
-            - c.dashpots[0] * fourth * kinematics.separation_rate)
-            .max(c.least);
+        let dashpot = over_step(
+            c.dashpots[0] * fourth,
+            kinematics.time_step,
+            c.scale.radius,
+            c.scale.mass * c.scale.mass,
+        );
+        let normal =
+            (c.normal * overlap * root - dashpot * kinematics.separation_rate).max(c.least);
         let mut held = S::turn(&history.shear, &kinematics.normal);
         if root < history.root {
             held = held * (root / history.root);

@@ -30,6 +30,7 @@ use super::{
     PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
     load_tangent, save_tangent,
 };
+use crate::dem::dashpot::{over_step, part_of_step};
 use crate::error::Report;
 
 /// F_n = k_n δ, |F_s| <= F_n tan Φ; springs act in compression only.
@@ -248,6 +249,8 @@ pub struct Constants {
     pub(super) shear_dashpot: f64,
     pub(super) friction: f64,
     least: f64,
+    /// Mass times normal stiffness [N² s²/m²].
+    square: f64,
 }
 
 /// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times stiffness.
@@ -302,11 +305,26 @@ impl Row {
             shear_dashpot: self.shear_dashpot * root,
             friction: self.friction,
             least: self.least,
+            square: root * root,
         }
     }
 }
 
 impl Constants {
+    /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
+    #[inline(always)]
+    pub(super) fn bond_dashpot(&self, time_step: f64) -> f64 {
+        over_step(self.normal_dashpot, time_step, self.normal, self.square)
+    }
+
+    /// Returns the normal dashpot over a time step [N s/m].
+    #[inline(always)]
+    pub(super) fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
+        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
+        over_step(self.normal_dashpot, step, self.normal, self.square)
+            * part_of_step(kinematics.overlap, rate, step)
+    }
+
     /// The force of an unbonded contact; `shear` is the force of the shear spring [N].
     #[inline(always)]
     pub(super) fn slide<S: Space>(
@@ -315,7 +333,7 @@ impl Constants {
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         let normal = (self.normal * kinematics.overlap
-            - self.normal_dashpot * kinematics.separation_rate)
+            - self.normal_dashpot(kinematics) * kinematics.separation_rate)
             .max(self.least);
         let spring = S::turn(shear, &kinematics.normal)
             - kinematics.slip * (self.shear * kinematics.time_step);

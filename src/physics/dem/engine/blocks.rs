@@ -14,6 +14,7 @@ use super::super::blocks::{in_space, out_of_space};
 use super::super::contact::blocks::{Blocks, Constants, Scale};
 use super::super::polyhedron::force::Approach;
 use super::super::polyhedron::{self, Geometry, Hidden, History, Model, Narrow, Polyhedron};
+use super::super::surface::Faces;
 use super::super::{Contact, View, integrate};
 use super::bodies::Bodies;
 use super::*;
@@ -28,16 +29,42 @@ type BlockAtPlane = WallPair<Constants, History>;
 pub(in crate::dem) struct Scratch {
     poses: Vec<Pose>,
     narrows: Vec<Narrow>,
-    /// Of each wall, for each facet the first of its face: a face is one contact. Then the name of this face.
-    faces: Vec<[Vec<u32>; 2]>,
+    /// Of each wall: a face is one contact.
+    faces: Vec<Faces>,
     /// Facets near a block, with their faces.
     order: Vec<[u32; 2]>,
+    /// Contacts of one block with all faces.
+    touches: Vec<AtFace>,
+}
+
+/// A contact of a block with a face.
+#[derive(Clone, Copy, Debug)]
+struct AtFace {
+    /// Number of the pair of block and wall.
+    pair: u32,
+    /// Name of the face.
+    face: u32,
+    touch: Geometry,
+    /// Part of the normal dashpot that acts.
+    damped: f64,
+}
+
+/// Cosine of the angle between normals above which contacts are parts of one patch.
+const ONE_PLANE: f64 = 1.0 - 1e-6;
+
+/// Returns the part of its patch that a contact is, by area.
+fn part_of(touches: &[AtFace], touch: &Geometry) -> f64 {
+    let parallel = |other: &&AtFace| other.touch.normal.dot(&touch.normal) > ONE_PLANE;
+    let patch: f64 = (touches.iter().filter(parallel))
+        .map(|other| other.touch.area)
+        .sum();
+    if patch > 0.0 { touch.area / patch } else { 1.0 }
 }
 
 /// Facets near a block by face, each face's in rising order.
-fn by_face(faces: &[u32], near: &[u32], order: &mut Vec<[u32; 2]>) {
+fn by_face(faces: &Faces, near: &[u32], order: &mut Vec<[u32; 2]>) {
     order.clear();
-    order.extend(near.iter().map(|&facet| [faces[facet as usize], facet]));
+    order.extend(near.iter().map(|&facet| [faces.first(facet), facet]));
     order.sort_unstable();
 }
 
@@ -47,6 +74,7 @@ impl<S: Space> Engine<S, Blocks> {
         let mut facets = std::mem::take(&mut self.facets[0]);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         let mut order = std::mem::take(&mut self.scratch.order);
+        let mut touches = std::mem::take(&mut self.scratch.touches);
         let mut contact = std::mem::take(&mut particles.contact);
         let mut failures = std::mem::take(&mut self.wall_failures);
         let world = World {
@@ -56,47 +84,71 @@ impl<S: Space> Engine<S, Blocks> {
         let mut calls = 0;
         let mut record = self.record;
         facets.next.clear();
-        for place in 0..facets.active.len() {
-            let at = facets.active[place] as usize;
-            let pair = facets.pairs[at];
-            let (k, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let mut from = 0;
+        while from < facets.active.len() {
+            let to = facets.same_grain(from);
+            let k = facets.pairs[facets.active[from] as usize].grain as usize;
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
-                facets.act_on_sphere::<S, Blocks>(
-                    at,
-                    &self.walls,
-                    motion,
-                    (&mut contact, 0),
-                    (&mut failures, &mut record),
-                    dt,
-                );
+                facets.find_doubled::<S, Blocks>((from, to), &self.walls, motion);
+                for place in from..to {
+                    let at = facets.active[place] as usize;
+                    facets.act_on_sphere::<S, Blocks>(
+                        at,
+                        &self.walls,
+                        motion,
+                        (&mut contact, 0),
+                        (&mut failures, &mut record),
+                        dt,
+                    );
+                }
+                from = to;
                 continue;
             }
-            let start = ghosts::index(facets.next.len());
-            by_face(
-                &self.scratch.faces[pair.wall as usize][0],
-                facets.near(&pair),
-                &mut order,
-            );
-            for face in order.chunk_by(|a, b| a[0] == b[0]) {
+            touches.clear();
+            for place in from..to {
+                let at = facets.active[place];
+                let pair = &facets.pairs[at as usize];
                 let Some(narrow) = narrows.first_mut() else {
                     break;
                 };
-                calls += 1;
-                let Some(touch) = world.meet_face(k, wall, face, narrow) else {
-                    continue;
-                };
-                world.note_at_wall(&touch, pair.grain, pair.wall, &mut record);
-                // The same on both sides of a periodic face.
-                let facet = self.scratch.faces[pair.wall as usize][1][face[0][0] as usize];
-                let held = facets.held(&pair).iter().find(|held| held.facet == facet);
-                let mut history = held.map_or(History::default(), |held| held.history);
-                let load = world.act_at_wall(k, wall, &pair.constants, &touch, &mut history);
-                contact[k].force += load.force;
-                contact[k].torque += load.torque;
-                facets.next.push(Held { facet, history });
+                let wall = &self.walls[pair.wall as usize];
+                let faces = &self.scratch.faces[pair.wall as usize];
+                by_face(faces, facets.near(pair), &mut order);
+                calls += world.meet_faces(k, wall, faces, &mut order, narrow, |face, touch| {
+                    let damped = world.damped(k, wall, faces, face, &pair.constants);
+                    touches.push(AtFace {
+                        pair: at,
+                        // The same on both sides of a periodic face.
+                        face: faces.name(face[0][0]),
+                        touch,
+                        damped,
+                    });
+                });
             }
-            facets.pairs[at].held = (start, ghosts::index(facets.next.len()));
+            for place in from..to {
+                let at = facets.active[place];
+                let pair = facets.pairs[at as usize];
+                let wall = &self.walls[pair.wall as usize];
+                let start = ghosts::index(facets.next.len());
+                for one in touches.iter().filter(|one| one.pair == at) {
+                    let AtFace { face, touch, .. } = one;
+                    world.note_at_wall(touch, pair.grain, pair.wall, &mut record);
+                    let held = facets.held(&pair).iter().find(|held| held.facet == *face);
+                    let mut history = held.map_or(History::default(), |held| held.history);
+                    let share = (part_of(&touches, touch), one.damped);
+                    let load =
+                        world.act_at_wall(k, wall, &pair.constants, (touch, share), &mut history);
+                    contact[k].force += load.force;
+                    contact[k].torque += load.torque;
+                    facets.next.push(Held {
+                        facet: *face,
+                        history,
+                    });
+                }
+                facets.pairs[at as usize].held = (start, ghosts::index(facets.next.len()));
+            }
+            from = to;
         }
         std::mem::swap(&mut facets.held, &mut facets.next);
         self.tested += calls;
@@ -104,6 +156,7 @@ impl<S: Space> Engine<S, Blocks> {
         self.facets[0] = facets;
         self.scratch.narrows = narrows;
         self.scratch.order = order;
+        self.scratch.touches = touches;
         self.wall_failures = failures;
         particles.contact = contact;
     }
@@ -354,24 +407,22 @@ impl<S: Space> Bodies<S> for Blocks {
             engine.sphere_facet_contacts(particles, (facets, pair), visit);
             return;
         }
-        let [faces, _] = &engine.scratch.faces[pair.wall as usize];
+        let faces = &engine.scratch.faces[pair.wall as usize];
         let mut order = Vec::new();
         by_face(faces, facets.near(pair), &mut order);
-        for face in order.chunk_by(|a, b| a[0] == b[0]) {
-            if let Some(touch) = world.meet_face(k, wall, face, narrow) {
-                visit(Contact {
-                    grain: k,
-                    other: None,
-                    wall: Some(pair.wall),
-                    overlap: touch.depth,
-                    normal: S::from_volume(&-touch.normal),
-                    position: particles.location(k) + S::from_volume(&touch.arm),
-                    normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
-                    shear_force: S::Vector::default(),
-                    bonded: false,
-                });
-            }
-        }
+        world.meet_faces(k, wall, faces, &mut order, narrow, |_, touch| {
+            visit(Contact {
+                grain: k,
+                other: None,
+                wall: Some(pair.wall),
+                overlap: touch.depth,
+                normal: S::from_volume(&-touch.normal),
+                position: particles.location(k) + S::from_volume(&touch.arm),
+                normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
+                shear_force: S::Vector::default(),
+                bonded: false,
+            });
+        });
     }
 
     fn bond_all(_: &mut Engine<S, Self>, _: &Particles<S>) -> u64 {

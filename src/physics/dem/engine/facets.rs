@@ -44,6 +44,10 @@ pub(in crate::dem) struct Facets<C, M> {
     pub(super) found: Vec<Nearest>,
     pub(super) taken: Vec<bool>,
     pub(super) close: Vec<[u32; 3]>,
+    /// Contacts of one grain with several walls, by pair.
+    pub(super) together: Vec<(u32, Nearest)>,
+    /// Those of them that another wall has as well, by pair and facet.
+    pub(super) doubled: Vec<[u32; 2]>,
 }
 
 impl<C, M> Default for Facets<C, M> {
@@ -57,6 +61,8 @@ impl<C, M> Default for Facets<C, M> {
             found: Vec::new(),
             taken: Vec::new(),
             close: Vec::new(),
+            together: Vec::new(),
+            doubled: Vec::new(),
         }
     }
 }
@@ -88,6 +94,12 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         };
         let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
         wall.touched(near, &grain.position, reach, &mut self.found);
+        if !self.doubled.is_empty() {
+            let pair = ghosts::index(k);
+            let doubled = &self.doubled;
+            self.found
+                .retain(|one| !doubled.contains(&[pair, one.facet]));
+        }
         self.taken.clear();
         self.taken.resize(held.len(), false);
         let start = ghosts::index(self.next.len());
@@ -143,12 +155,92 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             return;
         }
         self.next.clear();
-        for n in 0..self.active.len() {
-            let found = (&mut *failures, &mut *record);
-            let k = self.active[n] as usize;
-            self.act_on_sphere::<S, L>(k, walls, motion, (&mut *contact, first), found, dt);
+        let mut from = 0;
+        while from < self.active.len() {
+            let to = self.same_grain(from);
+            self.find_doubled::<S, L>((from, to), walls, motion);
+            for n in from..to {
+                let found = (&mut *failures, &mut *record);
+                let k = self.active[n] as usize;
+                self.act_on_sphere::<S, L>(k, walls, motion, (&mut *contact, first), found, dt);
+            }
+            from = to;
         }
         std::mem::swap(&mut self.held, &mut self.next);
+    }
+
+    /// Returns the end of the active pairs that have the grain of the active pair `from`: pairs stand by grain.
+    pub(super) fn same_grain(&self, from: usize) -> usize {
+        let grain = |n: usize| self.pairs[self.active[n] as usize].grain;
+        let mut to = from + 1;
+        while to < self.active.len() && grain(to) == grain(from) {
+            to += 1;
+        }
+        to
+    }
+
+    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall replaces: where two walls
+    /// touch or lie in one plane, a sphere is pushed once.
+    pub(super) fn find_doubled<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        (from, to): (usize, usize),
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+    ) {
+        self.doubled.clear();
+        if to - from < 2 {
+            return;
+        }
+        let mut together = std::mem::take(&mut self.together);
+        let mut doubled = std::mem::take(&mut self.doubled);
+        let mut found = std::mem::take(&mut self.found);
+        let pairs = self.active[from..to].iter().copied();
+        self.doubles::<S, L>(
+            pairs,
+            walls,
+            motion,
+            (&mut together, &mut found),
+            &mut doubled,
+        );
+        (self.together, self.doubled, self.found) = (together, doubled, found);
+    }
+
+    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a nearer one, of two as
+    /// near that with the first wall, in the same direction, or one with a facet on which the contact with an edge or a vertex stands.
+    pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &self,
+        pairs: impl Iterator<Item = u32>,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        (together, found): (&mut Vec<(u32, Nearest)>, &mut Vec<Nearest>),
+        doubled: &mut Vec<[u32; 2]>,
+    ) {
+        together.clear();
+        for k in pairs {
+            let pair = &self.pairs[k as usize];
+            let wall = &walls[pair.wall as usize];
+            let at = &motion[pair.grain as usize].position;
+            wall.touched(self.near(pair), at, pair.radius, found);
+            together.extend(found.iter().map(|one| (k, *one)));
+        }
+        for &(k, one) in together.iter() {
+            let pair = &self.pairs[k as usize];
+            let bonded = |held: &Held<M>| held.facet == one.facet && L::bonded(&held.history);
+            if self.held(pair).iter().any(bonded) {
+                continue;
+            }
+            let centre = S::to_volume(&motion[pair.grain as usize].position);
+            let foot = S::from_volume(&(centre - one.normal * one.distance));
+            let replaced = together.iter().any(|&(other, two)| {
+                let others = &self.pairs[other as usize];
+                let wall = &walls[others.wall as usize];
+                let on = || wall.stands_on(self.near(others), &foot);
+                other != k && two.replaces(&one, other < k, on)
+            });
+            if replaced {
+                doubled.push([k, one.facet]);
+            }
+        }
     }
 
     /// Chooses the pairs that may touch until grains have moved by `look` \[m\] more.

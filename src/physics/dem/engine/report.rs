@@ -111,6 +111,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let mut found = Vec::new();
         let at = &particles.motion[grain].position;
         wall.touched(near, at, pair.radius + pair.opening, &mut found);
+        let first = facets.pairs.partition_point(|one| one.grain < pair.grain);
+        let own = facets.pairs[first..].iter();
+        let count = own.take_while(|one| one.grain == pair.grain).count();
+        if count > 1 {
+            let mut doubled = Vec::new();
+            let pairs = ghosts::index(first)..ghosts::index(first + count);
+            let buffers = (&mut Vec::new(), &mut Vec::new());
+            let motion = &particles.motion;
+            facets.doubles::<S, L>(pairs.clone(), &self.walls, motion, buffers, &mut doubled);
+            let mut own = pairs;
+            let own = own.find(|k| facets.pairs[*k as usize].wall == pair.wall);
+            found.retain(|one| own.is_none_or(|own| !doubled.contains(&[own, one.facet])));
+        }
         let mut taken = vec![false; held.len()];
         for one in &found {
             let history = history_of(surface, held, &mut taken, &found, one.facet);

@@ -120,6 +120,8 @@ pub struct Geometry {
     pub second: Matrix3<f64>,
     /// Moment of the normal pressure about the contact point on the second, over the normal force \[m\].
     pub couple: Vector3<f64>,
+    /// `true` if the patch is fixed to a block, so that it rocks as the block turns; `false` for a sphere, which rolls.
+    pub rocks: bool,
 }
 
 impl Geometry {
@@ -337,6 +339,7 @@ impl Narrow {
                     area,
                     second,
                     couple: Vector3::zeros(),
+                    rocks: true,
                 })
             }
         }
@@ -451,6 +454,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
         area: 0.0,
         second: Matrix3::zeros(),
         couple: Vector3::zeros(),
+        rocks: true,
     }
 }
 

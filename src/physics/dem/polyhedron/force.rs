@@ -2,10 +2,14 @@
 //!
 //! ```text
 //! F_n = k_n depth - c_n d(gap)/dt, at least 0
-//! F_s = cut(F_s' - k_s slip dt - c_s slip)      cut to length mu F_n
-//! M_t = cut(M_t' - k_t spin_n dt - c_t spin_n)  cut to mu F_n R,   R = 2/3 of the radius of the patch
+//! F_s = F_s' - k_s slip dt - c_s slip
+//! M_t = M_t' - k_t spin_n dt - c_t spin_n,      R = 2/3 of the radius of the patch
+//! (|F_s|/(mu F_n))² + (M_t/(mu F_n R))² <= 1    both cut by one factor
 //! M_r = cut(-c_r Q (spin across n))             cut to F_n times the patch's radius of gyration about M_r
 //! ```
+//!
+//! Slip and spin share the friction of a patch: a face that slides resists a twist less, and a face that spins slides more easily. The
+//! limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15 (1996) 557.
 //!
 //! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then `k = (stiffness
 //! per area) * area`, and with [`super::Model::Patch`] the normal force is the sum over a bed of springs. `F_s'` is the force of
@@ -17,7 +21,11 @@
 //!
 //! The dashpots are distributed over the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the second moments
 //! `Q` of the area about the axes across the normal. The rocking of a face is damped, while a block turns freely about an edge. A
-//! dashpot at one point would leave rocking undamped.
+//! dashpot at one point would leave rocking undamped. The patch of a sphere moves over its surface as it rolls: nothing rocks, and
+//! `M_r` is zero ([`Geometry::rocks`]).
+//!
+//! The contacts of a block with the facets of one plane, also of several walls, are one patch in parts ([`Approach::part`]): springs add
+//! up, and each part has its share of the dashpots of the whole. The dashpots act over a step ([`over_step`]).
 //!
 //! Force and moment are equal and opposite at one point: momentum and angular momentum are conserved.
 //!
@@ -28,6 +36,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::contact::{Geometry, History};
+use crate::dem::dashpot::{over_step, part_of_step};
 
 /// Stiffness of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -75,6 +84,10 @@ pub struct Approach {
     pub mass: f64,
     /// Time step \[s\].
     pub time_step: f64,
+    /// Part of the patch that this contact is, by area; 1 where it is the whole patch.
+    pub part: f64,
+    /// Part of the normal dashpot that acts, from 0 to 1; below 1 where a face touches only the rim of a block that rests on another face.
+    pub damped: f64,
 }
 
 /// What a contact does.
@@ -98,7 +111,15 @@ impl Law {
         }
     }
 
-    /// The action of a contact; its springs live in `history`.
+    /// Returns the stiffness of a part of a patch: of the area of the part, or the part of the stiffness of a contact.
+    fn stiffness_of(&self, area: f64, part: f64) -> [f64; 2] {
+        match self.stiffness {
+            Stiffness::PerContact { normal, shear } => [normal * part, shear * part],
+            Stiffness::PerArea { .. } => self.stiffness(area),
+        }
+    }
+
+    /// Returns the action of a contact; its springs live in `history`.
     pub fn act(&self, touch: &Geometry, history: &mut History, approach: &Approach) -> Action {
         let dt = approach.time_step;
         let n = touch.normal;
@@ -107,49 +128,44 @@ impl Law {
         let relative = approach.velocity + other.cross(&arms[1]) - spin.cross(&arms[0]);
         let rate = n.dot(&relative);
         let slip = relative - n * rate;
-        let [stiff, shear_stiff] = self.stiffness(touch.area);
+        let [stiff, shear_stiff] = self.stiffness_of(touch.area, approach.part);
+        let mass = approach.mass * approach.part;
         let dashpots = [
-            2.0 * self.normal_damping * (approach.mass * stiff).sqrt(),
-            2.0 * self.shear_damping * (approach.mass * shear_stiff).sqrt(),
+            2.0 * self.normal_damping * (mass * stiff).sqrt() * approach.damped,
+            2.0 * self.shear_damping * (mass * shear_stiff).sqrt(),
         ];
-        let normal = (stiff * touch.depth - dashpots[0] * rate).max(0.0);
+        let brake = over_step(dashpots[0], dt, 1.0, mass) * part_of_step(touch.depth, rate, dt);
+        let normal = (stiff * touch.depth - brake * rate).max(0.0);
         let limit = self.friction * normal;
 
         let turning = 0.5 * dt * (spin + other).dot(&n);
         let carried = carry(&history.shear, &history.normal, &n, turning);
-        let spring = carried - slip * (shear_stiff * dt);
-        let total = spring - slip * dashpots[1];
-        let length = total.norm();
-        let (shear, spring) = if length > limit {
-            let cut = total * (limit / length);
-            (cut, cut)
-        } else {
-            (total, spring)
-        };
+        let mut spring = carried - slip * (shear_stiff * dt);
+        let mut shear = spring - slip * dashpots[1];
 
         let (mut twist, mut moment) = (0.0, Vector3::zeros());
         let polar = touch.polar();
+        let mut used = shear.norm() / limit;
         if touch.area > 0.0 && polar > 0.0 {
             let spread = polar / touch.area;
             let turning = other - spin;
             let about = turning.dot(&n);
-            let limit = limit * (2.0 / 3.0) * (2.0 * spread).sqrt();
+            let radius = (2.0 / 3.0) * (2.0 * spread).sqrt();
             twist = history.twist - shear_stiff * spread * about * dt;
-            let total = (twist - dashpots[1] * spread * about).clamp(-limit, limit);
-            twist = twist.clamp(-limit, limit);
-            // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
-            let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
-            let across = turning - n * about;
-            let rocking = about_axis(&across) * (-dashpots[0] / touch.area);
-            let size = rocking.norm();
-            let rocking = if size > 0.0 {
-                let axis = rocking / size;
-                let gyration = (axis.dot(&about_axis(&axis)) / touch.area).max(0.0).sqrt();
-                axis * size.min(normal * gyration)
-            } else {
-                rocking
-            };
-            moment = n * total + rocking;
+            let mut total = twist - dashpots[1] * spread * about;
+            used = used.hypot(total / (limit * radius));
+            if used > 1.0 {
+                total /= used;
+                twist = total;
+            }
+            moment = n * total;
+            if touch.rocks {
+                moment += rocking(touch, &(turning - n * about), dashpots[0], normal);
+            }
+        }
+        if used > 1.0 {
+            shear /= used;
+            spring = shear;
         }
         moment += touch.couple * normal;
         history.normal = n;
@@ -163,6 +179,21 @@ impl Law {
             on_second: arms[1].cross(&force) + moment,
         }
     }
+}
+
+/// Returns the moment [N m] on the second of the normal dashpots where the patch turns at the rate `across` its normal.
+fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -> Vector3<f64> {
+    let polar = touch.polar();
+    // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
+    let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
+    let rocking = about_axis(across) * (-dashpot / touch.area);
+    let size = rocking.norm();
+    if size <= 0.0 {
+        return rocking;
+    }
+    let axis = rocking / size;
+    let gyration = (axis.dot(&about_axis(&axis)) / touch.area).max(0.0).sqrt();
+    axis * size.min(normal * gyration)
 }
 
 /// A tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).

@@ -362,6 +362,131 @@ fn a_block_overhangs_the_edge_of_a_box() {
     }
 }
 
+/// A box of facets between two corners.
+fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
+    Wall::of_surface(
+        Arc::new(Surface::of_box(from.into(), to.into()).unwrap()),
+        0,
+    )
+}
+
+/// A square of facets across z, 2 m wide, from `x` on.
+fn tile(x: f64) -> Wall<Volume> {
+    let corners = [[0.0, -1.0], [2.0, -1.0], [2.0, 1.0], [0.0, 1.0]];
+    let corners = corners.map(|[a, y]| Vector3::new(x + a, y, 0.0)).to_vec();
+    Wall::of_surface(
+        Arc::new(Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()),
+        0,
+    )
+}
+
+/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than half of its base, and
+/// over seams between boxes, polygons and both.
+#[test]
+fn a_block_slides_over_edges_and_seams() {
+    let (speed, mu) = (1.0, 20.0_f64.to_radians().tan());
+    let distance = speed * speed / (2.0 * mu * GRAVITY);
+    let low = [-3.0, -1.0, -0.5];
+    let ledges = [
+        ("ledge", vec![piece(low, [0.25, 1.0, 0.0])]),
+        (
+            "boxes",
+            vec![
+                piece(low, [0.05, 1.0, 0.0]),
+                piece([0.05, -1.0, -0.5], [3.0, 1.0, 0.0]),
+            ],
+        ),
+        (
+            "unequal boxes",
+            vec![
+                piece(low, [0.05, 1.0, 0.0]),
+                piece([0.05, -0.7, -0.2], [3.0, 0.8, 0.0]),
+            ],
+        ),
+        ("polygons", vec![tile(-1.95), tile(0.05)]),
+        (
+            "box and polygon",
+            vec![piece(low, [0.05, 1.0, 0.0]), tile(0.05)],
+        ),
+    ];
+    for (name, walls) in ledges {
+        for step in [4e-5, 2e-5] {
+            let shape = cuboid(0.4, 0.4, 0.2);
+            let sunk = DENSITY * 0.2 * GRAVITY / 1e9;
+            let place = Vector3::new(0.0, 0.0, 0.1 - sunk);
+            let mut particles = resting(&[(shape, place, UnitQuaternion::identity())]);
+            particles.motion[0].velocity.x = speed;
+            let mut settings = Settings::new(about_origin(10.0), step, 0.02);
+            settings.gravity = Vector3::z() * -GRAVITY;
+            let mut dem = Dem::new(law(1e9, mu, 0.3, 0.0), settings, walls.clone()).unwrap();
+            let steps = crate::number::whole(0.4 / step);
+            dem.advance_many(&mut particles, &alone(), steps as u64)
+                .unwrap();
+            let now = particles.motion[0];
+            assert!(now.velocity.norm() < 1e-4, "{name}: {}", now.velocity);
+            assert_relative_eq!(now.position.x, distance, max_relative = 0.01);
+            assert!(now.position.y.abs() < 1e-4, "{name}: {}", now.position);
+        }
+    }
+}
+
+/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its edge.
+#[test]
+fn a_spinning_cube_is_braked_by_its_patch() {
+    let (edge, mu) = (0.3, 8.0_f64.to_radians().tan());
+    let sunk = DENSITY * edge * GRAVITY / 1e9;
+    for sideways in [0.0, 1e-3] {
+        let place = Vector3::new(0.0, 0.0, 0.5 * edge - sunk);
+        let cube = cuboid(edge, edge, edge);
+        let mut particles = Particles::new();
+        particles.set_shapes(vec![cube.clone()].into()).unwrap();
+        let body = Body::of_block(0, &cube, DENSITY, 0);
+        let motion = at(place, Vector3::x() * sideways, Vector3::z() * 2.0);
+        particles
+            .add_block(body, motion, 0, UnitQuaternion::identity())
+            .unwrap();
+        let mut settings = Settings::new(about_origin(10.0), 2e-5, 0.02);
+        settings.gravity = Vector3::z() * -GRAVITY;
+        let mut dem = Dem::new(law(1e9, mu, 1.0, 0.0), settings, vec![floor()]).unwrap();
+        dem.advance_many(&mut particles, &alone(), 2500).unwrap();
+        let before = particles.motion[0].spin.z;
+        dem.advance_many(&mut particles, &alone(), 2500).unwrap();
+        let spin = particles.motion[0].spin;
+        let rate = (before - spin.z) / 0.05;
+        let exact = 0.3826 * edge * mu * GRAVITY / (edge * edge / 6.0);
+        assert_relative_eq!(rate, exact, max_relative = 0.015);
+        assert!(spin.xy().norm() < 1e-3 * spin.z, "rocks: {spin}");
+    }
+}
+
+/// A sphere that rolls down a block accelerates as on a plane, by 5/7 g sin.
+#[test]
+fn a_sphere_rolls_down_a_block() {
+    let angle = 10.0_f64.to_radians();
+    let slope = (
+        cuboid(8.0, 1.0, 0.2),
+        Vector3::new(3.0, 0.0, -0.1),
+        UnitQuaternion::identity(),
+    );
+    let mut particles = resting(&[slope]);
+    particles.body[0].kind = Kind::Fixed;
+    let sphere = Body::uniform::<Volume>(1, 0.05, DENSITY, 0);
+    let place = Vector3::new(0.0, 0.0, 0.05);
+    particles.insert(sphere, at(place, Vector3::zeros(), Vector3::zeros()));
+    let mut settings = Settings::new(about_origin(20.0), 4e-6, 0.02);
+    settings.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * GRAVITY;
+    let mut dem = Dem::new(law(1e11, 0.8, 0.3, 0.0), settings, vec![]).unwrap();
+    let speed = |particles: &Particles<Volume>| {
+        let k = particles.body.iter().position(|body| body.id == 1);
+        particles.motion[k.unwrap()].velocity.x
+    };
+    dem.advance_many(&mut particles, &alone(), 25_000).unwrap();
+    let before = speed(&particles);
+    dem.advance_many(&mut particles, &alone(), 100_000).unwrap();
+    let rate = (speed(&particles) - before) / 0.4;
+    assert_relative_eq!(rate, 5.0 / 7.0 * GRAVITY * angle.sin(), max_relative = 1e-3);
+}
+
 #[test]
 fn what_blocks_cannot_do_is_refused() {
     let refusal = |result: Result<(), Error>| result.unwrap_err().to_string();

@@ -102,6 +102,81 @@ fn plane_polygon_and_mesh_rebound_alike() {
     assert!(largest < 1e-12, "{largest}");
 }
 
+/// A square between two coordinates along x.
+fn strip(from: f64, to: f64) -> Surface {
+    let corners = [[from, -0.1], [to, -0.1], [to, 0.1], [from, 0.1]];
+    let corners = corners.map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
+    Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
+}
+
+/// On the seam of two walls of one plane, and beside it, a ball rebounds as from one wall.
+#[test]
+fn two_walls_that_touch_push_once() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let drop = |walls: Vec<Wall<Volume>>, x: f64| {
+        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let mut dem = linear(GLASS, settings, walls);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(x, 0.0013, 0.0101),
+            velocity: Vector3::new(0.1, 0.0, -1.0),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 1500).unwrap();
+        let mut contacts = 0;
+        dem.for_each_contact(&particles, |_| contacts += 1);
+        (particles.motion[0], contacts)
+    };
+    let wall = |surface: Surface| Wall::of_surface(Arc::new(surface), 0);
+    for x in [0.0, 1e-4, -1e-4, 4e-4] {
+        let (one, _) = drop(vec![wall(strip(-0.1, 0.1))], x);
+        let block = Surface::of_box(Vector3::new(0.0, -0.1, -0.05), Vector3::new(0.1, 0.1, 0.0));
+        for second in [strip(0.0, 0.1), strip(-0.02, 0.1), block.unwrap()] {
+            let (two, _) = drop(vec![wall(strip(-0.1, 0.0)), wall(second)], x);
+            assert_relative_eq!(two.velocity.z, one.velocity.z, max_relative = 1e-6);
+            assert_relative_eq!(two.velocity.x, one.velocity.x, max_relative = 0.02);
+        }
+    }
+}
+
+/// A belt, a wall that moves along its facets, stays where it is and drags as a plane does; across them it moves.
+#[test]
+fn a_belt_drags_and_stays() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let carry = |mut belt: Wall<Volume>, velocity: Vector3<f64>| {
+        let mut settings = Settings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
+        settings.gravity = Vector3::new(0.0, 0.0, -9.81);
+        belt.velocity = velocity;
+        let mut dem = linear(GLASS, settings, vec![belt]);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(-0.09, 0.0, 0.01 - body.mass * 9.81 / 1e5),
+            velocity: Vector3::zeros(),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
+        (particles.motion[0], dem.walls()[0].point)
+    };
+    let along = Vector3::new(0.4, 0.1, 0.0);
+    let (plane, _) = carry(Wall::new(Vector3::zeros(), Vector3::z(), 0), along);
+    for shape in [polygon(0.1), mesh(8, 0.1)] {
+        let shape = Arc::new(shape);
+        let (found, moved) = carry(Wall::of_surface(Arc::clone(&shape), 0), along);
+        assert_relative_eq!(found.position, plane.position, epsilon = 1e-9);
+        assert_eq!(moved, Vector3::zeros());
+        let up = along + Vector3::new(0.0, 0.0, 0.01);
+        let (lifted, moved) = carry(Wall::of_surface(shape, 0), up);
+        assert_relative_eq!(moved, Vector3::new(0.0, 0.0, 0.002), epsilon = 1e-12);
+        assert!(lifted.position.z > 0.0119, "{}", lifted.position);
+    }
+    // A box has facets across all directions.
+    let cup = Surface::of_box(Vector3::repeat(-0.1), Vector3::repeat(0.1)).unwrap();
+    let (_, moved) = carry(Wall::of_surface(Arc::new(cup), 0), along);
+    assert_relative_eq!(moved, along * 0.2, epsilon = 1e-12);
+}
+
 /// Sliding over 80 interior edges: friction does not drop, the grain does not jump, shear is handed over.
 #[test]
 fn a_grain_slides_over_interior_edges() {
@@ -191,8 +266,9 @@ fn a_moving_mesh_hits_like_a_moving_plane() {
         let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
         let mut dem = linear(GLASS, settings, vec![wall]);
         let mut particles = Particles::new();
+        // Off the edges of the mesh, whose contacts are exact to their rim.
         let motion = Motion {
-            position: Vector3::new(0.0, 0.0, 0.0101),
+            position: Vector3::new(0.003, 0.001, 0.0101),
             ..Motion::default()
         };
         particles.insert(body, motion);
@@ -202,7 +278,7 @@ fn a_moving_mesh_hits_like_a_moving_plane() {
     let expected = hit(Wall::new(Vector3::zeros(), Vector3::z(), 0));
     let found = hit(Wall::of_surface(Arc::new(mesh(5, 0.1)), 0));
     assert!(expected.velocity[2] > 0.6);
-    assert!((found.velocity - expected.velocity).norm() < 1e-12);
+    assert_relative_eq!(found.velocity, expected.velocity, epsilon = 1e-12);
     assert!((found.spin - expected.spin).norm() < 1e-9);
 }
 

@@ -152,6 +152,8 @@ impl<'a, S: Space> World<'a, S> {
             separation,
             mass,
             time_step: self.time_step,
+            part: 1.0,
+            damped: 1.0,
         }
     }
 
@@ -241,7 +243,7 @@ impl<'a, S: Space> World<'a, S> {
                 pair.grain as usize,
                 wall,
                 &pair.constants,
-                &touch,
+                (&touch, (1.0, 1.0)),
                 &mut history,
             )
         });
@@ -249,13 +251,13 @@ impl<'a, S: Space> World<'a, S> {
         action
     }
 
-    /// The force and moment on block `k` of a contact with a wall.
+    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of [`Approach`].
     pub(super) fn act_at_wall(
         &self,
         k: usize,
         wall: &Wall<S>,
         constants: &Constants,
-        touch: &Geometry,
+        (touch, (part, damped)): (&Geometry, (f64, f64)),
         history: &mut History,
     ) -> Load<S> {
         let block = &self.view.motion[k];
@@ -265,6 +267,8 @@ impl<'a, S: Space> World<'a, S> {
             separation: Vector3::zeros(),
             mass: constants.scale.mass,
             time_step: self.time_step,
+            part,
+            damped,
         };
         let action = constants.law.act(touch, history, &approach);
         Load {
@@ -276,6 +280,53 @@ impl<'a, S: Space> World<'a, S> {
     /// Notes how deep block `k` is in a wall.
     pub(super) fn note_at_wall(&self, touch: &Geometry, k: u32, wall: u32, record: &mut Record) {
         record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
+    }
+
+    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the calls of the narrow
+    /// phase.
+    pub(super) fn meet_faces(
+        &self,
+        k: usize,
+        wall: &Wall<S>,
+        faces: &Faces,
+        order: &mut Vec<[u32; 2]>,
+        narrow: &mut Narrow,
+        mut visit: impl FnMut(&[[u32; 2]], Geometry),
+    ) -> u64 {
+        if let Some(surface) = &wall.surface {
+            let centre = wall.local(&self.view.motion[k].position);
+            surface.leave_seen(faces, &centre, order);
+        }
+        let mut calls = 0;
+        for face in order.chunk_by(|a, b| a[0] == b[0]) {
+            calls += 1;
+            if let Some(touch) = self.meet_face(k, wall, face, narrow) {
+                visit(face, touch);
+            }
+        }
+        calls
+    }
+
+    /// Returns the part of the dashpot with which a face acts on block `k`.
+    pub(super) fn damped(
+        &self,
+        k: usize,
+        wall: &Wall<S>,
+        faces: &Faces,
+        face: &[[u32; 2]],
+        constants: &Constants,
+    ) -> f64 {
+        let (Some(surface), Some(shape)) = (&wall.surface, self.shape(k)) else {
+            return 1.0;
+        };
+        if constants.law.normal_damping <= 0.0 {
+            return 1.0;
+        }
+        let rotation = self.poses[k].placed(shape).rotation;
+        let centre = wall.local(&self.view.motion[k].position);
+        surface.damped(faces, face, &centre, |direction| {
+            shape.support(&rotation.tr_mul(direction)).1
+        })
     }
 
     /// Where block `k` meets a face, given by those of its facets that are near.

@@ -116,6 +116,7 @@ impl Hidden {
             area: self.area,
             second: block.rotation * second * block.rotation.transpose(),
             couple: Vector3::zeros(),
+            rocks: true,
         })
     }
 }

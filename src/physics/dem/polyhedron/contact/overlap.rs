@@ -188,6 +188,7 @@ impl Narrow {
             area,
             second: self.second_moments(&overlap.centroid, &normal),
             couple: Vector3::zeros(),
+            rocks: true,
         })
     }
 
@@ -205,6 +206,7 @@ impl Narrow {
             area,
             second: self.second_moments(&push.point, &push.direction),
             couple: push.couple,
+            rocks: true,
         })
     }
 

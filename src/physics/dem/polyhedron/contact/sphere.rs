@@ -38,6 +38,7 @@ impl Narrow {
             area,
             second: (Matrix3::identity() - normal * normal.transpose()) * moment,
             couple: Vector3::zeros(),
+            rocks: false,
         })
     }
 }

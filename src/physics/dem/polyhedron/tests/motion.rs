@@ -134,6 +134,8 @@ impl World {
                     separation: Vector3::zeros(),
                     mass: block.mass,
                     time_step: self.time_step,
+                    part: 1.0,
+                    damped: 1.0,
                 };
                 Some(self.law.act(&touch, history, &approach))
             };
@@ -189,6 +191,8 @@ impl World {
                     separation,
                     mass: one.mass * two.mass / (one.mass + two.mass),
                     time_step: self.time_step,
+                    part: 1.0,
+                    damped: 1.0,
                 };
                 let Action {
                     force,

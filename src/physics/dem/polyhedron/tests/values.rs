@@ -368,6 +368,8 @@ fn a_block_turns_freely_about_its_edge() {
             separation: Vector3::new(0.0, 0.0, depth - below),
             mass: 100.0,
             time_step: 1e-6,
+            part: 1.0,
+            damped: 1.0,
         };
         let [with, without] = [0.3, 0.0].map(|damping| {
             let mut history = History::default();
