@@ -125,7 +125,7 @@ pub(super) fn faces(
             &format!("{path}.name"),
             findings,
         );
-        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension);
+        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension, face.axis());
         let condition_path = format!("{path}.condition");
         let site = site(grid, face, &condition_path, walls);
         let condition = boundary.condition.resolved(&site, &read, findings);

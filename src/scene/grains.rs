@@ -445,6 +445,22 @@ fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
     Some(bounds).filter(|b| b.1 > 0.0)
 }
 
+/// Returns the range of the centres along each axis in words.
+fn span(grid: &Grid, grains: &[Grain]) -> String {
+    let along = |a: usize| {
+        let all = grains.iter().map(|grain| grain.position[a]);
+        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+            (x.min(low), x.max(high))
+        });
+        let name = ["x", "y", "z"][a];
+        format!("{name} {} … {} m", number(low), number(high))
+    };
+    (0..grid.dimension)
+        .map(along)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
 /// A saved sample, or findings.
 fn sample(
     case: &Case,
@@ -475,8 +491,12 @@ fn sample(
     if let Some(n) = grains.iter().position(|g| !grid.contains(g.position)) {
         findings.error(
             path,
-            format!("grain {} of the sample lies outside the domain", n + 1),
-            "use the domain the sample was made for",
+            format!(
+                "grain {} of the sample lies outside the domain; the centres span {}",
+                n + 1,
+                span(grid, &grains)
+            ),
+            "use the domain the sample was made for, with its lower corner at 0, and lengths in m",
         );
     }
     let widest = grains.iter().map(|grain| grain.radius).fold(0.0, f64::max);
