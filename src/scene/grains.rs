@@ -472,20 +472,10 @@ fn sample(
     }: Materials,
     findings: &mut Findings,
 ) -> Source {
-    let path = "grains.initial.file.path";
+    let path = sample::PATH;
     let file = case.directory.join(written);
-    let read = io::plain::text(&file, io::plain::LONGEST_INPUT)
-        .map_err(|e| e.to_string())
-        .and_then(|text| {
-            sample::read(&text, grid.dimension, names, material)
-                .map_err(|e| format!("{}: {e}", written.display()))
-        });
-    let grains = read.unwrap_or_else(|reason| {
-        findings.error(
-            path,
-            reason,
-            "correct the path (relative to the case) or the file",
-        );
+    let grains = sample::load(case, written).unwrap_or_else(|reason| {
+        findings.error(path, reason, sample::REMEDY);
         Vec::new()
     });
     if let Some(n) = grains.iter().position(|g| !grid.contains(g.position)) {

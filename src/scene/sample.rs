@@ -17,10 +17,12 @@
 
 mod foreign;
 
+use crate::case::Case;
 use crate::case::check::nearest;
 use io::sheet::{Column, Refusal, Row, Sheet, Unit};
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::Path;
 
 /// A grain of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -35,6 +37,30 @@ pub struct Grain {
     pub angular_velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
+}
+
+/// Path of the file in a case.
+pub(crate) const PATH: &str = "grains.initial.file.path";
+/// Remedy for a file that cannot be read.
+pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the file";
+
+/// Reads the sample of a case.
+///
+/// # Errors
+/// A sentence that names the file, the line or the column.
+pub(crate) fn load(case: &Case, written: &Path) -> Result<Vec<Grain>, String> {
+    let text = io::plain::text(&case.directory.join(written), io::plain::LONGEST_INPUT);
+    let text = text.map_err(|e| e.to_string())?;
+    let names: Vec<String> = case.materials.keys().cloned().collect();
+    let usual = case.grains.as_ref().map(|grains| &grains.material);
+    let material = names.iter().position(|name| Some(name) == usual);
+    read(
+        &text,
+        case.domain.size.0.len(),
+        &names,
+        material.unwrap_or(0),
+    )
+    .map_err(|e| format!("{}: {e}", written.display()))
 }
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
