@@ -233,12 +233,21 @@ fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a P
 impl Inlet {
     fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
         let Some(seepage) = &plan.scene.seepage else {
-            return Err(refusal(
-                "fluid.darcy",
-                "missing".into(),
-                "a critical gradient requires seepage",
-                "add `fluid.darcy` to the case",
-            ));
+            return Err(if plan.scene.flow.is_some() {
+                refusal(
+                    "fluid.lattice_boltzmann",
+                    "a flow on a lattice".into(),
+                    "this command searches the head, pressure or flux of a seepage, not the velocity of a stream",
+                    "vary the velocity with `solver sweep`, and read where grains start to move",
+                )
+            } else {
+                refusal(
+                    "fluid.darcy",
+                    "missing".into(),
+                    "a critical gradient requires seepage, and this case has no water",
+                    "add `fluid.darcy` to the case",
+                )
+            });
         };
         if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
             return Err(Error::Usage(format!(

@@ -140,7 +140,9 @@ impl Plan {
             sources,
             canonical,
         } = document;
-        let (plan, found) = Self::attempt(&case, like);
+        let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
+        let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
+        let (plan, found) = Self::attempt(&case, like, &wrong);
         // A field that is already known to be wrong needs no second sentence.
         let new: Vec<Problem> = found
             .into_iter()
@@ -215,9 +217,11 @@ impl Plan {
         })
     }
 
-    fn attempt(case: &Case, like: Option<&Self>) -> (Option<Self>, Vec<Problem>) {
-        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene));
-        let plan = scene.and_then(|scene| {
+    fn attempt(case: &Case, like: Option<&Self>, wrong: &[String]) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene), wrong);
+        // The limits of a plan from wrong fields would be wrong as well.
+        let sound = scene.filter(|_| !findings.stop_plan());
+        let plan = sound.and_then(|scene| {
             let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
             let before = findings.problems.len();
             let clock = clock(&scene, like.map(|plan| &plan.clock), &mut findings)?;
@@ -243,6 +247,7 @@ impl Plan {
                 case_hash: String::new(),
             })
         });
+        findings.drop_consequences();
         (plan, findings.problems)
     }
 }
@@ -276,13 +281,22 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
         let path = "time.solid_steps_per_fluid_step";
         if needed > 100_000.0 {
+            let cause = critical_step::decisive(scene).map_or(String::new(), |(k, radius, mass)| {
+                format!(
+                    ": the lightest grain, of radius {} m and {} kg/m3 (`{}`), has a mass of {} kg",
+                    number(radius),
+                    number(scene.density(k)),
+                    scene.materials[k].name,
+                    number(mass)
+                )
+            });
             findings.error(
                 path,
                 format!(
-                    "stability requires {} solid steps per fluid step; at most 100000 are allowed",
+                    "stability requires {} solid steps per fluid step; at most 100000 are allowed{cause}",
                     number(needed)
                 ),
-                "use softer contacts or a smaller fluid time step",
+                "check the units of radius, density and stiffness; use softer contacts or a smaller fluid time step",
             );
             return None;
         }

@@ -187,24 +187,35 @@ impl Scene {
     /// # Errors
     /// All problems of the case, warnings included.
     pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
-        match Self::attempt(case, None) {
+        match Self::attempt(case, None, &[]) {
             (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
             (_, findings) => Err(findings.problems),
         }
     }
 
     /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields that both
-    /// leave out are chosen as in that scene, `like`.
-    pub(crate) fn attempt<'a>(case: &'a Case, like: Option<&Self>) -> (Option<Self>, Findings<'a>) {
-        let mut findings = Findings::new(case);
+    /// leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
+    pub(crate) fn attempt<'a>(
+        case: &'a Case,
+        like: Option<&Self>,
+        wrong: &[String],
+    ) -> (Option<Self>, Findings<'a>) {
+        let mut findings = Findings::with_wrong(case, wrong);
         if let Some(like) = like {
             let spacing = auto::spacing::Spacing::like(like);
             return Self::at(case, &spacing, Some(like), findings);
+        }
+        // A spacing chosen from wrong fields would be the cause of further findings.
+        if case.domain.spacing.is_none() && findings.stop_plan() {
+            return (None, findings);
         }
         let Some(spacing) = auto::spacing::first(case, &mut findings) else {
             return (None, findings);
         };
         let (scene, findings) = Self::at(case, &spacing, None, findings);
+        if findings.stop_plan() {
+            return (scene, findings);
+        }
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
@@ -230,6 +241,9 @@ impl Scene {
             return (None, findings);
         };
         scene.chosen = chosen;
+        if findings.stop_plan() {
+            return (Some(scene), findings);
+        }
         match like {
             Some(like) => {
                 auto::keep(&mut scene, written, like);
@@ -267,8 +281,18 @@ impl Scene {
         let materials = materials.collect();
         let flow = flow::Flow::resolve(case, &grid, findings);
         let solids = Solids::resolve(case, &grid, &names, flow.as_ref(), findings);
-        solids.check_water(case, &grid, findings);
-        if starts {
+        const SOLIDS: [&str; 6] = [
+            "domain",
+            "structures",
+            "walls",
+            "bodies",
+            "grains",
+            "blocks",
+        ];
+        if !findings.wrong_in(&SOLIDS) {
+            solids.check_water(case, &grid, findings);
+        }
+        if starts && !findings.wrong_in(&SOLIDS) {
             solids.check_start(case, &grid, gravity, findings);
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
@@ -288,6 +312,7 @@ impl Scene {
         observe::outputs(case, solid, findings);
         agree(case, findings);
         saved::names(case, findings);
+        findings.drop_consequences();
         if findings.refused()
             && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
                 || case.grains.is_some() && solids.grains.is_none()
@@ -566,6 +591,7 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
                 Remedy::from(format!("write for example {law}")).set("contact", law)
             },
         );
+        findings.depends(&["blocks", "bodies"]);
     }
 }
 

@@ -98,6 +98,17 @@ fn uncommented(cell: &str) -> &str {
     cell.trim().trim_start_matches('#').trim_start()
 }
 
+/// Returns the line of a text in which a record stands, from 1; 0 for a record that was not read from it.
+pub(crate) fn line(record: &StringRecord, text: &str) -> u64 {
+    let Some(found) = record.position() else {
+        return 0;
+    };
+    // The crate names the position at which it began to search: blank lines may lie between it and the row.
+    let rest = usize::try_from(found.byte()).map_or("", |at| text.get(at..).unwrap_or(""));
+    let blank = rest.bytes().take_while(|b| matches!(b, b'\r' | b'\n'));
+    found.line() + blank.filter(|b| *b == b'\n').map(|_| 1).sum::<u64>()
+}
+
 /// A row below the names.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'r> {
@@ -110,13 +121,7 @@ impl Row<'_> {
     /// The line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
-        let Some(place) = self.cells.position() else {
-            return 0;
-        };
-        // The crate names the place at which it began to look: blank lines may lie between it and the row.
-        let rest = usize::try_from(place.byte()).map_or("", |at| self.text.get(at..).unwrap_or(""));
-        let blank = rest.bytes().take_while(|b| matches!(b, b'\r' | b'\n'));
-        place.line() + blank.filter(|b| *b == b'\n').map(|_| 1).sum::<u64>()
+        line(self.cells, self.text)
     }
 
     /// The cells.

@@ -10,6 +10,7 @@
 //! | the index by which ParaView finds the steps | [`series`] |
 //! | checkpoints of the whole state, written and read | [`checkpoint`] |
 //! | tables as text | [`csv`] |
+//! | tables that users write: names, units, separators | [`sheet`] |
 //! | numbers over time | [`table`] |
 //! | tables as a checkpoint knows them, for restarts | [`marks`] |
 //! | contents and columns of the HDF5 files of outputs, for each rank by itself | [`fields`] |
@@ -70,6 +71,7 @@ pub mod mesh;
 mod moment;
 pub mod plain;
 pub mod series;
+pub mod sheet;
 pub mod table;
 mod xdmf;
 

@@ -87,14 +87,26 @@ pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(all)
 }
 
-/// The text of a plain file of at most `limit` bytes.
+/// Returns the text of a plain file of at most `limit` bytes, without a byte order mark.
 ///
 /// # Errors
 /// As [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
 pub fn text(path: &Path, limit: u64) -> Result<String> {
-    String::from_utf8(bytes(path, limit)?).map_err(|e| {
+    let mut bytes = bytes(path, limit)?;
+    if bytes.starts_with(b"\xef\xbb\xbf") {
+        bytes.drain(..3);
+    }
+    String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
-        Error::corrupt(path, format!("it is not text (UTF-8) from byte {at} on"))
+        let wide = e.as_bytes().starts_with(b"\xff\xfe") || e.as_bytes().starts_with(b"\xfe\xff");
+        Error::corrupt(
+            path,
+            if wide {
+                "it is not text in UTF-8 but in UTF-16: save it as UTF-8".to_owned()
+            } else {
+                format!("it is not text (UTF-8) from byte {at} on")
+            },
+        )
     })
 }
 
@@ -114,6 +126,12 @@ mod tests {
         fs::write(&path, [b'a', 0xff]).unwrap();
         let error = text(&path, 12).unwrap_err().to_string();
         assert!(error.contains("from byte 1 on"), "{error}");
+
+        fs::write(&path, "\u{feff}marked").unwrap();
+        assert_eq!(text(&path, 12).unwrap(), "marked");
+        fs::write(&path, b"\xff\xfex\0,\0y\0\xd8\xd8").unwrap();
+        let error = text(&path, 12).unwrap_err().to_string();
+        assert!(error.contains("save it as UTF-8"), "{error}");
 
         let says = |path: &Path, what: &str| {
             let error = bytes(path, 1000).unwrap_err().to_string();

@@ -1,6 +1,7 @@
 //! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing, mistyped or
 //! out-of-range field. Ranges are stated beside the fields.
 
+pub mod absent;
 mod controls;
 mod nearest;
 mod template;
@@ -28,6 +29,9 @@ const RENAMED: [(&str, &str); 5] = [
 
 /// No quantity of a case is larger than this, in any unit of the SI.
 const LARGEST: f64 = 1e30;
+
+/// No quantity that must be above 0 is smaller than this, in any unit of the SI.
+const SMALLEST: f64 = 1e-30;
 
 /// The schema as it comes from the structs.
 pub(crate) fn bare_schema() -> Value {
@@ -85,6 +89,24 @@ const MANY: usize = 16;
 
 /// Keywords by which a schema restricts a value; without one of them any value is valid.
 const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
+
+/// Returns the reason and remedy for a name that is not known.
+fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
+    let clipped = clipped(name);
+    match absent::feature(name) {
+        Some(absent) => (
+            format!(
+                "there is no {kind} `{clipped}`: this program does not compute {}",
+                absent.feature
+            ),
+            absent.instead.into(),
+        ),
+        None => (
+            format!("there is no {kind} `{clipped}` here"),
+            nearest_remedy(name, known),
+        ),
+    }
+}
 
 struct Walk<'a> {
     root: &'a Value,
@@ -210,8 +232,7 @@ impl<'a> Walk<'a> {
                     self.more += 1;
                     continue;
                 }
-                let remedy = nearest_remedy(key, &known);
-                let reason = format!("there is no field `{}` here", clipped(key));
+                let (reason, remedy) = not_known("field", key, &known);
                 self.report(&child_path, child, reason, remedy);
             }
         }
@@ -294,13 +315,14 @@ impl<'a> Walk<'a> {
         let below = bound("exclusiveMaximum");
         let good = number.abs() <= LARGEST
             && least.is_none_or(|b| number >= b)
-            && above.is_none_or(|b| number > b)
+            && above.is_none_or(|b| number > b && number - b >= SMALLEST)
             && most.is_none_or(|b| number <= b)
             && below.is_none_or(|b| number < b);
         if good {
             return;
         }
         let lower = match (least, above) {
+            (_, Some(b)) if number > b => Some(format!("above {b}, at least {SMALLEST:e}")),
             (_, Some(b)) => Some(format!("above {b}")),
             (Some(b), None) => Some(format!("at least {b}")),
             _ => None,
@@ -353,8 +375,17 @@ impl<'a> Walk<'a> {
                 self.report(path, value, reason, remedy);
             }
             Value::String(text) => {
-                let remedy = nearest_word(path, text, &all, &plain);
-                self.report(path, value, "there is no such choice here".into(), remedy);
+                let (reason, remedy) = match absent::feature(text) {
+                    Some(_) => {
+                        let (reason, remedy) = not_known("choice", text, &all);
+                        (reason, remedy.into())
+                    }
+                    None => (
+                        "there is no such choice here".into(),
+                        nearest_word(path, text, &all, &plain),
+                    ),
+                };
+                self.report(path, value, reason, remedy);
             }
             Value::Object(map) if map.len() == 1 && !names.is_empty() => {
                 self.rename(map, &all, path);
@@ -368,8 +399,7 @@ impl<'a> Walk<'a> {
                 if let Some(schema) = schema {
                     self.node(child, schema, &child_path);
                 } else {
-                    let remedy = nearest_remedy(tag, &all);
-                    let reason = format!("there is no choice `{tag}` here");
+                    let (reason, remedy) = not_known("choice", tag, &all);
                     self.report(&child_path, child, reason, remedy);
                 }
             }

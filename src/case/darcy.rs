@@ -217,7 +217,7 @@ pub enum ZonePermeability {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RasterFile {
-    /// CSV file, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of `permeability` [m2],
+    /// Table, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of `permeability` [m2],
     /// `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes are all combinations of the coordinates in the file, in any
     /// order. A node stands for the points that are closest to it along each axis.
     pub path: PathBuf,

@@ -60,9 +60,12 @@ pub enum GrainSource {
     Deposition(Deposition),
     /// A saved sample.
     File {
-        /// CSV file, relative to the case. Columns: `x`, `y`, `z` and `radius` [m]; where they are there also `material`,
-        /// `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`, `angular_velocity_y`, `angular_velocity_z` [rad/s] and
-        /// `id`, in whose order grains then stand. In 2-D without `z`, `velocity_z` and the rotations about x and y.
+        /// Table, relative to the case, whose first line names the columns: `x`, `y`, `z` and `radius` or `diameter` [m]; optionally
+        /// `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`, `angular_velocity_y`, `angular_velocity_z`
+        /// [rad/s] and `id`, which gives the order of the grains. In 2-D without `z`, `velocity_z` and the rotations about x and y. Cells are
+        /// separated by commas, semicolons, tabs or spaces, and numbers have decimal points. Other units stand in brackets: `x [mm]`.
+        /// Dumps of LAMMPS and LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
+        /// as well, without types, groups and forces.
         path: PathBuf,
     },
     /// A list of grains.

@@ -31,6 +31,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
 /// The tree, as far as the text is valid, and its problems.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
+    let text = text.trim_start_matches('\u{feff}');
     // A text with which nothing is wrong needs no paths, which cost more than all else.
     if let Some(tree) = plain::parse(text) {
         return (Some(tree), Vec::new());
@@ -255,6 +256,13 @@ mod tests {
         assert!(tree.is_some());
         assert_eq!(problems.len(), 1);
         assert_eq!(problems[0].path, "a[0].b");
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_part_of_the_text() {
+        let (tree, problems) = parse("\u{feff}{\"a\": 1}");
+        assert_eq!((tree.unwrap()["a"].as_u64(), problems), (Some(1), vec![]));
+        assert_eq!(parse("\u{feff}{\"a\": 1, \"a\": 2}").1[0].path, "a");
     }
 
     #[test]

@@ -198,7 +198,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         return;
     }
     let dense = at_least(bounds.holds * flow.density);
-    let mut text = format!("use a density of at least {dense} kg/m3");
+    let mut text = format!("use a density of at least {} kg/m3", number(dense));
     if matches!(coupling, Coupling::BounceBack(_)) {
         let finer = scene.grid.spacing * ratio / bounds.holds;
         text += &format!(", or a spacing of at most {} m", number(finer));

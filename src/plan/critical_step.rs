@@ -44,6 +44,21 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     moving
 }
 
+/// Returns material, radius \[m\] and mass [kg; in 2-D kg/m] of the sphere or disc with the shortest limit.
+pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
+    let law = scene.contact.as_ref()?.model();
+    let known = moving(scene).into_iter();
+    let known = known.filter(|(material, _)| *material < scene.materials.len());
+    let limits = known.map(|(material, radius)| {
+        let mass = scene.mass(material, radius);
+        let limits = law.time_limits(to_u32(material), radius, mass);
+        (limits.shorter(), (material, radius, mass))
+    });
+    limits
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, grain)| grain)
+}
+
 /// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
 /// with all its faces in touch.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {

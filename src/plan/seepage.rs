@@ -71,6 +71,9 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         );
     }
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    if strength <= 0.0 {
+        return;
+    }
     // Hydraulic conductivity of a permeability of 1 m2.
     let conducts = written.density * strength / written.viscosity;
     for (n, zone) in written.zones.iter().enumerate() {

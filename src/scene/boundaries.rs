@@ -125,13 +125,13 @@ pub(super) fn faces(
             &format!("{path}.name"),
             findings,
         );
-        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension);
+        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension, face.axis());
         let condition_path = format!("{path}.condition");
         let site = site(grid, face, &condition_path, walls);
-        let condition = boundary.condition.resolved(&site, &read, findings);
         if !has_conditions(grid, face, &format!("{path}.face"), findings) {
             continue;
         }
+        let condition = boundary.condition.resolved(&site, &read, findings);
         let patches = &mut faces[face.index()];
         if let Some(extent) = &boundary.patch {
             let whole = Patch {

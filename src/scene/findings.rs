@@ -11,6 +11,15 @@ use std::cell::OnceCell;
 /// The path of the lattice fluid in a case.
 pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
 
+/// Sections of a case on which neither its plan nor other sections depend.
+const OBSERVING: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
+
+/// `true` if a path is that of a section or of a field below it.
+fn within(path: &str, section: &str) -> bool {
+    let below = path.strip_prefix(section);
+    below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+}
+
 /// The findings so far.
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {
@@ -21,16 +30,99 @@ pub(crate) struct Findings<'a> {
     pub(crate) problems: Vec<Problem>,
     /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
     unlisted: Vec<(Severity, usize, usize)>,
+    /// Paths of fields that are known to be wrong: the schema refuses them.
+    wrong: Vec<String>,
+    /// Positions of findings that hold only if the fields of some sections are right, with these sections.
+    dependent: Vec<(usize, &'static [&'static str])>,
 }
 
 impl<'a> Findings<'a> {
     pub(crate) fn new(case: &'a Case) -> Self {
+        Self::with_wrong(case, &[])
+    }
+
+    /// Begins with the paths of fields that the schema refuses.
+    pub(crate) fn with_wrong(case: &'a Case, wrong: &[String]) -> Self {
         Self {
             case,
             tree: OnceCell::new(),
             problems: Vec::new(),
             unlisted: Vec::new(),
+            wrong: wrong.to_vec(),
+            dependent: Vec::new(),
         }
+    }
+
+    /// Marks the last finding as one that holds only if the fields of some sections are right.
+    pub(crate) fn depends(&mut self, sections: &'static [&'static str]) {
+        if let Some(last) = self.problems.len().checked_sub(1) {
+            self.dependent.push((last, sections));
+        }
+    }
+
+    /// Paths of all fields that are wrong.
+    fn errors(&self) -> impl Iterator<Item = &str> {
+        let errors = self
+            .problems
+            .iter()
+            .filter(|p| p.severity == Severity::Error);
+        let wrong = self.wrong.iter().map(String::as_str);
+        wrong.chain(errors.map(|p| p.path.as_str()))
+    }
+
+    /// `true` if a field of one of the sections is wrong.
+    pub(crate) fn wrong_in(&self, sections: &[&str]) -> bool {
+        self.errors()
+            .any(|path| sections.iter().any(|section| within(path, section)))
+    }
+
+    /// `true` if a field is wrong on which the plan depends.
+    pub(crate) fn stop_plan(&self) -> bool {
+        self.errors()
+            .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
+    }
+
+    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field that
+    /// contains, or lies in, one that was found wrong before.
+    pub(crate) fn drop_consequences(&mut self) {
+        let dependent = std::mem::take(&mut self.dependent);
+        let sections = |n: usize| {
+            let found = dependent.iter().find(|(at, _)| *at == n);
+            found.map(|(_, sections)| *sections)
+        };
+        let mut causes = self.wrong.clone();
+        for (n, problem) in self.problems.iter().enumerate() {
+            if problem.severity == Severity::Error && sections(n).is_none() {
+                causes.push(problem.path.clone());
+            }
+        }
+        let mut before = self.wrong.clone();
+        let mut kept = Vec::new();
+        for (n, problem) in std::mem::take(&mut self.problems).into_iter().enumerate() {
+            let on = sections(n).unwrap_or_default();
+            let follows = causes
+                .iter()
+                .any(|path| on.iter().any(|section| within(path, section)));
+            let part = before.iter().any(|path| {
+                *path != problem.path
+                    && (within(path, &problem.path) || within(&problem.path, path))
+            });
+            let line = self.unlisted.iter_mut().find(|rest| rest.1 == n);
+            if (follows || part) && line.is_none() {
+                continue;
+            }
+            if let Some(line) = line {
+                line.1 = kept.len();
+            }
+            if let Some(sections) = sections(n) {
+                self.dependent.push((kept.len(), sections));
+            }
+            if problem.severity == Severity::Error {
+                before.push(problem.path.clone());
+            }
+            kept.push(problem);
+        }
+        self.problems = kept;
     }
 
     /// The case is refused.

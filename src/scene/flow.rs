@@ -288,6 +288,9 @@ fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findi
     );
 }
 
+/// Fields that decide about a time step with it.
+const STEP: [&str; 2] = ["domain", "fluid.lattice_boltzmann.kinematic_viscosity"];
+
 /// Returns true for a time step with a relaxation time in the stable range, and refuses others.
 fn check_time_step(
     lbm: &LatticeBoltzmann,
@@ -312,6 +315,7 @@ fn check_time_step(
             "no finite time step follows from this",
             "check the units of viscosity and spacing",
         );
+        findings.depends(&STEP);
         return false;
     }
     if tau <= 0.5 + 1e-12 || tau > 1e3 {
@@ -327,6 +331,7 @@ fn check_time_step(
             ),
             of_time(lbm, remedy, at_most(0.1 * h * h / nu)),
         );
+        findings.depends(&STEP);
         return false;
     }
     if tau > 2.0 {
@@ -339,6 +344,7 @@ fn check_time_step(
             ),
             of_time(lbm, remedy, at_most(0.49 * h * h / nu)),
         );
+        findings.depends(&STEP);
     }
     true
 }

@@ -446,6 +446,22 @@ fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
     Some(bounds).filter(|b| b.1 > 0.0)
 }
 
+/// Returns the range of the centres along each axis in words.
+fn span(grid: &Grid, grains: &[Grain]) -> String {
+    let along = |a: usize| {
+        let all = grains.iter().map(|grain| grain.position[a]);
+        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+            (x.min(low), x.max(high))
+        });
+        let name = ["x", "y", "z"][a];
+        format!("{name} {} … {} m", number(low), number(high))
+    };
+    (0..grid.dimension)
+        .map(along)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
 /// A saved sample, or findings.
 fn sample(
     case: &Case,
@@ -457,27 +473,21 @@ fn sample(
     }: Materials,
     findings: &mut Findings,
 ) -> Source {
-    let path = "grains.initial.file.path";
+    let path = sample::PATH;
     let file = case.directory.join(written);
-    let read = io::plain::text(&file, io::plain::LONGEST_INPUT)
-        .map_err(|e| e.to_string())
-        .and_then(|text| {
-            sample::read(&text, grid.dimension, names, material)
-                .map_err(|e| format!("{}: {e}", written.display()))
-        });
-    let grains = read.unwrap_or_else(|reason| {
-        findings.error(
-            path,
-            reason,
-            "correct the path (relative to the case) or the file",
-        );
+    let grains = sample::load(case, written).unwrap_or_else(|reason| {
+        findings.error(path, reason, sample::REMEDY);
         Vec::new()
     });
     if let Some(n) = grains.iter().position(|g| !grid.contains(g.position)) {
         findings.error(
             path,
-            format!("grain {} of the sample lies outside the domain", n + 1),
-            "use the domain the sample was made for",
+            format!(
+                "grain {} of the sample lies outside the domain; the centres span {}",
+                n + 1,
+                span(grid, &grains)
+            ),
+            "use the domain the sample was made for, with its lower corner at 0, and lengths in m",
         );
     }
     if let Some((finest, widest)) = bounds(&grains) {

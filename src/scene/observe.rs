@@ -241,10 +241,11 @@ pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) 
             ),
             Remedy::from(format!(
                 "use a longer interval, of {} s or more",
-                at_least(case.time.end / 1e7)
+                number(at_least(case.time.end / 1e7))
             ))
             .set(path, at_least(case.time.end / 1e7)),
         );
+        findings.depends(&["time"]);
     }
 }
 
@@ -258,6 +259,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                 "there is no fluid in this case",
                 Remedy::take_out("remove this output", "output.fluid"),
             );
+            findings.depends(&["fluid"]);
         }
         if fluid.fields.is_empty() {
             findings.error(
@@ -283,6 +285,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
                     "there are no grains, blocks or bodies in this case",
                     "remove this output",
                 );
+                findings.depends(&["grains", "blocks", "bodies"]);
             }
         }
     }
@@ -335,6 +338,7 @@ fn averages(case: &Case, findings: &mut Findings) {
             "averages are those of a fluid on a lattice, and there is none in this case",
             Remedy::take_out("remove this output", path),
         );
+        findings.depends(&["fluid"]);
     }
     due(
         case,
@@ -410,6 +414,7 @@ pub(crate) fn erosion_law(
                 format!("there is no {what} in this case"),
                 format!("add `{what}`, or remove the analysis"),
             );
+            findings.depends(&["fluid", "grains"]);
         }
     }
     let outlets = outlets(law.outlet.as_deref(), regions, findings);
@@ -447,6 +452,7 @@ fn outlets(outlet: Option<&str>, regions: &[Region], findings: &mut Findings) ->
             reason,
             "add a region with {\"remove\": {}} and name it",
         );
+        findings.depends(&["regions"]);
     }
     outlets
 }

@@ -294,6 +294,7 @@ fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) 
             ),
             "use a period of more than the largest diameter and a neighbour skin, planes, or no periodic axis",
         );
+        findings.depends(&["grains", "regions"]);
     }
 }
 

@@ -55,6 +55,17 @@ struct Made {
     batches: u32,
 }
 
+/// Grains of a region that generates: those due, and those for which there was a free position.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Feed {
+    /// Name of the region.
+    pub region: String,
+    /// Number of grains due by the rate and its limit.
+    pub due: u64,
+    /// Number of grains generated.
+    pub generated: u64,
+}
+
 /// The counts in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -72,6 +83,8 @@ pub struct Removal {
     first_grain: u64,
     removes: Vec<(usize, Block, When)>,
     generates: bool,
+    /// Time of the last step that generated \[s\].
+    last: Option<f64>,
     state: State,
 }
 
@@ -98,6 +111,7 @@ impl Removal {
             generates: regions
                 .iter()
                 .any(|region| matches!(region.action, Action::Generate { .. })),
+            last: None,
             state: State {
                 next_id: None,
                 taken: vec![Taken::default(); regions.len()],
@@ -116,6 +130,24 @@ impl Removal {
     #[must_use]
     pub fn generated(&self) -> u64 {
         self.state.made.iter().map(|made| made.grains).sum()
+    }
+
+    /// Returns the grains due and generated of each generating region, up to the last step.
+    #[must_use]
+    pub fn feeds(&self, plan: &Plan) -> Vec<Feed> {
+        let regions = plan.scene.regions.iter().zip(&self.state.made);
+        let feeds = regions.filter_map(|(region, made)| {
+            let Action::Generate { rate, at_most, .. } = region.action else {
+                return None;
+            };
+            let due = self.last.map_or(0, |time| owed(rate, time, at_most));
+            Some(Feed {
+                region: region.name.clone(),
+                due: due.max(made.grains),
+                generated: made.grains,
+            })
+        });
+        feeds.collect()
     }
 
     /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
@@ -223,6 +255,7 @@ impl Removal {
             return Ok(0);
         }
         self.set_first_free_id(particles, domain);
+        self.last = Some(time);
         let mut born = 0;
         for (n, region) in plan.scene.regions.iter().enumerate() {
             let Action::Generate {
@@ -617,6 +650,12 @@ mod tests {
         assert_eq!(born[..4], [0, 1, 1, 1]);
         assert_eq!(born.iter().sum::<u64>(), 12, "at most twelve: {born:?}");
         assert_eq!(removal.generated(), 12);
+        let feed = |due, generated| Feed {
+            region: "spring".into(),
+            due,
+            generated,
+        };
+        assert_eq!(removal.feeds(&plan), [feed(12, 12)]);
         assert!(apart(&straight));
         let ids: Vec<_> = straight.body.iter().map(|body| body.id).collect();
         assert_eq!(ids, (41..=53).collect::<Vec<_>>());
@@ -660,6 +699,8 @@ mod tests {
         assert_eq!(gone.len(), 1);
         let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 0);
+        let feeds = removal.feeds(&plan);
+        assert_eq!((feeds.len(), feeds[0].due, feeds[0].generated), (1, 2, 0));
         particles.remove(|particles, k| particles.body[k].id == 7);
         let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 2);

@@ -1466,6 +1466,135 @@ fn broken_cases_are_refused_by_the_library() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
+/// Breaks that put several fields wrong: each of them is named.
+const SEVERAL_SLIPS: [&str; 11] = [
+    "box wall on a periodic face",
+    "elastic spheres without moduli",
+    "elastic walls without moduli",
+    "no restitution at all",
+    "impact at no speed",
+    "a spring in the elastic law",
+    "an elastic pair twice",
+    "elastic bonds",
+    "elastic grains that fall softly",
+    "head without gravity",
+    "walls round no water",
+];
+
+/// A slip has one finding: checks that depend on a wrong field are silent.
+#[test]
+fn one_slip_has_one_finding() {
+    let mut failures = Vec::new();
+    for (name, example, how, path) in TABLE {
+        let (text, set) = broken(example, how);
+        if SEVERAL_SLIPS.contains(name) {
+            continue;
+        }
+        let path = expected(path);
+        let others = judge(&text, &set).into_iter().filter(|p| {
+            let here = p.path == path || (path.starts_with("line") && p.path.starts_with("line"));
+            !here && p.severity == Severity::Error
+        });
+        failures.extend(others.map(|p| format!("{name} ({path}): {p}")));
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// A file, a mesh or a sample that cannot be read is the only finding, also where the spacing is left to the program.
+#[test]
+fn files_that_cannot_be_read_are_the_only_finding() {
+    let only = |case: &Value, path: &str| {
+        let problems = judge(&case.to_string(), &[]);
+        let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+        assert_eq!(paths, [path], "{problems:#?}");
+    };
+    let mut dry = serde_json::json!({
+        "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005},
+        "gravity": [0, 0, -9.81],
+        "materials": {"glass": {"density": 2500}},
+        "walls": [{"name": "floor", "material": "glass", "shape": {"mesh": {"path": "missing.stl"}}}],
+        "grains": {"material": "glass", "initial": {"list": [{"position": [0.05, 0.05, 0.035], "radius": 0.01}]}},
+        "contact": {"linear": {"friction_angle_degrees": 20, "normal_stiffness": {"absolute": 20000.0}}},
+        "time": {"end": 0.3}
+    });
+    only(&dry, "walls[0].shape.mesh.path");
+    dry["walls"] = serde_json::json!([]);
+    dry["box_walls"] = serde_json::json!(["z_min"]);
+    dry["grains"]["initial"] = serde_json::json!({"file": {"path": "missing.csv"}});
+    only(&dry, "grains.initial.file.path");
+    dry["domain"]["spacing"] = Value::Null;
+    only(&dry, "grains.initial.file.path");
+    dry["grains"]["initial"] =
+        serde_json::json!({"list": [{"position": [0.05, 0.05, 0.035], "radius": -0.01}]});
+    only(&dry, "grains.initial.list[0].radius");
+    let wet = serde_json::json!({
+        "domain": {"size": [0.04, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},
+        "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
+            "body_force": {"constant": [5, 0, 0]}}},
+        "structures": [{"name": "sill", "shape": {"surface": {"mesh": {"path": "missing.stl"}}}}],
+        "probes": [{"name": "force", "every": 0.1, "at": {"structure": {"name": "sill"}}}],
+        "time": {"end": 0.3}
+    });
+    only(&wet, "structures[0].shape.surface.mesh.path");
+}
+
+/// Names of features that the program does not have lead to their alternative, not to a similar name.
+#[test]
+fn absent_features_are_named_as_such() {
+    for (example, set, reason) in [
+        (
+            "couette",
+            "fluid.lattice_boltzmann.free_surface={}",
+            "free surfaces",
+        ),
+        (
+            "couette",
+            "fluid.lattice_boltzmann.boundaries[0].condition={\"free_surface\": {}}",
+            "free surfaces",
+        ),
+        (
+            "collision",
+            "grains={\"material\": \"m\", \"clumps\": [], \"initial\": {\"list\": []}}",
+            "clumps",
+        ),
+        ("seepage", "fluid.darcy.van_genuchten={}", "unsaturated"),
+    ] {
+        let problems = judge(find(example).unwrap().text, &[set.into()]);
+        let told = problems.iter().any(|p| {
+            p.reason.contains("this program does not compute") && p.reason.contains(reason)
+        });
+        assert!(told, "{set}: {problems:#?}");
+    }
+}
+
+/// Numbers of no physical size are refused where they stand.
+#[test]
+fn numbers_without_size_are_refused_by_their_path() {
+    for (example, path) in [
+        ("settling-disc", "materials.disc.density"),
+        ("settling-disc", "fluid.lattice_boltzmann.density"),
+        (
+            "settling-disc",
+            "fluid.lattice_boltzmann.kinematic_viscosity",
+        ),
+        ("collision", "grains.initial.list[0].radius"),
+    ] {
+        let problems = judge(find(example).unwrap().text, &[format!("{path}=1e-300")]);
+        let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+        assert_eq!(paths, [path], "{problems:#?}");
+    }
+    let light = [
+        "materials.disc.density=1e-20",
+        "coupling={\"partially_saturated\": {}}",
+    ];
+    for problem in judge(
+        find("settling-disc").unwrap().text,
+        &light.map(String::from),
+    ) {
+        assert!(problem.to_string().len() < 600, "{problem}");
+    }
+}
+
 #[test]
 fn broken_cases_are_refused_by_the_binary() {
     let _beside = beside_others();

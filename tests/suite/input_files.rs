@@ -330,9 +330,10 @@ fn a_profile_is_read_by_validate() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     for (text, reason) in [
-        ("", "no rows"),
+        ("", "empty"),
         ("y,u,v\n", "no rows"),
-        ("y,u,v\n0,1\n", "line 2 needs 3 finite numbers"),
+        ("0,0,0\n0.01,1e-3,0\n", "line 1 holds numbers"),
+        ("y,u,v\n0,1\n", "line 2 has 2 cells"),
         ("y,u,v\n0,1e-3,0\n0.01,nan,0\n", "line 3"),
         ("y,u,v\n0,1e-3,0,4\n", "line 2"),
         ("y,u,v\n0;1e-3;0\n", "line 2"),

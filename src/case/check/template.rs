@@ -1,5 +1,6 @@
 //! A schema prepared for many values: a check without paths and messages.
 
+use super::SMALLEST;
 use serde_json::Value;
 
 /// What a value must be to be right without a closer look.
@@ -118,7 +119,7 @@ impl<'a> Template<'a> {
         }
     }
 
-    /// Whether the walk would find nothing; `largest` bounds the size of every number.
+    /// Whether the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers that must be above 0.
     pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,
@@ -138,7 +139,7 @@ impl<'a> Template<'a> {
                     && n.as_f64().is_some_and(|number| {
                         number.abs() <= largest
                             && least.is_none_or(|b| number >= b)
-                            && above.is_none_or(|b| number > b)
+                            && above.is_none_or(|b| number > b && number - b >= SMALLEST)
                             && most.is_none_or(|b| number <= b)
                             && below.is_none_or(|b| number < b)
                     })

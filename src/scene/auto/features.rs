@@ -371,10 +371,7 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
         }
         Some(GrainSource::File { path }) => {
             // A file that cannot be read is a finding of the grains.
-            let text = io::plain::text(&case.directory.join(path), io::plain::LONGEST_INPUT)
-                .unwrap_or_default();
-            let names: Vec<String> = case.materials.keys().cloned().collect();
-            let grains = sample::read(&text, case.domain.size.0.len(), &names, 0);
+            let grains = sample::load(case, path);
             radii.extend(grains.unwrap_or_default().iter().map(|grain| grain.radius));
         }
     }

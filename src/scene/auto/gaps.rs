@@ -450,10 +450,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
         }
         Some(GrainSource::File { path }) => {
             // A file that cannot be read is a finding of the grains.
-            let text =
-                io::plain::text(&case.directory.join(path), io::plain::LONGEST_INPUT).ok()?;
-            let names: Vec<String> = case.materials.keys().cloned().collect();
-            let grains = sample::read(&text, dimension, &names, 0).ok()?;
+            let grains = sample::load(case, path).ok()?;
             for (n, each) in grains.iter().enumerate() {
                 grain(n, Vector3::from(each.position), each.radius);
             }

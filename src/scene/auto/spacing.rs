@@ -5,11 +5,12 @@ use super::features::{self, Feature};
 use super::{Chosen, asked, step};
 use crate::case::Case;
 use crate::case::fluid::{Fluid, Initial, LatticeBoltzmann};
+use crate::case::grains::GrainSource;
 use crate::error::Remedy;
 use crate::lbm::boundary::Condition;
 use crate::number::{real, whole};
-use crate::scene::Scene;
 use crate::scene::findings::{Findings, length_of, number};
+use crate::scene::{Scene, sample};
 
 /// A spacing and its reason; no reason if the case states it.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +83,12 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
             reason: None,
             rounded: None,
         });
+    }
+    if let Some(GrainSource::File { path }) = case.grains.as_ref().map(|grains| &grains.initial)
+        && let Err(reason) = sample::load(case, path)
+    {
+        findings.error(sample::PATH, reason, sample::REMEDY);
+        return None;
     }
     let unknown = case
         .bodies

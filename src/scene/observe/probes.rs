@@ -55,6 +55,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
             "there is no fluid to probe",
             "add `fluid`, or remove the probe",
         );
+        findings.depends(&["fluid"]);
     }
     let of_pores = matches!(at, Written::Point { .. } | Written::Section { .. });
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
@@ -161,6 +162,7 @@ impl Measured<'_> {
                 |near| Remedy::from(format!("did you mean `{near}`?")).set(path, near),
             );
             findings.error(path, "there is no body of this name", remedy);
+            findings.depends(&["bodies"]);
         }
         ProbeAt::Body(index.unwrap_or(0))
     }
@@ -175,6 +177,7 @@ impl Measured<'_> {
                 "there is no structure of this name that stops water",
                 format!("structures here: {}", names.join(", ")),
             );
+            findings.depends(&["structures"]);
         }
         ProbeAt::Structure(index.unwrap_or(0))
     }

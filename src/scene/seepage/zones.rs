@@ -10,7 +10,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::region::region;
 use crate::scene::unique;
-use io::csv::Reader;
+use io::sheet::{Column, Refusal, Sheet, Unit};
 use std::sync::Arc;
 
 /// Columns of a raster that hold a permeability.
@@ -211,6 +211,29 @@ fn raster(
     Some(raster)
 }
 
+/// Returns the columns that a raster may have: coordinates, permeabilities, porosity.
+fn columns(axes: &[&'static str]) -> Vec<Column> {
+    let column = |name, unit, needed| Column {
+        name,
+        others: &[],
+        unit,
+        needed,
+    };
+    let coordinates = axes.iter().map(|name| column(*name, Unit::Length, true));
+    let permeabilities = PERMEABILITIES.iter().map(|name| {
+        let unit = match *name {
+            "permeability" => Unit::Area,
+            "hydraulic_conductivity" => Unit::Velocity,
+            _ => Unit::Ratio,
+        };
+        column(*name, unit, false)
+    });
+    coordinates
+        .chain(permeabilities)
+        .chain([column("porosity", Unit::Ratio, false)])
+        .collect()
+}
+
 /// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic conductivity [m s].
 ///
 /// # Errors
@@ -220,28 +243,19 @@ fn read(
     dimension: usize,
     permeable: f64,
 ) -> Result<(Raster, Option<&'static str>), String> {
-    let mut rows = Reader::new(text).ok_or("the file is empty")?;
     let axes = &["x", "y", "z"][..dimension.min(3)];
-    for (n, name) in rows.names().iter().enumerate() {
-        if rows.names()[..n].contains(name) {
-            return Err(format!("the header names the column `{name}` twice"));
-        }
-        if !(axes.contains(name) || PERMEABILITIES.contains(name) || *name == "porosity") {
-            return Err(format!(
-                "the header has a column `{name}` that a raster has not. Known: {}, {}, porosity",
-                axes.join(", "),
-                PERMEABILITIES.join(", ")
-            ));
-        }
-    }
-    let column = |name: &&str| {
-        let there = rows.column(name);
-        there.ok_or_else(|| format!("the header has no column `{name}`"))
-    };
-    let coordinates = axes.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-    let stated = PERMEABILITIES
-        .iter()
-        .filter_map(|name| Some((*name, rows.column(name)?)));
+    let columns = columns(axes);
+    let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
+        Refusal::Sentence(sentence) => sentence,
+        Refusal::Unknown(name) => format!(
+            "the header has a column `{name}` that a raster has not. Known: {}, {}, porosity",
+            axes.join(", "),
+            PERMEABILITIES.join(", ")
+        ),
+    })?;
+    let stated = PERMEABILITIES.iter().enumerate();
+    let stated =
+        stated.filter_map(|(k, name)| sheet.has(axes.len() + k).then_some((*name, axes.len() + k)));
     let stated: Vec<(&str, usize)> = stated.collect();
     if let [(one, _), (other, _), ..] = stated[..] {
         return Err(format!(
@@ -249,7 +263,7 @@ fn read(
         ));
     }
     let permeability = stated.first().copied();
-    let porosity = rows.column("porosity");
+    let porosity = Some(columns.len() - 1).filter(|column| sheet.has(*column));
     if permeability.is_none() && porosity.is_none() {
         return Err(format!(
             "the header has neither a permeability ({}) nor `porosity`",
@@ -257,17 +271,17 @@ fn read(
         ));
     }
     let mut nodes = Vec::new();
-    while let Some(row) = rows.row() {
+    sheet.each(|row| {
+        let line = row.line();
         let mut at = [0.0; 3];
-        for (x, column) in at.iter_mut().zip(&coordinates) {
+        for (column, x) in at.iter_mut().take(axes.len()).enumerate() {
             // Minus zero is zero.
-            *x = row.number(*column)? + 0.0;
+            *x = row.number(column)? + 0.0;
         }
         let mut rule = None;
         if let Some((name, column)) = permeability {
             let value = row.number(column)?;
             if value <= 0.0 {
-                let line = row.line();
                 return Err(format!(
                     "line {line}: `{name}` is {value}, it must be above 0"
                 ));
@@ -280,13 +294,13 @@ fn read(
         }
         let pores = porosity.map(|column| row.number(column)).transpose()?;
         if let Some(pores) = pores.filter(|n| !(*n > 0.0 && *n < 1.0)) {
-            let line = row.line();
             return Err(format!(
                 "line {line}: `porosity` is {pores}, it must be between 0 and 1"
             ));
         }
-        nodes.push((at, rule, pores, row.line()));
-    }
+        nodes.push((at, rule, pores, line));
+        Ok(())
+    })?;
     if nodes.is_empty() {
         return Err("the raster holds no node".into());
     }

@@ -64,6 +64,10 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.add_seepage(seepage, &measures.extremes, &mut values);
         }
         values["warnings"] = json!(warnings);
+        let feeds = self.simulation.removal.feeds(&self.simulation.now.plan);
+        if !feeds.is_empty() {
+            values["feeds"] = json!(feeds);
+        }
         let probes = self.read_probes();
         values["settled"] = json!(probes.settled.values);
         values["not_known_to_have_settled"] = json!(probes.settled.unknown);
@@ -132,6 +136,20 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
     }
 
+    /// Returns a warning for each region that generated fewer grains than were due.
+    fn late_feeds(&self) -> Vec<String> {
+        let feeds = self.simulation.removal.feeds(&self.simulation.now.plan);
+        let late = feeds.iter().filter(|feed| feed.generated < feed.due);
+        late.map(|feed| {
+            format!(
+                "the region `{}` generated {} of the {} grains that were due: it has no free position \
+                 for the others; enlarge it, lower the rate, or let grains leave it faster",
+                feed.region, feed.generated, feed.due
+            )
+        })
+        .collect()
+    }
+
     fn warnings(&self, measures: &Measures) -> Vec<String> {
         let now = &self.simulation.now;
         let mut warnings = self.simulation.guards.warnings(&now.plan);
@@ -144,6 +162,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     .into(),
             );
         }
+        warnings.extend(self.late_feeds());
         if seepage.is_none() {
             return warnings;
         }

@@ -55,8 +55,8 @@ pub enum VelocityProfile {
     },
     /// From a table.
     File {
-        /// CSV file with a header, relative to the case: tangential coordinates [m], then velocity components [m/s]. Values are
-        /// interpolated linearly between rows.
+        /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in 3-D, `z` on a face
+        /// across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are interpolated linearly between rows.
         path: PathBuf,
         /// Its rows, once they are read.
         #[serde(skip)]

@@ -1,0 +1,572 @@
+//! Tables that users write or export: samples, profiles, rasters, sieve curves.
+//!
+//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons, tabs or spaces.
+//! A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The names may stand in a comment line
+//! above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines, comments (`#`, `%`), a line `sep=;` and empty
+//! cells at the end of a line do not count. Rows of another length, decimal commas and a missing line of names are refused.
+
+use crate::csv;
+use ::csv::{ReaderBuilder, StringRecord};
+use std::borrow::Cow;
+
+/// Dimension of the numbers of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Length \[m\].
+    Length,
+    /// Velocity [m/s].
+    Velocity,
+    /// Rotation rate [rad/s].
+    Rotation,
+    /// Area \[m2\].
+    Area,
+    /// Ratio \[1\].
+    Ratio,
+    /// Text or whole numbers.
+    Text,
+}
+
+/// Divisors that convert a length to m.
+const LENGTHS: [(&str, f64); 13] = [
+    ("m", 1.0),
+    ("dm", 10.0),
+    ("cm", 100.0),
+    ("mm", 1e3),
+    ("µm", 1e6),
+    ("μm", 1e6),
+    ("um", 1e6),
+    ("micron", 1e6),
+    ("nm", 1e9),
+    ("km", 1e-3),
+    ("in", 1.0 / 0.0254),
+    ("inch", 1.0 / 0.0254),
+    ("ft", 1.0 / 0.3048),
+];
+
+fn length(text: &str) -> Option<f64> {
+    let found = LENGTHS.iter().find(|(name, _)| *name == text);
+    found.map(|(_, over)| *over)
+}
+
+impl Unit {
+    /// The unit that numbers have without one.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Length => "m",
+            Self::Velocity => "m/s",
+            Self::Rotation => "rad/s",
+            Self::Area => "m2",
+            Self::Ratio => "1",
+            Self::Text => "",
+        }
+    }
+
+    /// Divisor that converts numbers of a unit to SI; none for a unit of another dimension.
+    fn divisor(self, written: &str) -> Option<f64> {
+        let text: String = written
+            .chars()
+            .filter(|c| !c.is_whitespace() && !matches!(c, '^' | '*' | '·'))
+            .collect();
+        let text = text.replace('²', "2").replace("⁻¹", "-1");
+        if matches!(text.as_str(), "" | "-" | "SI" | "si") || self == Self::Text {
+            return Some(1.0);
+        }
+        let per_second = || text.strip_suffix("/s").or_else(|| text.strip_suffix("s-1"));
+        match self {
+            Self::Length => length(&text),
+            Self::Velocity => per_second().and_then(length),
+            Self::Rotation => match text.as_str() {
+                "rpm" => Some(30.0 / std::f64::consts::PI),
+                _ => match per_second()? {
+                    "rad" | "1" | "" => Some(1.0),
+                    "deg" | "°" => Some(180.0 / std::f64::consts::PI),
+                    _ => None,
+                },
+            },
+            Self::Area => match text.to_lowercase().as_str() {
+                "darcy" | "d" => Some(1.0 / 9.869_233e-13),
+                "md" => Some(1.0 / 9.869_233e-16),
+                _ => text
+                    .strip_suffix('2')
+                    .and_then(length)
+                    .map(|over| over * over),
+            },
+            Self::Ratio => match text.as_str() {
+                "1" => Some(1.0),
+                "%" => Some(100.0),
+                _ => None,
+            },
+            Self::Text => None,
+        }
+    }
+}
+
+/// A column that a table may have.
+#[derive(Clone, Copy, Debug)]
+pub struct Column {
+    /// Name in messages and in tables of this program.
+    pub name: &'static str,
+    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter stands for a radius.
+    pub others: &'static [(&'static str, f64)],
+    /// Dimension of its numbers.
+    pub unit: Unit,
+    /// `true` if every table has it.
+    pub needed: bool,
+}
+
+/// Returns a name in small letters with `_` between words.
+fn plain(name: &str) -> String {
+    let word = |c: char| match c {
+        '-' | '.' | ' ' | ':' => '_',
+        c => c,
+    };
+    name.trim().to_lowercase().chars().map(word).collect()
+}
+
+/// Splits a name of a column from the unit behind it: `x [mm]`, `x (mm)`, `x / mm`.
+fn split_unit(cell: &str) -> (&str, Option<&str>) {
+    let cell = cell.trim();
+    for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
+        if let Some(inner) = cell.strip_suffix(close)
+            && let Some((name, unit)) = inner.rsplit_once(open)
+        {
+            return (name.trim(), Some(unit.trim()));
+        }
+    }
+    match cell.split_once('/') {
+        Some((name, unit)) => (name.trim(), Some(unit.trim())),
+        None => (cell, None),
+    }
+}
+
+/// Sign between the cells of a line.
+fn separator(line: &str) -> u8 {
+    match line.trim() {
+        line if line.contains(';') => b';',
+        line if line.contains('\t') => b'\t',
+        line if line.contains(',') => b',',
+        line if line.contains(char::is_whitespace) => b' ',
+        _ => b',',
+    }
+}
+
+fn called(separator: u8) -> &'static str {
+    match separator {
+        b';' => "semicolons",
+        b'\t' => "tabs",
+        b' ' => "spaces",
+        _ => "commas",
+    }
+}
+
+/// Returns a line whose cells are separated by spaces with tabs between them; a unit in brackets stays with its name.
+fn tabbed(line: &str) -> String {
+    let mut tabbed = String::with_capacity(line.len());
+    for word in line.split_whitespace() {
+        if !tabbed.is_empty() {
+            let unit = word.starts_with(['[', '(', '{']);
+            tabbed.push(if unit { ' ' } else { '\t' });
+        }
+        tabbed.push_str(word);
+    }
+    tabbed
+}
+
+/// Returns the cells of one line, without empty ones at its end.
+fn cells(line: &str, separator: u8) -> Vec<String> {
+    let (line, separator): (Cow<'_, str>, u8) = match separator {
+        b' ' => (tabbed(line).into(), b'\t'),
+        other => (line.trim().into(), other),
+    };
+    let mut record = StringRecord::new();
+    let mut reader = reader(&line, separator);
+    // A text in memory whose rows may differ in length cannot fail to be read.
+    let _ = reader.read_record(&mut record);
+    let mut cells: Vec<String> = record.iter().map(|cell| cell.trim().to_owned()).collect();
+    while cells.last().is_some_and(String::is_empty) {
+        cells.pop();
+    }
+    cells
+}
+
+fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
+    ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(separator)
+        .from_reader(text.as_bytes())
+}
+
+/// `true` if the line is blank or a comment.
+fn skipped(line: &str) -> bool {
+    let line = line.trim();
+    line.is_empty() || line.starts_with(['#', '%'])
+}
+
+fn uncommented(line: &str) -> &str {
+    line.trim().trim_start_matches(['#', '%']).trim_start()
+}
+
+/// `true` if all cells are numbers, also with decimal commas.
+fn numeric(cells: &[String]) -> bool {
+    let number = |cell: &String| cell.is_empty() || cell.replace(',', ".").parse::<f64>().is_ok();
+    !cells.is_empty() && cells.iter().all(number)
+}
+
+/// Names of columns in a comment, if one of them is known.
+fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<String>> {
+    let text = uncommented(line);
+    let names = match text.strip_prefix("format ") {
+        Some(format) => format
+            .split('_')
+            .map(|name| name.trim().to_owned())
+            .collect(),
+        None => cells(text, separator(text)),
+    };
+    let told = names
+        .iter()
+        .filter(|name| known(split_unit(name).0))
+        .count();
+    (told >= 2).then_some(names)
+}
+
+/// Names of the columns of a text, and the rows below them.
+#[derive(Debug)]
+pub struct Header<'t> {
+    /// Names, with their units in brackets.
+    pub names: Vec<String>,
+    /// Units of a line of its own.
+    pub units: Vec<String>,
+    /// Text of the rows.
+    pub rows: Cow<'t, str>,
+    /// Number of lines above the rows.
+    pub above: u64,
+    /// Sign between the cells of a row; a space for any white space.
+    pub separator: u8,
+}
+
+impl<'t> Header<'t> {
+    /// Finds the names of a text that may have these columns.
+    ///
+    /// # Errors
+    /// A sentence about a text without names or without any line.
+    pub fn find(text: &'t str, columns: &[Column]) -> Result<Self, String> {
+        let text = text.trim_start_matches('\u{feff}');
+        // Old Macintoshes end lines in this way.
+        if text.contains('\r') && !text.contains('\n') {
+            let text = text.replace('\r', "\n");
+            let found = Header::find_in(&text, columns)?;
+            return Ok(Self {
+                names: found.names,
+                units: found.units,
+                rows: found.rows.into_owned().into(),
+                above: found.above,
+                separator: found.separator,
+            });
+        }
+        Self::find_in(text, columns)
+    }
+
+    fn find_in(text: &'t str, columns: &[Column]) -> Result<Self, String> {
+        let known = |name: &str| {
+            let name = plain(name);
+            let other = |c: &Column| c.others.iter().any(|(other, _)| *other == name);
+            columns.iter().any(|c| c.name == name || other(c))
+        };
+        let mut comment = None;
+        let (mut rows, mut above, mut stated) = (text, 0, None);
+        while !rows.is_empty() {
+            let (line, below) = rows.split_once('\n').unwrap_or((rows, ""));
+            if let Some(sign) = line.trim().to_lowercase().strip_prefix("sep=") {
+                stated = sign.bytes().next();
+            } else if skipped(line) {
+                comment = names_in_comment(line, &known).or(comment);
+            } else {
+                let separator = stated.unwrap_or_else(|| separator(line));
+                let names = cells(line, separator);
+                if !numeric(&names) {
+                    let header = Self {
+                        names,
+                        units: Vec::new(),
+                        rows: below.into(),
+                        above: above + 1,
+                        separator,
+                    };
+                    return Ok(header.with_units());
+                }
+                if let Some(names) = comment {
+                    return Ok(Self {
+                        names,
+                        units: Vec::new(),
+                        rows: rows.into(),
+                        above,
+                        separator,
+                    });
+                }
+                let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
+                let example = needed.collect::<Vec<_>>().join(",");
+                return Err(format!(
+                    "line {} holds numbers where the names of the columns are expected: add a first line such as `{example}`",
+                    above + 1
+                ));
+            }
+            (rows, above) = (below, above + 1);
+        }
+        Err("the file is empty".into())
+    }
+
+    /// Takes a line of units below the names, with or without a comment sign, out of the rows.
+    fn with_units(self) -> Self {
+        let Cow::Borrowed(rows) = self.rows else {
+            return self;
+        };
+        let (line, below) = rows.split_once('\n').unwrap_or((rows, ""));
+        let units = cells(uncommented(line), self.separator);
+        let all = [
+            Unit::Length,
+            Unit::Velocity,
+            Unit::Rotation,
+            Unit::Area,
+            Unit::Ratio,
+        ];
+        let is_unit = |cell: &String| {
+            let cell = bare(cell);
+            cell.is_empty() || all.iter().any(|unit| unit.divisor(cell).is_some())
+        };
+        let some = units.iter().any(|cell| !bare(cell).is_empty());
+        if some && !numeric(&units) && units.len() <= self.names.len() && units.iter().all(is_unit)
+        {
+            return Self {
+                units,
+                rows: below.into(),
+                above: self.above + 1,
+                ..self
+            };
+        }
+        self
+    }
+}
+
+/// Returns a unit without the brackets round it.
+fn bare(unit: &str) -> &str {
+    unit.trim().trim_matches(['[', ']', '(', ')']).trim()
+}
+
+/// Reason why a table cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// A sentence that names the line or the column.
+    Sentence(String),
+    /// The header has a column of another name.
+    Unknown(String),
+}
+
+impl From<String> for Refusal {
+    fn from(sentence: String) -> Self {
+        Self::Sentence(sentence)
+    }
+}
+
+/// Rows of a table, one after the other.
+#[derive(Debug)]
+pub struct Sheet<'t> {
+    rows_text: Cow<'t, str>,
+    names: Vec<String>,
+    /// Position of each known column in a row, and the divisor of its numbers.
+    found: Vec<Option<(usize, f64)>>,
+    known: Vec<Column>,
+    above: u64,
+    separator: u8,
+}
+
+impl<'t> Sheet<'t> {
+    /// Finds the known columns in a text.
+    ///
+    /// # Errors
+    /// A sentence that names the line or the column, or the column that is not known.
+    pub fn new(text: &'t str, known: &[Column]) -> Result<Self, Refusal> {
+        Self::below(Header::find(text, known)?, known, true)
+    }
+
+    /// Finds the known columns below a header. `all`: a column that is not known is refused, otherwise it is not read.
+    ///
+    /// # Errors
+    /// A sentence that names the line or the column, or the column that is not known.
+    pub fn below(header: Header<'t>, known: &[Column], all: bool) -> Result<Self, Refusal> {
+        let mut found: Vec<Option<(usize, f64)>> = vec![None; known.len()];
+        for (at, cell) in header.names.iter().enumerate() {
+            let (name, unit) = split_unit(cell);
+            let called = plain(name);
+            let divisor = |column: &Column| {
+                let mut names =
+                    std::iter::once((column.name, 1.0)).chain(column.others.iter().copied());
+                names.find(|(known, _)| *known == called)
+            };
+            let matched = known
+                .iter()
+                .enumerate()
+                .find_map(|(k, column)| Some((k, divisor(column)?)));
+            let Some((k, (_, over))) = matched else {
+                if all {
+                    return Err(Refusal::Unknown(name.to_owned()));
+                }
+                continue;
+            };
+            let below = header.units.get(at).map(|unit| bare(unit));
+            let unit = unit.or(below).unwrap_or_default();
+            let Some(unit_over) = known[k].unit.divisor(unit) else {
+                return Err(Refusal::Sentence(format!(
+                    "the column `{cell}` is in {unit}, expected {}",
+                    known[k].unit.name()
+                )));
+            };
+            if let Some((other, _)) = found[k] {
+                return Err(Refusal::Sentence(
+                    if plain(split_unit(&header.names[other]).0) == called {
+                        format!("the header names the column `{name}` twice")
+                    } else {
+                        format!(
+                            "the columns `{}` and `{cell}` both state the {}",
+                            header.names[other], known[k].name
+                        )
+                    },
+                ));
+            }
+            found[k] = Some((at, over * unit_over));
+        }
+        for (column, found) in known.iter().zip(&found) {
+            if column.needed && found.is_none() {
+                return Err(Refusal::Sentence(format!(
+                    "the header has no column `{}`",
+                    column.name
+                )));
+            }
+        }
+        let rows_text = match header.separator {
+            b' ' => header
+                .rows
+                .lines()
+                .map(|line| tabbed(line) + "\n")
+                .collect::<String>()
+                .into(),
+            _ => header.rows,
+        };
+        Ok(Self {
+            rows_text,
+            names: header.names,
+            found,
+            known: known.to_vec(),
+            above: header.above,
+            separator: header.separator,
+        })
+    }
+
+    /// `true` if the table has this column of the known ones.
+    #[must_use]
+    pub fn has(&self, column: usize) -> bool {
+        self.found[column].is_some()
+    }
+
+    /// Passes each row to a function, which stops with the first error.
+    ///
+    /// # Errors
+    /// That of the function; a row of another length than the line of names.
+    pub fn each(&self, mut take: impl FnMut(&Row<'_>) -> Result<(), String>) -> Result<(), String> {
+        let separator = if self.separator == b' ' {
+            b'\t'
+        } else {
+            self.separator
+        };
+        let mut rows = reader(&self.rows_text, separator);
+        let mut cells = StringRecord::new();
+        while matches!(rows.read_record(&mut cells), Ok(true)) {
+            let first = cells.get(0).unwrap_or_default().trim_start();
+            if first.starts_with(['#', '%']) || cells.iter().all(|cell| cell.trim().is_empty()) {
+                continue;
+            }
+            let row = Row {
+                sheet: self,
+                cells: &cells,
+            };
+            row.check_length()?;
+            take(&row)?;
+        }
+        Ok(())
+    }
+}
+
+/// Row below the names.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'r> {
+    sheet: &'r Sheet<'r>,
+    cells: &'r StringRecord,
+}
+
+impl Row<'_> {
+    /// Returns the line of the text, from 1.
+    #[must_use]
+    pub fn line(&self) -> u64 {
+        self.sheet.above + csv::line(self.cells, &self.sheet.rows_text)
+    }
+
+    /// Checks that the row has a cell for each name; empty cells at its end do not count.
+    fn check_length(&self) -> Result<(), String> {
+        let (names, mut length) = (self.sheet.names.len(), self.cells.len());
+        while length > names
+            && self
+                .cells
+                .get(length - 1)
+                .is_some_and(|cell| cell.trim().is_empty())
+        {
+            length -= 1;
+        }
+        if length == names {
+            return Ok(());
+        }
+        let cells = if length == 1 { "cell" } else { "cells" };
+        let separator = self.sheet.separator;
+        let advice = if length > names && separator == b',' {
+            "; if its commas are decimal signs, write points (4.5 instead of 4,5)".to_owned()
+        } else if length == 1 && names > 1 {
+            format!("; the header separates its cells by {}", called(separator))
+        } else {
+            String::new()
+        };
+        Err(format!(
+            "line {} has {length} {cells} where the header names {names} columns{advice}",
+            self.line()
+        ))
+    }
+
+    /// Returns the text of a known column; empty if the table does not have it.
+    #[must_use]
+    pub fn text(&self, column: usize) -> &str {
+        let cell = self.sheet.found[column].and_then(|(at, _)| self.cells.get(at));
+        cell.unwrap_or_default().trim()
+    }
+
+    /// Returns the finite number in a known column, in SI.
+    ///
+    /// # Errors
+    /// The line, the column and the value.
+    pub fn number(&self, column: usize) -> Result<f64, String> {
+        let text = self.text(column);
+        let over = self.sheet.found[column].map_or(1.0, |(_, over)| over);
+        if let Some(number) = text.parse::<f64>().ok().filter(|x| x.is_finite()) {
+            return Ok(number / over);
+        }
+        let advice = if text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok() {
+            format!(": write a decimal point, {}", text.replace(',', "."))
+        } else {
+            String::new()
+        };
+        let known = self.sheet.known[column].name;
+        let name = self.sheet.found[column].and_then(|(at, _)| self.sheet.names.get(at));
+        Err(format!(
+            "line {}: column `{}` holds `{}`, which is no number{advice}",
+            self.line(),
+            name.map_or(known, String::as_str),
+            text.chars().take(40).collect::<String>()
+        ))
+    }
+}

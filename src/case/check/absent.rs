@@ -1,0 +1,247 @@
+//! Features that this program does not have, with the alternative for each.
+//!
+//! A field or choice of one of these names is answered with the alternative rather than with a similar name. README.md has the list for
+//! readers, and a test compares both.
+
+/// A feature that the program does not have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Absent {
+    /// Parts of names, in small letters without separators.
+    words: &'static [&'static str],
+    /// The feature.
+    pub feature: &'static str,
+    /// Closest alternative.
+    pub instead: &'static str,
+}
+
+const fn absent(
+    words: &'static [&'static str],
+    feature: &'static str,
+    instead: &'static str,
+) -> Absent {
+    Absent {
+        words,
+        feature,
+        instead,
+    }
+}
+
+/// The features, in the order of README.md.
+pub const ABSENT: [Absent; 12] = [
+    absent(
+        &[
+            "freesurface",
+            "vof",
+            "levelset",
+            "watersurface",
+            "dambreak",
+            "surfacetension",
+        ],
+        "free surfaces of water",
+        "close the surface with a lid (`free_slip`) at its mean height",
+    ),
+    absent(
+        &[
+            "unsaturated",
+            "suction",
+            "vangenuchten",
+            "richards",
+            "capillary",
+            "liquidbridge",
+            "watertable",
+        ],
+        "unsaturated soil and suction",
+        "place the ends of the seepage below the water table, and state the cohesion of the contact law",
+    ),
+    absent(
+        &[
+            "multiphase",
+            "twophase",
+            "gas",
+            "bubble",
+            "airphase",
+            "immiscible",
+        ],
+        "two fluids, gas and bubbles",
+        "compute one liquid",
+    ),
+    absent(
+        &[
+            "clump",
+            "multisphere",
+            "superquadric",
+            "superellipsoid",
+            "ellipsoid",
+            "spherocylinder",
+        ],
+        "clumps of spheres and ellipsoids",
+        "use convex `blocks`, polyhedral `bodies`, or spheres held together by bonds (`grains.bond_at_start`)",
+    ),
+    absent(
+        &["breakage", "crushing", "fragment", "fracture"],
+        "grains and blocks that break",
+        "build them from spheres held together by bonds, or cut the rock by `joints`",
+    ),
+    absent(
+        &["temperature", "thermal", "heat", "buoyancy"],
+        "heat and buoyancy",
+        "state density and viscosity at the temperature of the water",
+    ),
+    absent(
+        &[
+            "concentration",
+            "solute",
+            "scalar",
+            "chemistry",
+            "diffusion",
+            "salinity",
+            "tracer",
+        ],
+        "dissolved substances",
+        "write `output.fluid` and transport them with another program",
+    ),
+    absent(
+        &[
+            "nonnewtonian",
+            "bingham",
+            "herschel",
+            "yieldstress",
+            "carreau",
+            "powerlawfluid",
+            "rheology",
+        ],
+        "fluids that are not Newtonian",
+        "state one viscosity, at the shear rate of the flow",
+    ),
+    absent(
+        &[
+            "deformable",
+            "elasticstructure",
+            "fluidstructure",
+            "membrane",
+            "flexible",
+        ],
+        "structures that deform",
+        "structures are rigid; use bonded grains or `blocks` where they may move",
+    ),
+    absent(
+        &[
+            "refinement",
+            "adaptive",
+            "amr",
+            "multilevel",
+            "octree",
+            "nestedgrid",
+        ],
+        "grids with local refinement",
+        "choose one spacing for the smallest feature, and run on more ranks",
+    ),
+    absent(
+        &["electrostatic", "magnetic", "vanderwaals", "jkr", "dlvo"],
+        "electric, magnetic and surface forces between grains",
+        "use a contact law with `attraction` or bonds",
+    ),
+    absent(
+        &["acoustic", "shock", "supersonic", "seismic", "earthquake"],
+        "sound, shocks and earthquakes",
+        "keep speeds far below that of sound; move walls with a `velocity`",
+    ),
+];
+
+/// Returns the feature that a name stands for: one of its words, or several together, begin with a word of the feature.
+#[must_use]
+pub(super) fn feature(name: &str) -> Option<&'static Absent> {
+    let mut words: Vec<String> = Vec::new();
+    let mut before = None;
+    for c in name.chars().take(100) {
+        let begins = before
+            .is_none_or(|b: char| !b.is_alphanumeric() || b.is_lowercase() && c.is_uppercase());
+        before = Some(c);
+        if c.is_alphanumeric() {
+            if begins {
+                words.push(String::new());
+            }
+            if let Some(word) = words.last_mut() {
+                word.extend(c.to_lowercase());
+            }
+        }
+    }
+    let from: Vec<String> = (0..words.len()).map(|n| words[n..].concat()).collect();
+    let means = |word: &&str| match word.len() {
+        // Short words stand alone: `gas` is no part of `gasket`.
+        ..5 => words.iter().any(|w| w == word),
+        _ => from.iter().any(|text| text.starts_with(*word)),
+    };
+    let named = |absent: &&Absent| absent.words.iter().any(means);
+    ABSENT.iter().find(named)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_absent_features_are_recognised() {
+        for (name, found) in [
+            ("free_surface", "free surfaces of water"),
+            ("clumps", "clumps of spheres and ellipsoids"),
+            ("vanGenuchten", "unsaturated soil and suction"),
+            ("gas", "two fluids, gas and bubbles"),
+            ("adaptive_refinement", "grids with local refinement"),
+        ] {
+            assert_eq!(
+                feature(name).map(|absent| absent.feature),
+                Some(found),
+                "{name}"
+            );
+        }
+        for name in [
+            "free_slip",
+            "save",
+            "spcing",
+            "velocty",
+            "gasket",
+            "absolute",
+            "",
+        ] {
+            assert_eq!(feature(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_readme_lists_every_feature_and_its_alternative() {
+        let readme = include_str!("../../../README.md");
+        let section = readme
+            .split("## What it does not do")
+            .nth(1)
+            .unwrap_or_default();
+        let section = section.split("\n## ").next().unwrap_or_default();
+        for absent in ABSENT {
+            let row = format!("| {} | {} |", absent.feature, absent.instead);
+            assert!(section.contains(&row), "README.md lacks: {row}");
+        }
+    }
+
+    #[test]
+    fn no_feature_is_a_field_of_a_case() {
+        fn names(node: &serde_json::Value, found: &mut Vec<String>) {
+            if let Some(fields) = node["properties"].as_object() {
+                found.extend(fields.keys().cloned());
+            }
+            found.extend(node["const"].as_str().map(str::to_owned));
+            match node {
+                serde_json::Value::Object(map) => {
+                    map.values().for_each(|child| names(child, found))
+                }
+                serde_json::Value::Array(list) => list.iter().for_each(|child| names(child, found)),
+                _ => {}
+            }
+        }
+        let mut found = Vec::new();
+        names(&crate::case::check::bare_schema(), &mut found);
+        assert!(found.len() > 100);
+        for name in found {
+            assert_eq!(feature(&name), None, "{name}");
+        }
+    }
+}
