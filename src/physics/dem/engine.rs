@@ -54,6 +54,7 @@ pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};
 use pairs::*;
 use parts::Parts;
+use std::marker::PhantomData;
 
 /// A bond at a wall that failed.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +87,63 @@ impl<S: Space> Default for Action<S> {
     }
 }
 
+/// Pairs of grains near each other.
+#[derive(Debug)]
+struct Lists<S: Space, L: Bodies<S>> {
+    pairs: Vec<Pair<L::Scale, L::History>>,
+    /// Pairs that may be in contact.
+    active: Vec<u32>,
+    /// Active pairs that each thread found.
+    chosen: Vec<Vec<u32>>,
+    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
+    offsets: Vec<S::Vector>,
+    offset_shifts: Vec<[i32; 3]>,
+    /// Id and shift of each entry when the lists were made, and how many were owned.
+    names: Vec<(u64, [i32; 3])>,
+    named_owned: usize,
+    parts: Parts<S, L::Scale, L::History>,
+}
+
+/// Grains near walls.
+#[derive(Debug)]
+struct SolidLists<S: Space, L: Bodies<S>> {
+    wall_pairs: Vec<WallPair<L::Constants, L::History>>,
+    /// Room for those that each thread finds.
+    planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
+    /// Of each part; one where there are no parts.
+    facets: Vec<Facets<L::Constants, L::History>>,
+    space: PhantomData<S>,
+}
+
+/// How long the lists hold.
+#[derive(Debug, Default)]
+pub(super) struct Validity {
+    /// `true` if the lists are those of the present grains.
+    listed: bool,
+    /// Longest path of any grain or wall since the lists were made (m).
+    path: f64,
+    /// The active pairs hold up to this path \[m\], and since this step.
+    activated: f64,
+    activated_at: u64,
+    /// Path of a grain between two searches of all gaps \[m\].
+    look: f64,
+    total: Option<u64>,
+    pub(super) rebuilds: u64,
+    pub(super) tested: u64,
+}
+
+/// Results of a step beside loads.
+#[derive(Debug)]
+pub(super) struct Events<S: Space> {
+    pub(super) breaks: Vec<BondBreak<S>>,
+    actions: Vec<Action<S>>,
+    failures: Vec<(u32, Failure)>,
+    wall_failures: Vec<WallFailure<S>>,
+    /// The deepest contact of this step, if it is deeper than all before.
+    record: Record,
+    pub(super) deepest: Deepest,
+}
+
 /// Contacts and lists of one law.
 #[derive(Debug)]
 pub(super) struct Engine<S: Space, L: Bodies<S>> {
@@ -94,44 +152,14 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) settings: Settings<S>,
     pub(super) walls: Vec<Wall<S>>,
     pub(super) steps: u64,
-    pub(super) breaks: Vec<BondBreak<S>>,
-    pub(super) rebuilds: u64,
-    pub(super) tested: u64,
-    listed: bool,
-    total: Option<u64>,
-    pairs: Vec<Pair<L::Scale, L::History>>,
-    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
-    offsets: Vec<S::Vector>,
-    offset_shifts: Vec<[i32; 3]>,
-    active: Vec<u32>,
-    /// The active pairs that each thread found.
-    chosen: Vec<Vec<u32>>,
-    wall_pairs: Vec<WallPair<L::Constants, L::History>>,
-    /// Room for those that each thread finds.
-    planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
-    /// Of each part; one where there are no parts.
-    facets: Vec<Facets<L::Constants, L::History>>,
-    /// Id and shift of each entry when the lists were made, and how many were owned.
-    names: Vec<(u64, [i32; 3])>,
-    named_owned: usize,
+    lists: Lists<S, L>,
+    solids: SolidLists<S, L>,
+    pub(super) validity: Validity,
+    pub(super) events: Events<S>,
     pub(super) histories: Vec<(Key, L::History)>,
     pub(super) wall_histories: Vec<(WallKey, L::History)>,
-    /// How far any grain or wall may have moved since the lists were made (m).
-    path: f64,
-    /// The active pairs hold up to this path \[m\], and since this step.
-    activated: f64,
-    activated_at: u64,
-    /// How far a grain may move between two looks at all gaps \[m\].
-    look: f64,
     parallel: bool,
-    parts: Parts<S, L::Scale, L::History>,
-    actions: Vec<Action<S>>,
-    failures: Vec<(u32, Failure)>,
-    wall_failures: Vec<WallFailure<S>>,
     scratch: L::Scratch,
-    /// The deepest contact of this step, if it is deeper than all before.
-    record: Record,
-    pub(super) deepest: Deepest,
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
@@ -140,7 +168,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
                 wall.open = open;
-                self.listed = false;
+                self.validity.listed = false;
             }
         }
     }
@@ -152,35 +180,38 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             settings,
             walls,
             steps: 0,
-            breaks: Vec::new(),
-            rebuilds: 0,
-            tested: 0,
-            listed: false,
-            total: None,
-            pairs: Vec::new(),
-            offsets: Vec::new(),
-            offset_shifts: Vec::new(),
-            active: Vec::new(),
-            chosen: Vec::new(),
-            wall_pairs: Vec::new(),
-            planes_found: Vec::new(),
-            facets: vec![Facets::default()],
-            names: Vec::new(),
-            named_owned: 0,
+            lists: Lists {
+                pairs: Vec::new(),
+                active: Vec::new(),
+                chosen: Vec::new(),
+                offsets: Vec::new(),
+                offset_shifts: Vec::new(),
+                names: Vec::new(),
+                named_owned: 0,
+                parts: Parts::default(),
+            },
+            solids: SolidLists {
+                wall_pairs: Vec::new(),
+                planes_found: Vec::new(),
+                facets: vec![Facets::default()],
+                space: PhantomData,
+            },
+            validity: Validity {
+                look: settings.skin / 64.0,
+                ..Validity::default()
+            },
+            events: Events {
+                breaks: Vec::new(),
+                actions: Vec::new(),
+                failures: Vec::new(),
+                wall_failures: Vec::new(),
+                record: Record::default(),
+                deepest: Deepest::default(),
+            },
             histories: Vec::new(),
             wall_histories: Vec::new(),
-            path: 0.0,
-            activated: 0.0,
-            activated_at: 0,
-            look: settings.skin / 64.0,
             parallel: false,
-            parts: Parts::default(),
-            actions: Vec::new(),
-            failures: Vec::new(),
-            wall_failures: Vec::new(),
             scratch: L::Scratch::default(),
-            record: Record::default(),
-            deepest: Deepest::default(),
         }
     }
 
@@ -192,7 +223,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) -> Result<(), Error> {
         // What is missing on any rank: loads, or lists and then perhaps loads.
         let flag = |set: bool| -> f64 { if set { 1.0 } else { 0.0 } };
-        let listed = self.listed && particles.listed;
+        let listed = self.validity.listed && particles.listed;
         let mut missing = largest(domain, flag(!particles.loaded).max(2.0 * flag(!listed)));
         if missing > 1.5 {
             self.rebuild(particles, domain)?;
@@ -235,19 +266,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 });
             }
             // Longer than the true path by more than any rounding.
-            let path = self.path + speed * dt * (1.0 + 1e-9);
-            self.path = largest(domain, if fastest.bad { f64::INFINITY } else { path });
-            if self.path == f64::INFINITY {
+            let path = self.validity.path + speed * dt * (1.0 + 1e-9);
+            self.validity.path = largest(domain, if fastest.bad { f64::INFINITY } else { path });
+            if self.validity.path == f64::INFINITY {
                 return agree(domain, all_bounded(particles)).and(Err(Error::Numerical(
                     "a grain moves too far in one step".into(),
                 )));
             }
-            if self.path >= 0.5 * self.settings.skin {
+            if self.validity.path >= 0.5 * self.settings.skin {
                 self.rebuild(particles, domain)?;
             } else {
                 particles.refresh_ghosts(domain)?;
                 L::pose(&mut self.scratch, particles, self.parallel);
-                if self.path > self.activated {
+                if self.validity.path > self.validity.activated {
                     self.activate(particles);
                 }
             }
@@ -263,7 +294,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
 
     /// Hands grains to their owners, makes ghosts and lists.
     fn rebuild(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
-        self.rebuilds += 1;
+        self.validity.rebuilds += 1;
         let region = self.settings.region;
         self.remember();
         particles.lengths = region.periodic_lengths();
@@ -289,7 +320,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
         let census = census(particles, domain)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
-        if let Some(before) = self.total {
+        if let Some(before) = self.validity.total {
             let added: u64 = census.iter().map(|one| one.added).sum();
             let removed: u64 = census.iter().map(|one| one.removed).sum();
             if before + added != total + removed {
@@ -298,7 +329,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 )));
             }
         }
-        self.total = Some(total);
+        self.validity.total = Some(total);
         particles.added = 0;
         particles.removed = 0;
         let smallest = census
@@ -331,18 +362,18 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         L::pose(&mut self.scratch, particles, self.parallel);
         self.list(particles, gap);
         particles.listed = true;
-        self.listed = true;
+        self.validity.listed = true;
         // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
-        if self.rebuilds.is_power_of_two() {
+        if self.validity.rebuilds.is_power_of_two() {
             log::debug!(
                 "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
                 domain.rank(),
-                self.rebuilds,
+                self.validity.rebuilds,
                 self.steps,
                 particles.owned(),
                 particles.len() - particles.owned(),
-                self.pairs.len(),
-                self.wall_pairs.len(),
+                self.lists.pairs.len(),
+                self.solids.wall_pairs.len(),
                 self.facet_pairs(),
                 self.settings.skin
             );
@@ -357,11 +388,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         dt: f64,
         phase: Option<(&Kick<S>, Phase)>,
     ) -> Fastest {
-        self.record = Record::beyond(self.deepest.part);
+        self.events.record = Record::beyond(self.events.deepest.part);
         let moved = L::forces(self, particles, dt, phase);
-        let id = |entry: u32| self.names[entry as usize].0;
-        if let Some(deeper) = self.record.named(id) {
-            self.deepest = deeper;
+        let id = |entry: u32| self.lists.names[entry as usize].0;
+        if let Some(deeper) = self.events.record.named(id) {
+            self.events.deepest = deeper;
         }
         match (moved, phase) {
             (Some(fastest), _) => fastest,
@@ -378,15 +409,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         dt: f64,
         phase: Option<(&Kick<S>, Phase)>,
     ) -> Option<Fastest> {
-        self.tested += self.active.len() as u64;
-        self.failures.clear();
-        self.wall_failures.clear();
+        self.validity.tested += self.lists.active.len() as u64;
+        self.events.failures.clear();
+        self.events.wall_failures.clear();
         let fastest = if self.settings.region.any_periodic() {
             self.forces_by_parts::<true>(particles, dt, phase)
         } else {
             self.forces_by_parts::<false>(particles, dt, phase)
         };
-        if !(self.failures.is_empty() && self.wall_failures.is_empty()) {
+        if !(self.events.failures.is_empty() && self.events.wall_failures.is_empty()) {
             self.report_failures(particles);
         }
         if fastest.is_some() {

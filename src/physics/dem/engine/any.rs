@@ -82,7 +82,7 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     }
 
     fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
-        std::mem::take(&mut self.breaks)
+        std::mem::take(&mut self.events.breaks)
     }
 
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>)) {
@@ -94,11 +94,11 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     }
 
     fn deepest(&self) -> Deepest {
-        self.deepest
+        self.events.deepest
     }
 
     fn forget_deepest(&mut self) {
-        self.deepest = Deepest::default();
+        self.events.deepest = Deepest::default();
     }
 
     fn steps(&self) -> u64 {

@@ -71,18 +71,18 @@ fn by_face(faces: &Faces, near: &[u32], order: &mut Vec<[u32; 2]>) {
 impl<S: Space> Engine<S, Blocks> {
     /// Adds the actions of facets: one contact with each face, with the history it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let mut facets = std::mem::take(&mut self.facets[0]);
+        let mut facets = std::mem::take(&mut self.solids.facets[0]);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         let mut order = std::mem::take(&mut self.scratch.order);
         let mut touches = std::mem::take(&mut self.scratch.touches);
         let mut contact = std::mem::take(&mut particles.contact);
-        let mut failures = std::mem::take(&mut self.wall_failures);
+        let mut failures = std::mem::take(&mut self.events.wall_failures);
         let world = World {
             time_step: dt,
             ..self.world(particles)
         };
         let mut calls = 0;
-        let mut record = self.record;
+        let mut record = self.events.record;
         facets.next.clear();
         let mut from = 0;
         while from < facets.active.len() {
@@ -151,13 +151,13 @@ impl<S: Space> Engine<S, Blocks> {
             from = to;
         }
         std::mem::swap(&mut facets.held, &mut facets.next);
-        self.tested += calls;
-        self.record = record;
-        self.facets[0] = facets;
+        self.validity.tested += calls;
+        self.events.record = record;
+        self.solids.facets[0] = facets;
         self.scratch.narrows = narrows;
         self.scratch.order = order;
         self.scratch.touches = touches;
-        self.wall_failures = failures;
+        self.events.wall_failures = failures;
         particles.contact = contact;
     }
 
@@ -167,10 +167,10 @@ impl<S: Space> Engine<S, Blocks> {
             poses: &self.scratch.poses,
             rows: &self.rows,
             model: &self.law.model,
-            offsets: &self.offsets,
+            offsets: &self.lists.offsets,
             periodic: self.settings.region.any_periodic(),
             time_step: 0.0,
-            deepest: self.record.part(),
+            deepest: self.events.record.part(),
         }
     }
 
@@ -183,31 +183,31 @@ impl<S: Space> Engine<S, Blocks> {
         };
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         narrows.resize_with(count.max(narrows.len()), Narrow::default);
-        let mut pairs = std::mem::take(&mut self.pairs);
-        let mut actions = std::mem::take(&mut self.actions);
-        actions.resize(self.active.len(), Action::default());
+        let mut pairs = std::mem::take(&mut self.lists.pairs);
+        let mut actions = std::mem::take(&mut self.events.actions);
+        actions.resize(self.lists.active.len(), Action::default());
         let world = World {
             time_step: dt,
             ..self.world(particles)
         };
         let tally = world.act_on_pieces(
-            (&self.active, 0),
+            (&self.lists.active, 0),
             &mut pairs,
             &mut actions,
             &mut narrows[..count],
         );
-        self.tested += tally.calls;
-        self.record = self.record.or(tally.deepest);
+        self.validity.tested += tally.calls;
+        self.events.record = self.events.record.or(tally.deepest);
         self.scratch.narrows = narrows;
-        self.pairs = pairs;
-        self.actions = actions;
+        self.lists.pairs = pairs;
+        self.events.actions = actions;
     }
 
     /// Adds the actions up by body, one pair after the other.
     fn add_up(&self, contact: &mut [Load<S>]) {
         contact.fill(Load::default());
-        for (&k, action) in self.active.iter().zip(&self.actions) {
-            let (first, second) = self.pairs[k as usize].ends();
+        for (&k, action) in self.lists.active.iter().zip(&self.events.actions) {
+            let (first, second) = self.lists.pairs[k as usize].ends();
             contact[first].force -= action.force;
             contact[first].torque += action.on_first;
             contact[second].force += action.force;
@@ -217,7 +217,7 @@ impl<S: Space> Engine<S, Blocks> {
 
     /// Adds the actions of planes.
     fn plane_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
-        let mut at_planes = std::mem::take(&mut self.wall_pairs);
+        let mut at_planes = std::mem::take(&mut self.solids.wall_pairs);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         let mut contact = std::mem::take(&mut particles.contact);
         let world = World {
@@ -225,7 +225,7 @@ impl<S: Space> Engine<S, Blocks> {
             ..self.world(particles)
         };
         let mut calls = 0;
-        let mut record = self.record;
+        let mut record = self.events.record;
         for pair in &mut at_planes {
             let wall = &self.walls[pair.wall as usize];
             let k = pair.grain as usize;
@@ -241,9 +241,9 @@ impl<S: Space> Engine<S, Blocks> {
                 }
             }
         }
-        self.tested += calls;
-        self.record = record;
-        self.wall_pairs = at_planes;
+        self.validity.tested += calls;
+        self.events.record = record;
+        self.solids.wall_pairs = at_planes;
         self.scratch.narrows = narrows;
         particles.contact = contact;
     }

@@ -7,18 +7,18 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     #[cold]
     pub(super) fn report_failures(&mut self, particles: &Particles<S>) {
         let time = self.time();
-        for &(k, mode) in &self.failures {
-            let pair = &self.pairs[k as usize];
+        for &(k, mode) in &self.events.failures {
+            let pair = &self.lists.pairs[k as usize];
             let (first, second) = (pair.first as usize, pair.second as usize);
             if first < particles.owned() {
                 let (between, squared) = separation(
                     &particles.motion,
                     pair.ends(),
-                    &self.offsets[pair.offset as usize],
+                    &self.lists.offsets[pair.offset as usize],
                     self.settings.region.any_periodic(),
                 );
                 let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
-                self.breaks.push(BondBreak {
+                self.events.breaks.push(BondBreak {
                     step: self.steps,
                     time,
                     grain: particles.body[first].id,
@@ -30,9 +30,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 });
             }
         }
-        for failure in &self.wall_failures {
+        for failure in &self.events.wall_failures {
             let grain = failure.grain as usize;
-            self.breaks.push(BondBreak {
+            self.events.breaks.push(BondBreak {
                 step: self.steps,
                 time,
                 grain: particles.body[grain].id,
@@ -49,8 +49,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
         let mut bonds = 0;
         let periodic = self.settings.region.any_periodic();
-        for pair in &mut self.pairs {
-            let offset = &self.offsets[pair.offset as usize];
+        for pair in &mut self.lists.pairs {
+            let offset = &self.lists.offsets[pair.offset as usize];
             let ends = pair.ends();
             let squared = separation(&particles.motion, ends, offset, periodic).1;
             let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
@@ -62,7 +62,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 bonds += 1;
             }
         }
-        for pair in &mut self.wall_pairs {
+        for pair in &mut self.solids.wall_pairs {
             let distance = self.walls[pair.wall as usize]
                 .distance(&particles.motion[pair.grain as usize].position);
             if distance < pair.radius + L::bonding_gap(&pair.constants)
@@ -71,7 +71,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 bonds += 1;
             }
         }
-        for facets in &mut self.facets {
+        for facets in &mut self.solids.facets {
             facets.next.clear();
             for pair in &mut facets.pairs {
                 let wall = &self.walls[pair.wall as usize];
@@ -113,14 +113,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
 
     /// Takes every bond away; the contacts stay.
     pub(in crate::dem) fn unbond(&mut self) {
-        for pair in &mut self.pairs {
+        for pair in &mut self.lists.pairs {
             L::unbond(&mut pair.history);
         }
-        self.parts.for_each_copy(L::unbond);
-        for pair in &mut self.wall_pairs {
+        self.lists.parts.for_each_copy(L::unbond);
+        for pair in &mut self.solids.wall_pairs {
             L::unbond(&mut pair.history);
         }
-        for held in self.facets.iter_mut().flat_map(|part| &mut part.held) {
+        for held in self
+            .solids
+            .facets
+            .iter_mut()
+            .flat_map(|part| &mut part.held)
+        {
             L::unbond(&mut held.history);
         }
     }

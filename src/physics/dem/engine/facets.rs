@@ -346,10 +346,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         } else {
             1
         };
-        self.facets.truncate(count);
-        self.facets.resize_with(count, Facets::default);
-        self.facets.iter_mut().for_each(Facets::clear);
-        let mut close = std::mem::take(&mut self.facets[0].close);
+        self.solids.facets.truncate(count);
+        self.solids.facets.resize_with(count, Facets::default);
+        self.solids.facets.iter_mut().for_each(Facets::clear);
+        let mut close = std::mem::take(&mut self.solids.facets[0].close);
         close.clear();
         for (w, wall) in (0..).zip(&self.walls) {
             let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
@@ -389,7 +389,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             while grain as usize >= particles.owned() * (part + 1) / count {
                 part += 1;
             }
-            let facets = &mut self.facets[part];
+            let facets = &mut self.solids.facets[part];
             let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
             let near = ghosts::index(facets.near.len());
             facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
@@ -420,11 +420,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 ),
             });
         }
-        self.facets[0].close = close;
+        self.solids.facets[0].close = close;
     }
 
     /// How many pairs of a grain and a wall of facets are listed.
     pub(super) fn facet_pairs(&self) -> usize {
-        self.facets.iter().map(|part| part.pairs.len()).sum()
+        self.solids.facets.iter().map(|part| part.pairs.len()).sum()
     }
 }

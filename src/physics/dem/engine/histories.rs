@@ -51,7 +51,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Moves the histories of all contacts out of the lists, by rising key, each once.
     pub(super) fn remember(&mut self) {
         let fresh = L::History::default();
-        let (pairs, names) = (&self.pairs, &self.names);
+        let (pairs, names) = (&self.lists.pairs, &self.lists.names);
         let threads = threads_for(pairs.len());
         let bound = |thread: usize| pairs.len() * thread / threads;
         let mut before = [0; thread_pool::MOST + 1];
@@ -76,15 +76,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             },
         );
-        for pair in &self.wall_pairs {
+        for pair in &self.solids.wall_pairs {
             if pair.history != L::History::default() {
-                let id = self.names[pair.grain as usize].0;
+                let id = self.lists.names[pair.grain as usize].0;
                 self.wall_histories.push(((id, pair.wall, 0), pair.history));
             }
         }
-        for facets in &mut self.facets {
+        for facets in &mut self.solids.facets {
             for pair in &facets.pairs {
-                let id = self.names[pair.grain as usize].0;
+                let id = self.lists.names[pair.grain as usize].0;
                 for held in facets.held(pair) {
                     if held.history != L::History::default() {
                         self.wall_histories
@@ -95,9 +95,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             facets.clear();
         }
         // Their memory is given back: the search for new pairs needs as much.
-        self.pairs = Vec::new();
-        self.wall_pairs.clear();
-        self.names.clear();
+        self.lists.pairs = Vec::new();
+        self.solids.wall_pairs.clear();
+        self.lists.names.clear();
         self.put_histories_in_order();
     }
 
@@ -123,19 +123,27 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         mut walls: impl FnMut(WallKey, &L::History),
     ) {
         let fresh = L::History::default();
-        for pair in &self.pairs {
+        for pair in &self.lists.pairs {
             let (first, second) = pair.ends();
-            if pair.history != fresh && first < self.named_owned {
-                grains(key(self.names[first], self.names[second]), &pair.history);
+            if pair.history != fresh && first < self.lists.named_owned {
+                grains(
+                    key(self.lists.names[first], self.lists.names[second]),
+                    &pair.history,
+                );
             }
         }
-        for pair in self.wall_pairs.iter().filter(|pair| pair.history != fresh) {
-            let id = self.names[pair.grain as usize].0;
+        for pair in self
+            .solids
+            .wall_pairs
+            .iter()
+            .filter(|pair| pair.history != fresh)
+        {
+            let id = self.lists.names[pair.grain as usize].0;
             walls((id, pair.wall, 0), &pair.history);
         }
-        for facets in &self.facets {
+        for facets in &self.solids.facets {
             for pair in &facets.pairs {
-                let id = self.names[pair.grain as usize].0;
+                let id = self.lists.names[pair.grain as usize].0;
                 let held = facets.held(pair).iter();
                 for held in held.filter(|held| held.history != fresh) {
                     walls((id, pair.wall, held.facet), &held.history);
@@ -164,14 +172,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         walls: Vec<(WallKey, L::History)>,
         steps: u64,
     ) {
-        self.pairs.clear();
-        self.wall_pairs.clear();
-        self.facets.iter_mut().for_each(Facets::clear);
+        self.lists.pairs.clear();
+        self.solids.wall_pairs.clear();
+        self.solids.facets.iter_mut().for_each(Facets::clear);
         self.histories = grains;
         self.wall_histories = walls;
         self.put_histories_in_order();
-        self.listed = false;
-        self.total = None;
+        self.validity.listed = false;
+        self.validity.total = None;
         self.steps = steps;
     }
 }

@@ -49,14 +49,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let threads = thread_pool::threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
         let periodic = self.settings.region.any_periodic();
-        self.names.extend(
+        self.lists.names.extend(
             particles
                 .body
                 .iter()
                 .zip(&particles.shift)
                 .map(|(body, shift)| (body.id, *shift)),
         );
-        self.named_owned = particles.owned();
+        self.lists.named_owned = particles.owned();
         self.list_offsets(particles);
         // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
         // no more room than needed: it is most of the memory of a grain.
@@ -64,7 +64,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let candidates = search.look(particles, gap);
         self.list_facets(particles, gap, &search);
         drop(search);
-        let mut pairs = std::mem::take(&mut self.pairs);
+        let mut pairs = std::mem::take(&mut self.lists.pairs);
         let threads = threads_for(particles.len());
         let bound = |thread: usize| candidates.before(thread, threads);
         let view = particles.view();
@@ -72,13 +72,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let mut cursor = Cursor::default();
             candidates.each(thread, threads, |i, j| {
                 let (a, b) = (&view.body[i], &view.body[j]);
-                let key = key(self.names[i], self.names[j]);
+                let key = key(self.lists.names[i], self.lists.names[j]);
                 let place = if periodic {
                     self.place_of(key.shift)
                 } else {
                     0
                 };
-                let offset = self.offsets[place];
+                let offset = self.lists.offsets[place];
                 let partners = PairProperties {
                     materials: [a.material, b.material],
                     diameter: a.radius + b.radius,
@@ -106,12 +106,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 });
             });
         });
-        self.pairs = pairs;
+        self.lists.pairs = pairs;
         drop(candidates);
         self.list_planes(particles, gap);
         self.histories = Vec::new();
         self.wall_histories.clear();
-        self.path = 0.0;
+        self.validity.path = 0.0;
         L::share_out(self, particles);
         self.activate(particles);
     }
@@ -124,7 +124,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let walls = self.walls.iter().enumerate();
             walls.filter(|(_, wall)| !wall.open && wall.surface.is_none())
         };
-        let mut found = std::mem::take(&mut self.planes_found);
+        let mut found = std::mem::take(&mut self.solids.planes_found);
         found.resize_with(threads, Vec::new);
         thread_pool::each_item(&mut found, 1, |thread, found| {
             let bound = |thread: usize| view.owned * thread / threads;
@@ -154,9 +154,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
         });
         for found in &mut found {
-            self.wall_pairs.append(found);
+            self.solids.wall_pairs.append(found);
         }
-        self.planes_found = found;
+        self.solids.planes_found = found;
     }
 
     /// What periodic axes may add to separations: all differences of the images that there are.
@@ -168,32 +168,38 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 shifts.push(*shift);
             }
         }
-        self.offset_shifts.clear();
-        self.offset_shifts.push([0; 3]);
+        self.lists.offset_shifts.clear();
+        self.lists.offset_shifts.push([0; 3]);
         for first in &shifts {
             for second in &shifts {
                 let shift = std::array::from_fn(|axis| second[axis] - first[axis]);
-                if !self.offset_shifts.contains(&shift) {
-                    self.offset_shifts.push(shift);
+                if !self.lists.offset_shifts.contains(&shift) {
+                    self.lists.offset_shifts.push(shift);
                 }
             }
         }
         let lengths = &particles.lengths;
-        self.offsets.clear();
-        self.offsets.extend(self.offset_shifts.iter().map(|shift| {
-            let mut offset = S::Vector::default();
-            for axis in 0..S::DIMENSION {
-                offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
-            }
-            offset
-        }));
+        self.lists.offsets.clear();
+        self.lists
+            .offsets
+            .extend(self.lists.offset_shifts.iter().map(|shift| {
+                let mut offset = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
+                }
+                offset
+            }));
     }
 
     /// Place of a shift among the offsets.
     #[inline]
     fn place_of(&self, shift: [i32; 3]) -> usize {
         // Most pairs are no images.
-        let known = self.offset_shifts.iter().position(|known| *known == shift);
+        let known = self
+            .lists
+            .offset_shifts
+            .iter()
+            .position(|known| *known == shift);
         known.unwrap_or(0)
     }
 
@@ -205,18 +211,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Chooses the pairs to test until grains have moved by another look's distance.
     pub(super) fn activate(&mut self, particles: &Particles<S>) {
         let skin = self.settings.skin;
-        let since = self.steps - self.activated_at;
+        let since = self.steps - self.validity.activated_at;
         if since < 30 {
-            self.look = (2.0 * self.look).min(0.5 * skin);
+            self.validity.look = (2.0 * self.validity.look).min(0.5 * skin);
         } else if since > 240 {
-            self.look = (0.5 * self.look).max(skin / 1024.0);
+            self.validity.look = (0.5 * self.validity.look).max(skin / 1024.0);
         }
-        self.activated_at = self.steps;
-        self.activated = self.path + self.look;
+        self.validity.activated_at = self.steps;
+        self.validity.activated = self.validity.path + self.validity.look;
         let periodic = self.settings.region.any_periodic();
-        let (offsets, scratch, motion) = (&self.offsets, &self.scratch, &particles.motion[..]);
+        let (offsets, scratch, motion) =
+            (&self.lists.offsets, &self.scratch, &particles.motion[..]);
         // The slack is far above the rounding of a separation, far below any gap that costs.
-        let gap = 2.0 * self.look * (1.0 + 1e-9);
+        let gap = 2.0 * self.validity.look * (1.0 + 1e-9);
         let choose =
             |first: usize, pairs: &mut [Pair<L::Scale, L::History>], active: &mut Vec<u32>| {
                 active.clear();
@@ -233,27 +240,27 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
             };
         if self.parallel {
-            let (pieces, all) = (thread_pool::threads(), self.pairs.len());
-            self.chosen.resize_with(pieces, Vec::new);
+            let (pieces, all) = (thread_pool::threads(), self.lists.pairs.len());
+            self.lists.chosen.resize_with(pieces, Vec::new);
             let shared = (
-                thread_pool::evenly(&mut self.pairs, pieces),
-                thread_pool::evenly(&mut self.chosen, pieces),
+                thread_pool::evenly(&mut self.lists.pairs, pieces),
+                thread_pool::evenly(&mut self.lists.chosen, pieces),
             );
             thread_pool::each_of(pieces, shared, |piece, (pairs, chosen)| {
                 choose(all * piece / pieces, pairs, &mut chosen[0]);
             });
-            self.active.clear();
-            for chosen in &self.chosen {
-                self.active.extend_from_slice(chosen);
+            self.lists.active.clear();
+            for chosen in &self.lists.chosen {
+                self.lists.active.extend_from_slice(chosen);
             }
         } else {
-            choose(0, &mut self.pairs, &mut self.active);
+            choose(0, &mut self.lists.pairs, &mut self.lists.active);
         }
-        let (walls, look) = (&self.walls, self.look);
+        let (walls, look) = (&self.walls, self.validity.look);
         let least = if self.parallel { 1 } else { usize::MAX };
-        thread_pool::each_item(&mut self.facets, least, |_, facets| {
+        thread_pool::each_item(&mut self.solids.facets, least, |_, facets| {
             facets.activate(walls, motion, look);
         });
-        self.parts.note(&self.active, &self.pairs);
+        self.lists.parts.note(&self.lists.active, &self.lists.pairs);
     }
 }

@@ -261,13 +261,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let owned = particles.owned();
         let id = |grain: usize| particles.body[..owned].get(grain).map(|body| body.id);
         let pairs_below = |grain: usize| {
-            id(grain).map_or(self.pairs.len(), |id| {
-                self.pairs
-                    .partition_point(|pair| self.names[pair.first as usize].0 < id)
+            id(grain).map_or(self.lists.pairs.len(), |id| {
+                self.lists
+                    .pairs
+                    .partition_point(|pair| self.lists.names[pair.first as usize].0 < id)
             })
         };
         let planes_below = |grain: usize| {
-            self.wall_pairs
+            self.solids
+                .wall_pairs
                 .partition_point(|pair| (pair.grain as usize) < grain)
         };
         let count = if self.parallel {
@@ -275,9 +277,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         } else {
             1
         };
-        self.parts.cut(count, owned, [&pairs_below, &planes_below]);
+        self.lists
+            .parts
+            .cut(count, owned, [&pairs_below, &planes_below]);
         let entries = if count > 1 { particles.len() } else { 0 };
-        self.parts.moved.resize(entries, Motion::default());
+        self.lists.parts.moved.resize(entries, Motion::default());
     }
 
     /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains in `phase`: whether this
@@ -294,15 +298,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             coming,
             moved,
             ..
-        } = &mut self.parts;
+        } = &mut self.lists.parts;
         let world = World::<S, L> {
             rows: &self.rows,
-            offsets: &self.offsets,
-            active: &self.active,
+            offsets: &self.lists.offsets,
+            active: &self.lists.active,
             motion: &particles.motion,
             walls: &self.walls,
             time_step: dt,
-            deepest: self.record.part(),
+            deepest: self.events.record.part(),
         };
         let (cuts, count) = (&**cuts, parts.len());
         let phase = phase.filter(|_| count > 1);
@@ -310,13 +314,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let grains = |part: usize| cuts[part].grains;
         let shared = (
             thread_pool::evenly(parts, count),
-            thread_pool::cut(&mut self.pairs, count, |part| cuts[part].pairs),
+            thread_pool::cut(&mut self.lists.pairs, count, |part| cuts[part].pairs),
             thread_pool::evenly(coming, count),
-            thread_pool::cut(&mut self.wall_pairs, count, |part| cuts[part].planes),
+            thread_pool::cut(&mut self.solids.wall_pairs, count, |part| cuts[part].planes),
         );
         let shared = (
             shared,
-            thread_pool::evenly(&mut self.facets, count),
+            thread_pool::evenly(&mut self.solids.facets, count),
             thread_pool::cut(&mut particles.contact, count, grains),
             thread_pool::cut(
                 moved,
@@ -349,14 +353,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         });
         let mut fastest = Fastest::default();
         for part in &mut *parts {
-            self.record = self.record.or(part.deepest);
-            self.failures.append(&mut part.pairs);
-            self.wall_failures.append(&mut part.at_planes);
+            self.events.record = self.events.record.or(part.deepest);
+            self.events.failures.append(&mut part.pairs);
+            self.events.wall_failures.append(&mut part.at_planes);
             fastest = fastest.or(part.fastest);
         }
         // All planes first, as by one part.
         for part in parts {
-            self.wall_failures.append(&mut part.at_facets);
+            self.events.wall_failures.append(&mut part.at_facets);
         }
         phase.map(|_| fastest)
     }
@@ -365,7 +369,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn take_moved(&mut self, particles: &mut Particles<S>) {
         let owned = particles.owned();
         // Ghosts stay until they are refreshed.
-        self.parts.moved[owned..].copy_from_slice(&particles.motion[owned..]);
-        std::mem::swap(&mut self.parts.moved, &mut particles.motion);
+        self.lists.parts.moved[owned..].copy_from_slice(&particles.motion[owned..]);
+        std::mem::swap(&mut self.lists.parts.moved, &mut particles.motion);
     }
 }

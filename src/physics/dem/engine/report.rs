@@ -21,7 +21,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         pair: &Pair<L::Scale, L::History>,
     ) -> Option<Contact<S>> {
         let periodic = self.settings.region.any_periodic();
-        let offset = &self.offsets[pair.offset as usize];
+        let offset = &self.lists.offsets[pair.offset as usize];
         let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
         let bonded = L::bonded(&pair.history);
         if squared >= pair.reach * pair.reach && !bonded {
@@ -79,17 +79,17 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) {
         let mut narrow = Narrow::default();
         let own = |pair: &&Pair<L::Scale, L::History>| (pair.first as usize) < particles.owned();
-        for pair in self.pairs.iter().filter(own) {
+        for pair in self.lists.pairs.iter().filter(own) {
             if let Some(contact) = L::contact(self, particles, pair, &mut narrow) {
                 visit(contact);
             }
         }
-        for pair in &self.wall_pairs {
+        for pair in &self.solids.wall_pairs {
             if let Some(contact) = L::plane_contact(self, particles, pair, &mut narrow) {
                 visit(contact);
             }
         }
-        for facets in &self.facets {
+        for facets in &self.solids.facets {
             for pair in &facets.pairs {
                 L::facet_contacts(self, particles, (facets, pair), &mut narrow, &mut visit);
             }
@@ -151,10 +151,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let mut now = Statistics {
             owned: particles.owned() as u64,
             ghosts: (particles.len() - particles.owned()) as u64,
-            listed: (self.pairs.len() + self.wall_pairs.len() + self.facet_pairs()) as u64,
-            active: self.active.len() as u64,
-            rebuilds: self.rebuilds,
-            tested: self.tested,
+            listed: (self.lists.pairs.len() + self.solids.wall_pairs.len() + self.facet_pairs())
+                as u64,
+            active: self.lists.active.len() as u64,
+            rebuilds: self.validity.rebuilds,
+            tested: self.validity.tested,
             ..Statistics::default()
         };
         self.for_each_contact(particles, |contact| {
