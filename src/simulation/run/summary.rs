@@ -157,6 +157,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         warnings.extend(seepage.iter().flat_map(|seepage| seepage.warnings()));
         warnings.extend(self.lost_mass(measures.mass_change));
         warnings.extend(self.late_feeds());
+        if let Some((step, lack)) = &self.unsaved {
+            let newest = self.saved.map_or_else(
+                || "there is no checkpoint".to_owned(),
+                |saved| format!("the newest is that of step {saved}"),
+            );
+            warnings.push(format!(
+                "checkpoints are missing from step {step} on, for lack of space ({lack}): {newest}"
+            ));
+        }
         if seepage.is_none() {
             return warnings;
         }
