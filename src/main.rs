@@ -1,13 +1,13 @@
 //! Entry point: the log and the exit code.
 
 use solver::allocator::Allocator;
-use solver::{cli, huge_pages, provenance};
+use solver::{cli, environment, provenance};
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
 fn main() {
-    huge_pages::ask();
+    environment::ask();
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
     provenance::declare(env!("SOLVER_COMMIT"), env!("SOLVER_PROFILE"));
     std::process::exit(cli::main(std::env::args_os()));

@@ -33,6 +33,8 @@ mod structures;
 pub mod view;
 mod vorticity;
 
+pub use probes::columns as probe_columns;
+
 use crate::case::geometry::Axis;
 use crate::case::observe::FluidOutput;
 use crate::dem::space::Space;

@@ -273,6 +273,7 @@ impl Scene {
         let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
             block::Block::vector(&grid, g, "gravity", findings)
         });
+        gravity::check_size(gravity, findings);
         let names: Vec<String> = case.materials.keys().cloned().collect();
         let materials = case.materials.iter().map(|(name, material)| Material {
             name: name.clone(),

@@ -18,6 +18,7 @@
 
 pub mod latin_hypercube;
 pub mod members;
+mod outputs;
 pub mod picture;
 mod problems;
 pub mod record;
@@ -112,14 +113,40 @@ pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
                     format!("use 1 to {}", members.len()),
                 )
             })?;
-            run(&study, std::slice::from_ref(member), &output, sweep, report)
+            run(&study, std::slice::from_ref(member), &output, sweep, report)?;
+            check_ends(std::slice::from_ref(member), &output)
         }
         Task::Run => {
             enough_cores(&study.run)?;
             run(&study, &members, &output, sweep, report)?;
-            collect(&study, &members, beside, &output, report)
+            collect(&study, &members, beside, &output, report)?;
+            check_ends(&members, &output)
         }
     }
+}
+
+/// Refuses members that ended neither by themselves nor on request: by a signal, a full disk, an internal error.
+///
+/// # Errors
+/// [`Error::Io`] with their names and reasons.
+pub(crate) fn check_ends(members: &[Member], output: &Path) -> Result<(), Error> {
+    let failed: Vec<String> = members
+        .iter()
+        .filter_map(|member| {
+            let record = Record::read(&output.join(&member.name))?;
+            let failed = record.outcome == record::Outcome::Failed;
+            failed.then(|| format!("{} ({})", member.name, record.message))
+        })
+        .collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let shown = failed[..failed.len().min(5)].join(", ");
+    Err(Error::Io(format!(
+        "{} of {} members failed: {shown}",
+        failed.len(),
+        members.len()
+    )))
 }
 
 fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Error {

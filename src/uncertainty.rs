@@ -371,6 +371,7 @@ pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Tab
     if members.grids.len() > 1 && table.usable() < 2 {
         return Err(Error::Numerical(table.conclusion));
     }
+    crate::sweep::check_ends(&members.list, &options.output)?;
     Ok(table)
 }
 

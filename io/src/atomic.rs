@@ -6,6 +6,7 @@ use std::io::{self, Write};
 #[cfg(target_os = "linux")]
 use std::os::fd::AsRawFd;
 use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -27,15 +28,42 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
+/// Flag with which the system refuses to open a link for writing.
+pub const NO_LINKS: i32 = libc::O_NOFOLLOW;
+
+/// Creates a file that is not complete yet. What has its name is removed first, a link rather than its target.
+fn create_part(part: &Path) -> Result<File> {
+    remove_if_there(part)?;
+    OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(part)
+        .map_err(|e| Error::io("create", part, &e))
+}
+
+/// Opens a file to append to it, unless it is a link.
+///
+/// # Errors
+/// The system's error.
+pub fn append(path: &Path) -> Result<File> {
+    OpenOptions::new()
+        .append(true)
+        .custom_flags(NO_LINKS)
+        .open(path)
+        .map_err(|e| Error::io("open", path, &e))
+}
+
 /// Write a small file so that `path` holds either what it held before or all of `bytes`, even across a power cut.
 ///
 /// # Errors
 /// The system's error; `path` is then untouched and no `.part` is left.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let part = part_of(path);
-    let written = File::create(&part)
-        .and_then(|mut file| file.write_all(bytes))
-        .map_err(|e| Error::io("write", &part, &e))
+    let written = create_part(&part)
+        .and_then(|mut file| {
+            file.write_all(bytes)
+                .map_err(|e| Error::io("write", &part, &e))
+        })
         .and_then(|()| publish(&part, path));
     if written.is_err() {
         // The first error is the one to report; a leftover is cleaned up at the next start at the latest.
@@ -87,8 +115,7 @@ pub fn sync_folder(path: &Path) -> Result<()> {
 /// Find out on one rank, before all open it together, whether `part` can be created and given `bytes` bytes: a missing
 /// right, a quota and a full disk show here, where turning back is safe. An old `part` is replaced; none is left.
 pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
-    remove_if_there(part)?;
-    let file = File::create(part).map_err(|e| Error::io("create", part, &e))?;
+    let file = create_part(part)?;
     let reserved = reserve(&file, bytes);
     drop(file);
     remove_if_there(part)?;

@@ -94,7 +94,15 @@ impl Error {
     pub(crate) fn hdf(path: &Path, action: &str, error: &hdf5::Error) -> Self {
         Self::Hdf {
             path: path.display().to_string(),
-            reason: format!("cannot {action}: {error}"),
+            reason: {
+                let reason = error.to_string();
+                let advice = if reason.contains("lock file") {
+                    "; if the file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE"
+                } else {
+                    ""
+                };
+                format!("cannot {action}: {reason}{advice}")
+            },
         }
     }
 

@@ -197,6 +197,17 @@ fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
         .from_reader(text.as_bytes())
 }
 
+/// Returns a name for a message. A file that is no table may hold secrets: what does not look like a name is not quoted.
+fn quotable(name: &str, at: usize) -> String {
+    let plain =
+        |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '[' | ']' | '.' | '^');
+    if name.chars().count() <= 40 && name.chars().all(plain) && !name.is_empty() {
+        name.to_owned()
+    } else {
+        format!("number {}", at + 1)
+    }
+}
+
 /// `true` if the line is blank or a comment.
 fn skipped(line: &str) -> bool {
     let line = line.trim();
@@ -408,7 +419,7 @@ impl<'t> Sheet<'t> {
                 .find_map(|(k, column)| Some((k, divisor(column)?)));
             let Some((k, (_, over))) = matched else {
                 if all {
-                    return Err(Refusal::Unknown(name.to_owned()));
+                    return Err(Refusal::Unknown(quotable(name, at)));
                 }
                 continue;
             };
@@ -566,7 +577,7 @@ impl Row<'_> {
             "line {}: column `{}` holds `{}`, which is no number{advice}",
             self.line(),
             name.map_or(known, String::as_str),
-            text.chars().take(40).collect::<String>()
+            text.chars().take(24).collect::<String>()
         ))
     }
 }

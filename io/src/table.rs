@@ -4,7 +4,7 @@
 //! it. Numbers have the fewest digits that read back to the same bits.
 
 use std::fmt::Write as _;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -102,10 +102,7 @@ impl Table {
     }
 
     fn append(path: &Path, columns: usize) -> Result<Self> {
-        let file = OpenOptions::new()
-            .append(true)
-            .open(path)
-            .map_err(|e| Error::io("open", path, &e))?;
+        let file = atomic::append(path)?;
         Ok(Self {
             path: path.to_owned(),
             file,

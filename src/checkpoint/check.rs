@@ -165,93 +165,179 @@ impl Expected {
     }
 }
 
-/// What grains and contacts of a case can be.
+/// Limits of the grains and contacts of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bounds {
     /// Edges of the domain \[m\].
     pub size: [f64; 3],
-    /// How many materials there are.
+    /// Number of materials.
     pub materials: u64,
-    /// How many shapes of blocks there are.
+    /// Number of shapes of blocks.
     pub shapes: u64,
+    /// Radius of the smallest grain or body \[m\]; 0 while grains grow.
+    pub smallest: f64,
+    /// Radius of the largest grain, body or block \[m\].
+    pub largest: f64,
+    /// Mass of the heaviest sphere or disc of the largest radius [kg; in 2-D kg/m].
+    pub heaviest: f64,
 }
 
-/// Largest id and largest count: beyond it sums of a few of them could overflow.
+/// One past the largest id: contacts name two grains by one number.
+const IDS: u64 = 1 << 32;
+/// Largest number of solid steps: beyond it sums of a few could overflow.
 const LARGEST: u64 = 1 << 53;
 /// Lengths of the domain that a grain may be away from it: round a periodic axis it keeps its place on the line.
 const FARTHEST: f64 = 1e6;
+/// Largest periods by which a grain or the partner of a contact may be shifted.
+const SHIFTS: i64 = 1 << 20;
+/// Largest magnitude of a force, a moment or a number of a contact, as of any quantity of a case.
+const MAGNITUDE: f64 = 1e30;
+/// Largest speed [m/s].
+const SPEED: f64 = 3e8;
+/// Rounding of radii and masses.
+const ROUNDING: f64 = 1e-6;
 
 impl Bounds {
-    /// Whether grains and contacts can be those of the case. Numbers that no run could have written would lead the next
-    /// step anywhere.
+    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the next
+    /// step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads them.
     ///
     /// # Errors
     /// [`Error::Io`] with the column.
     pub fn hold(&self, grains: &Table, contacts: &Contacts) -> Result<(), Error> {
-        let wrong = |what: String| Err(Error::Io(format!("the checkpoint: {what}")));
-        let mut ids = Vec::new();
-        for (name, values) in &grains.columns {
-            let good = match values {
-                Values::Real(values) => {
-                    let axis = ["position_x", "position_y", "position_z"]
-                        .iter()
-                        .position(|column| column == name);
-                    let most = axis.map_or(f64::MAX, |a| FARTHEST * self.size[a]);
-                    let least = match name.as_str() {
-                        "radius" | "mass" => f64::MIN_POSITIVE,
-                        "inertia" => 0.0,
-                        _ => -most,
-                    };
-                    values.iter().all(|x| (least..=most).contains(x))
-                }
-                Values::Whole(values) => {
-                    let below = match name.as_str() {
-                        "id" => {
-                            ids.clone_from(values);
-                            LARGEST
-                        }
-                        "material" => self.materials.max(1),
-                        _ => u64::MAX,
-                    };
-                    let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
-                    values.iter().all(|n| *n < below || below == u64::MAX)
-                        && (name != "shape" || values.iter().all(|&s| shape(s)))
-                }
-            };
-            if !good {
-                return wrong(format!(
-                    "column {name} of the grains holds values that no grain can have"
-                ));
-            }
-        }
+        self.grains(grains)?;
+        let mut ids = match grains.columns.iter().find(|(name, _)| name == "id") {
+            Some((_, Values::Whole(ids))) => ids.clone(),
+            _ => Vec::new(),
+        };
         ids.sort_unstable();
         if ids.windows(2).any(|pair| pair[0] == pair[1]) {
-            return wrong("two grains have the same id".to_owned());
+            return wrong("two grains have the same id");
         }
         if contacts.steps > LARGEST {
-            return wrong(format!("{} solid steps", contacts.steps));
+            return wrong(&format!("{} solid steps", contacts.steps));
         }
+        let known = |id: &u64| ids.is_empty() && *id < IDS || ids.binary_search(id).is_ok();
         let walls = contacts.faces.rows() as u64;
-        for (name, values) in &contacts.walls.columns {
-            if let ("wall", Values::Whole(values)) = (name.as_str(), values)
-                && values.iter().any(|wall| *wall >= walls)
-            {
-                return wrong(format!("a contact with a wall beyond the {walls}"));
+        for (table, kind) in [
+            (&contacts.grains, "contacts"),
+            (&contacts.walls, "contacts with walls"),
+        ] {
+            for (name, values) in &table.columns {
+                let good = match (name.as_str(), values) {
+                    ("first" | "second" | "grain", Values::Whole(ids)) => ids.iter().all(known),
+                    ("wall", Values::Whole(numbers)) => numbers.iter().all(|wall| *wall < walls),
+                    (_, Values::Whole(numbers)) if name.starts_with("shift") => shifts(numbers),
+                    (_, Values::Whole(numbers)) => numbers.iter().all(|n| *n < IDS),
+                    (_, Values::Real(numbers)) => within(numbers, -MAGNITUDE, MAGNITUDE),
+                };
+                if !good {
+                    return wrong(&format!(
+                        "column {name} of the {kind} holds values that no contact can have"
+                    ));
+                }
             }
         }
         for (name, values) in &contacts.faces.columns {
             let good = match values {
-                Values::Real(values) => values.iter().all(|x| x.is_finite()),
+                Values::Real(values) => within(values, -MAGNITUDE, MAGNITUDE),
                 Values::Whole(values) => values.iter().all(|n| *n < self.materials.max(1)),
             };
             if !good {
-                return wrong(format!(
+                return wrong(&format!(
                     "column {name} of the walls holds values that no wall can have"
                 ));
             }
         }
         Ok(())
     }
+
+    /// Checks the columns of the grains.
+    fn grains(&self, grains: &Table) -> Result<(), Error> {
+        for (name, values) in &grains.columns {
+            let good = match values {
+                Values::Real(values) => {
+                    let [least, most] = self.range(name);
+                    within(values, least, most)
+                }
+                Values::Whole(values) => match name.as_str() {
+                    "id" => values.iter().all(|id| *id < IDS),
+                    "material" => values.iter().all(|n| *n < self.materials.max(1)),
+                    "kind" => values.iter().all(|kind| *kind < 3),
+                    "shape" => {
+                        let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
+                        values.iter().all(|s| shape(*s))
+                    }
+                    _ if name.starts_with("shift") => shifts(values),
+                    _ => values.iter().all(|n| *n < LARGEST),
+                },
+            };
+            if !good {
+                return wrong(&format!(
+                    "column {name} of the grains holds values that no grain can have"
+                ));
+            }
+        }
+        let turns: Vec<&[f64]> = ["x", "y", "z", "w"]
+            .iter()
+            .filter_map(|axis| {
+                let name = format!("orientation_{axis}");
+                let found = grains.columns.iter().find(|(known, _)| *known == name);
+                match found {
+                    Some((_, Values::Real(values))) => Some(values.as_slice()),
+                    _ => None,
+                }
+            })
+            .collect();
+        if let [x, y, z, w] = turns[..] {
+            let squares = (0..x.len()).map(|k| {
+                [x, y, z, w]
+                    .iter()
+                    .filter_map(|part| part.get(k))
+                    .map(|q| q * q)
+                    .sum::<f64>()
+            });
+            // Spheres beside blocks have the turn of nothing, or none.
+            let mut squares = squares.filter(|square| *square > 0.0);
+            if squares.any(|square| (square - 1.0).abs() > 1e-6) {
+                return wrong("an orientation of the grains is no rotation");
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the least and the largest value of a column of real numbers.
+    fn range(&self, name: &str) -> [f64; 2] {
+        let both = |most: f64| [-most, most];
+        let axis = |name: &str| "xyz".find(name.chars().last()?);
+        let (more, less) = (1.0 + ROUNDING, 1.0 - ROUNDING);
+        match name {
+            "radius" => [less * self.smallest, more * self.largest],
+            "mass" => [f64::MIN_POSITIVE, more * self.heaviest],
+            // Of a needle as long as the sphere round it.
+            "inertia" => [0.0, more * self.heaviest * self.largest * self.largest],
+            _ if name.starts_with("position") || name.starts_with("start") => {
+                both(axis(name).map_or(MAGNITUDE, |a| FARTHEST * self.size[a].max(1.0)))
+            }
+            _ if name.starts_with("velocity") || name.starts_with("last_velocity") => both(SPEED),
+            _ if name.starts_with("orientation") => both(1.0 + 1e-6),
+            _ => both(MAGNITUDE),
+        }
+    }
+}
+
+fn wrong(what: &str) -> Result<(), Error> {
+    Err(Error::Io(format!("the checkpoint: {what}")))
+}
+
+/// `true` if all numbers lie in a range; none is NaN.
+fn within(numbers: &[f64], least: f64, most: f64) -> bool {
+    numbers.iter().all(|x| (least..=most).contains(x))
+}
+
+/// `true` if all numbers of periods, stored as whole numbers, are small.
+fn shifts(numbers: &[u64]) -> bool {
+    let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
+    numbers.iter().all(small)
 }
 
 /// Arrays of a checkpoint at most.

@@ -35,6 +35,9 @@ pub struct Published {
     pub coefficient: f64,
 }
 
+/// Numbers that an erosion law can have, in SI.
+const PUBLISHED: std::ops::RangeInclusive<f64> = 1e-12..=1e12;
+
 impl FromStr for Published {
     type Err = String;
 
@@ -46,7 +49,7 @@ impl FromStr for Published {
             .map_err(|e| e.to_string())?;
         match numbers[..] {
             [cohesion, critical_shear, coefficient]
-                if numbers.iter().all(|x| *x > 0.0 && x.is_finite()) =>
+                if numbers.iter().all(|x| PUBLISHED.contains(x)) =>
             {
                 Ok(Self {
                     cohesion,

@@ -34,7 +34,7 @@ use std::rc::Rc;
 #[derive(Clone, Debug, Args)]
 pub struct PictureOptions {
     /// A time [s], the nearest output of it; may be given several times [default: four over the run].
-    #[arg(long = "time", value_name = "SECONDS")]
+    #[arg(long = "time", value_name = "SECONDS", value_parser = finite)]
     pub times: Vec<f64>,
     /// Field of the water.
     #[arg(long, default_value = "velocity")]
@@ -63,6 +63,41 @@ pub struct PictureOptions {
     /// The picture [default: picture.svg in the folder of the run].
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Replace a file that is no picture, or a file of a run.
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|time: &f64| time.is_finite());
+    number.ok_or_else(|| "a time in seconds".into())
+}
+
+/// Refuses to replace what is no plain file, and, unless that is asked for, what is no picture or belongs to a run.
+fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Error> {
+    let refused = |reason: &str| {
+        Err(Error::Usage(format!(
+            "--output {}: {reason}",
+            output.display()
+        )))
+    };
+    let Ok(found) = std::fs::symlink_metadata(output) else {
+        return Ok(());
+    };
+    if !found.is_file() {
+        return refused("this is no plain file; name a file");
+    }
+    let folder = output.parent().unwrap_or(output);
+    let of_a_run = ["case.json", "summary.json", "run.lock"]
+        .iter()
+        .any(|name| folder.join(name).exists());
+    let picture = output.extension().is_some_and(|ending| ending == "svg");
+    if overwrite || output == usual || picture && !of_a_run {
+        return Ok(());
+    }
+    refused(
+        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace it with --overwrite",
+    )
 }
 
 /// From where a scene in space is seen.
@@ -87,6 +122,9 @@ const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 /// # Errors
 /// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
 pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
+    let usual = run.join("picture.svg");
+    let output = request.output.clone().unwrap_or_else(|| usual.clone());
+    check_output(&output, &usual, request.overwrite)?;
     let open = |name: &str| {
         Series::open(run, name, &Alone)
             .ok()
@@ -151,10 +189,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         scenes.push(scene.cut(request.section));
     }
     let text = draw(&scenes, request)?;
-    let output = request
-        .output
-        .clone()
-        .unwrap_or_else(|| run.join("picture.svg"));
     io::atomic::write(&output, text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
     Ok(format!("wrote {}", output.display()))
 }

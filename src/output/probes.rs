@@ -38,6 +38,7 @@ use crate::lbm::links::Load;
 use crate::number::real;
 use crate::output::view::View;
 use crate::plan::Plan;
+use crate::scene::Scene;
 use crate::scene::observe::{Action, ProbeAt};
 use crate::units::LatticeUnits;
 use bed::Bed;
@@ -108,7 +109,7 @@ impl Probe {
         probes
             .map(|probe| {
                 let mut at = At::new(plan, &probe.at, folder, domain, resumed_at)?;
-                let headings = at.headings(plan.scene.grid.dimension);
+                let headings = headings(&plan.scene, &probe.at);
                 let path = folder.join(format!("probe_{}.csv", probe.name));
                 let every = Some(plan.clock.every(probe.every));
                 let mut table = None;
@@ -212,6 +213,94 @@ fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<Table> {
     }
 }
 
+/// Returns the names of the columns of the table of a probe.
+#[must_use]
+pub fn columns(scene: &Scene, at: &ProbeAt) -> Vec<&'static str> {
+    let names = headings(scene, at).into_iter().map(|(name, _)| name);
+    std::iter::once("step").chain(names).collect()
+}
+
+/// Returns the columns of the table of a probe with their units, without the step.
+fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
+    let dimension = scene.grid.dimension;
+    let flat = dimension == 2;
+    let (force, torque) = (force_unit(dimension), torque_unit(dimension));
+    let mut headings = vec![TIME];
+    match at {
+        ProbeAt::Bed(_) => return bed::HEADINGS.to_vec(),
+        ProbeAt::Grains { .. } => return fabric::HEADINGS.to_vec(),
+        ProbeAt::Point(_) => {
+            headings.extend(VELOCITY);
+            headings.push(("pressure", "Pa"));
+            headings.extend(scene.seepage.iter().map(|_| ("head", "m")));
+        }
+        ProbeAt::Line { .. } => {
+            headings.push(("distance", "m"));
+            headings.extend(POSITION);
+            headings.extend(VELOCITY);
+            headings.push(("pressure", "Pa"));
+        }
+        ProbeAt::Section { .. } => headings.extend([
+            ("discharge", if flat { "m2/s" } else { "m3/s" }),
+            ("open_area", if flat { "m" } else { "m2" }),
+            ("head_before", "m"),
+            ("head_behind", "m"),
+        ]),
+        ProbeAt::Structure(_) => headings.extend([
+            ("fluid_force_x", force),
+            ("fluid_force_y", force),
+            ("fluid_force_z", force),
+            ("fluid_torque_x", torque),
+            ("fluid_torque_y", torque),
+            ("fluid_torque_z", torque),
+        ]),
+        ProbeAt::Plane { .. } => {
+            headings.push(("discharge", if flat { "m2/s" } else { "m3/s" }));
+            headings.extend([
+                ("mean_velocity_x", "m/s"),
+                ("mean_velocity_y", "m/s"),
+                ("mean_velocity_z", "m/s"),
+                ("mean_pressure", "Pa"),
+                ("largest_speed", "m/s"),
+                ("fluid_share", "-"),
+            ]);
+        }
+        ProbeAt::Body(_) => {
+            headings.extend(POSITION);
+            headings.extend(VELOCITY);
+            headings.extend([
+                ("angular_velocity_x", "rad/s"),
+                ("angular_velocity_y", "rad/s"),
+                ("angular_velocity_z", "rad/s"),
+                ("fluid_force_time", "s"),
+                ("fluid_force_x", force),
+                ("fluid_force_y", force),
+                ("fluid_force_z", force),
+                ("fluid_torque_x", torque),
+                ("fluid_torque_y", torque),
+                ("fluid_torque_z", torque),
+                ("contact_force_x", force),
+                ("contact_force_y", force),
+                ("contact_force_z", force),
+                ("contact_torque_x", torque),
+                ("contact_torque_y", torque),
+                ("contact_torque_z", torque),
+            ]);
+        }
+        ProbeAt::Wall(_) => headings.extend([
+            ("force_x", force),
+            ("force_y", force),
+            ("force_z", force),
+            ("normal_force", force),
+            ("shear_force", force),
+            ("mean_pressure", "Pa"),
+            ("mean_shear_stress", "Pa"),
+            ("mass_flux", if flat { "kg/(m s)" } else { "kg/s" }),
+        ]),
+    }
+    headings
+}
+
 impl At {
     fn new(
         plan: &Plan,
@@ -284,88 +373,6 @@ impl At {
             Self::Line(points) => points.len(),
             _ => 1,
         }
-    }
-
-    fn headings(&self, dimension: usize) -> Vec<Heading> {
-        let flat = dimension == 2;
-        let (force, torque) = (force_unit(dimension), torque_unit(dimension));
-        let mut headings = vec![TIME];
-        match self {
-            Self::Bed(_) => return bed::HEADINGS.to_vec(),
-            Self::Grains(_) => return fabric::HEADINGS.to_vec(),
-            Self::Point(_) => {
-                headings.extend(VELOCITY);
-                headings.push(("pressure", "Pa"));
-            }
-            Self::Line(_) => {
-                headings.push(("distance", "m"));
-                headings.extend(POSITION);
-                headings.extend(VELOCITY);
-                headings.push(("pressure", "Pa"));
-            }
-            Self::Pores(_) => {
-                headings.extend(VELOCITY);
-                headings.extend([("pressure", "Pa"), ("head", "m")]);
-            }
-            Self::Section(_) => headings.extend([
-                ("discharge", if flat { "m2/s" } else { "m3/s" }),
-                ("open_area", if flat { "m" } else { "m2" }),
-                ("head_before", "m"),
-                ("head_behind", "m"),
-            ]),
-            Self::Structure(_) => headings.extend([
-                ("fluid_force_x", force),
-                ("fluid_force_y", force),
-                ("fluid_force_z", force),
-                ("fluid_torque_x", torque),
-                ("fluid_torque_y", torque),
-                ("fluid_torque_z", torque),
-            ]),
-            Self::Plane { .. } => {
-                headings.push(("discharge", if flat { "m2/s" } else { "m3/s" }));
-                headings.extend([
-                    ("mean_velocity_x", "m/s"),
-                    ("mean_velocity_y", "m/s"),
-                    ("mean_velocity_z", "m/s"),
-                    ("mean_pressure", "Pa"),
-                    ("largest_speed", "m/s"),
-                    ("fluid_share", "-"),
-                ]);
-            }
-            Self::Body(_) => {
-                headings.extend(POSITION);
-                headings.extend(VELOCITY);
-                headings.extend([
-                    ("angular_velocity_x", "rad/s"),
-                    ("angular_velocity_y", "rad/s"),
-                    ("angular_velocity_z", "rad/s"),
-                    ("fluid_force_time", "s"),
-                    ("fluid_force_x", force),
-                    ("fluid_force_y", force),
-                    ("fluid_force_z", force),
-                    ("fluid_torque_x", torque),
-                    ("fluid_torque_y", torque),
-                    ("fluid_torque_z", torque),
-                    ("contact_force_x", force),
-                    ("contact_force_y", force),
-                    ("contact_force_z", force),
-                    ("contact_torque_x", torque),
-                    ("contact_torque_y", torque),
-                    ("contact_torque_z", torque),
-                ]);
-            }
-            Self::Wall(_) => headings.extend([
-                ("force_x", force),
-                ("force_y", force),
-                ("force_z", force),
-                ("normal_force", force),
-                ("shear_force", force),
-                ("mean_pressure", "Pa"),
-                ("mean_shear_stress", "Pa"),
-                ("mass_flux", if flat { "kg/(m s)" } else { "kg/s" }),
-            ]),
-        }
-        headings
     }
 
     /// Appends this step's values to the rows, which hold the time, on rank 0; whether there is anything to sample.

@@ -26,6 +26,25 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// A body force that differs from the weight of the water by less than this part is meant to be it.
 const ALIKE: f64 = 0.1;
 
+/// Largest acceleration of gravity [m/s2]: ten times that of the fastest centrifuges.
+const LARGEST: f64 = 1e8;
+
+/// Refuses an acceleration that nothing has.
+pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
+    let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    if size > LARGEST {
+        findings.error(
+            "gravity",
+            format!(
+                "an acceleration of {} m/s2; at most {}",
+                number(size),
+                number(LARGEST)
+            ),
+            "state it in m/s2: on Earth it is 9.81, in a centrifuge up to 1e7",
+        );
+    }
+}
+
 /// The axes along which gravity acts on the water; what contradicts itself goes to the findings.
 pub(super) fn acts(
     case: &Case,

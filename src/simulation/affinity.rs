@@ -37,6 +37,33 @@ pub(super) fn provide(threads: usize) -> Cores {
     Cores::TooFew(had)
 }
 
+/// Number of cores of this machine that the job may use: those that run, less those that a control group withholds.
+pub(super) fn allowed() -> usize {
+    let group = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok();
+    let time = group("cpu.max").and_then(|text| quota(&text));
+    let set = group("cpuset.cpus.effective").and_then(|text| listed(&text));
+    [time, set].into_iter().flatten().fold(online(), usize::min)
+}
+
+/// Cores by the time of a control group, such as `200000 100000` for two; none without a limit.
+fn quota(text: &str) -> Option<usize> {
+    let mut words = text
+        .split_whitespace()
+        .map(|word| word.parse::<usize>().ok());
+    let (time, period) = (words.next()??, words.next()??);
+    (period > 0).then(|| time.div_ceil(period).max(1))
+}
+
+/// Number of cores of a list such as `0-3,8`.
+fn listed(text: &str) -> Option<usize> {
+    let of_part = |part: &str| {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let (first, last): (usize, usize) = (first.parse().ok()?, last.parse().ok()?);
+        (last >= first).then(|| last - first + 1)
+    };
+    text.trim().split(',').map(of_part).sum()
+}
+
 /// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough for all.
 fn share(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
@@ -88,6 +115,18 @@ mod tests {
         assert_eq!(cores(1), [3, 4, 5]);
         // Not enough for a third one, which may use all.
         assert_eq!(cores(2), [0, 1, 2, 3, 4, 5, 6, 7]);
+    }
+
+    #[test]
+    fn control_groups_withhold_cores() {
+        assert_eq!(quota("150000 100000\n"), Some(2));
+        assert_eq!((quota("max 100000\n"), quota("")), (None, None));
+        assert_eq!(listed("0-3,8\n"), Some(5));
+        assert_eq!(
+            (listed("2"), listed(""), listed("x-1")),
+            (Some(1), None, None)
+        );
+        assert!((1..=online()).contains(&allowed()));
     }
 
     /// On a thread of its own, since threads inherit cores.

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
-use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -175,6 +175,13 @@ impl RunFolder {
                 if !overwrite {
                     // What was found stays as it is, without a trace of this process.
                     drop(Release(path.join(LOCK), &lock));
+                    if !found.began {
+                        return Err(Error::Usage(format!(
+                            "{} holds what a run left that was ended before it began ({}); replace it with --overwrite, or choose another --output",
+                            path.display(),
+                            found.describe()
+                        )));
+                    }
                     return Err(Error::Usage(format!(
                         "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, or replace it with --overwrite",
                         path.display(),
@@ -288,8 +295,15 @@ fn take(path: &Path) -> Result<File, Error> {
             .write(true)
             .create(true)
             .truncate(false)
+            .custom_flags(io::atomic::NO_LINKS)
             .open(path)
-            .map_err(|e| failed(path, &e))?;
+            .map_err(|e| {
+                if path.is_symlink() {
+                    Error::Io(format!("{}: this is a link; remove it", path.display()))
+                } else {
+                    failed(path, &e)
+                }
+            })?;
         let locks = match file.try_lock() {
             Ok(()) => true,
             Err(TryLockError::WouldBlock) => {
@@ -355,6 +369,8 @@ struct Found {
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
+    /// It has a case, by which it can be continued.
+    began: bool,
 }
 
 impl Found {
@@ -397,10 +413,12 @@ impl Found {
                 files.extend(plain.map(|name| folder.join(name)).filter(|p| p.is_file()));
             }
         }
+        let began = folder.join("case.json").is_file() || checkpoints > 0;
         Ok(Some(Self {
             files,
             checkpoints,
             outcome,
+            began,
         }))
     }
 

@@ -45,7 +45,15 @@ impl Recorders {
     }
 }
 
-/// The meters of the guards alone, which the warm-up of a fluid saves too; none where they are missing or broken.
-pub(super) fn saved_guards(attributes: &Value) -> Option<guards::State> {
-    guards::State::deserialize(&attributes["guards"]).ok()
+/// Returns the meters of the guards alone, which the warm-up of a fluid saves too; none without any.
+///
+/// # Errors
+/// [`Error::Io`] where they are broken.
+pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::State>, Error> {
+    match &attributes["guards"] {
+        Value::Null => Ok(None),
+        saved => guards::State::deserialize(saved)
+            .map(Some)
+            .map_err(|error| Error::Io(format!("the saved state of the guards: {error}"))),
+    }
 }

@@ -342,7 +342,7 @@ impl Removal {
         if origins.len() != regions
             || state.made.len() != state.taken.len()
             || origins.iter().flatten().any(|&old| old >= known)
-            || state.next_id.is_some_and(|id| id > 1 << 53)
+            || state.next_id.is_some_and(|id| id > 1 << 32)
         {
             return Err(Error::Io(format!(
                 "counts of {known} regions saved, {regions} here"

@@ -22,6 +22,7 @@ use crate::plan::Plan;
 use crate::preparation::rest::SavedRest;
 use crate::provenance;
 use crate::scene::findings::refused;
+use crate::scene::grains::{GrainSource, Grains};
 use crate::scene::observe::Action;
 use crate::scene::walls::Wall;
 use decomposition::{Communicator, Domain};
@@ -221,13 +222,59 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     }
 }
 
-/// What grains and contacts of a plan can be.
-pub(super) fn bounds(plan: &Plan) -> checkpoint::Bounds {
+/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of generated grains may
+/// have been others.
+pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     let scene = &plan.scene;
+    // A growth that ends by touching leaves all grains smaller than stated.
+    let grown = |grains: &Grains| match grains.source {
+        GrainSource::Growth { .. } => 0.5,
+        _ => 1.0,
+    };
+    let of_grains = scene.grains.iter().filter_map(|grains| {
+        let (least, most) = grains.radii?;
+        Some((grown(grains) * least, most))
+    });
+    let generated = scene
+        .regions
+        .iter()
+        .filter_map(|region| match &region.action {
+            Action::Generate { radii, .. } => Some(radii.bounds()),
+            _ => None,
+        });
+    let of_blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
+    let of_blocks = of_blocks.map(|block| block.solid.shape.radius());
+    let single = scene.bodies.iter().map(|body| body.radius).chain(of_blocks);
+    let (smallest, largest) = of_grains
+        .chain(generated)
+        .chain(single.map(|radius| (radius, radius)))
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), (least, most)| {
+            (low.min(least), high.max(most))
+        });
+    let edge = scene.grid.size.iter().copied().fold(0.0, f64::max);
+    let (smallest, largest) = if changed {
+        (0.0, largest.max(edge))
+    } else {
+        (smallest.min(largest), largest)
+    };
+    // A solid without a density has one of 1.
+    let density = scene
+        .materials
+        .iter()
+        .filter_map(|material| material.density);
+    let density = density.fold(1.0, f64::max);
+    let volume = if scene.grid.dimension == 2 {
+        std::f64::consts::PI * largest.powi(2)
+    } else {
+        4.0 / 3.0 * std::f64::consts::PI * largest.powi(3)
+    };
     checkpoint::Bounds {
         size: scene.grid.size,
         materials: scene.materials.len() as u64,
         shapes: scene.polyhedra().count() as u64,
+        smallest,
+        largest,
+        heaviest: density * volume,
     }
 }
 

@@ -216,26 +216,35 @@ pub(crate) fn on_world<T>(
     result
 }
 
-/// The threads of this rank: as requested, or its share of the machine.
+/// Starts the threads of this rank, as many as requested or its share of the machine, and returns their number.
 fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<usize, Error> {
+    let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE");
+    let local = local.ok().and_then(|n| n.parse::<usize>().ok());
+    // Without a launcher that states the ranks of this machine all may be here.
+    let ranks = local.unwrap_or_else(|| communicator.size()).max(1);
     let threads = asked.unwrap_or_else(|| {
-        let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE")
-            .ok()
-            .and_then(|n| n.parse::<usize>().ok())
-            .unwrap_or_else(|| communicator.size());
-        (std::thread::available_parallelism().map_or(1, usize::from) / local.max(1)).max(1)
+        (std::thread::available_parallelism().map_or(1, usize::from) / ranks).max(1)
     });
+    let first = communicator.rank() == 0;
     match affinity::provide(threads) {
-        Cores::Enough => {}
         // Ranks of a launcher have the same number of cores.
-        _ if communicator.rank() > 0 => {}
-        Cores::Widened(had) => log::info!(
+        Cores::TooFew(had) if first => log::warn!(
+            "{threads} threads of a rank have {had} core(s) and take turns, which is slower than {had} thread(s): \
+             use `--threads {had}`, or more cores a rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
+        ),
+        Cores::Widened(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
         ),
-        Cores::TooFew(had) => log::warn!(
-            "rank {}: {threads} threads have {had} core(s) and take turns, which is slower than {had} thread(s): use `--threads {had}`, or more              cores a rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)",
-            communicator.rank()
-        ),
+        _ => {}
+    }
+    let cores = affinity::allowed();
+    let known = local.is_some() || communicator.size() == 1;
+    if known && ranks * threads > cores && first {
+        log::warn!(
+            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take turns, \
+             which is slower than `--threads {}`",
+            (cores / ranks).max(1)
+        );
     }
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -4,7 +4,7 @@
 
 use crate::error::Error;
 use io::csv::step_of;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::PathBuf;
 
@@ -60,15 +60,10 @@ impl Table {
 
     /// A table with this text, which replaces the previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
-        let fail = |error: std::io::Error| Error::Io(format!("{}: {error}", path.display()));
         // A crash leaves the old table or the new one.
-        let part = path.with_extension("csv.part");
-        fs::write(&part, text).map_err(fail)?;
-        File::open(&part)
-            .and_then(|file| file.sync_all())
-            .map_err(fail)?;
-        fs::rename(&part, &path).map_err(fail)?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(fail)?;
+        let made =
+            io::atomic::write(&path, text.as_bytes()).and_then(|()| io::atomic::append(&path));
+        let file = made.map_err(|error| Error::Io(error.to_string()))?;
         Ok(Self { path, file })
     }
 

@@ -2,7 +2,7 @@
 //!
 //! | request | response |
 //! |---|---|
-//! | SIGTERM, SIGINT, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
+//! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
 //! | SIGUSR1, SIGCONT | checkpoint, the run continues |
 //!
 //! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun` itself sends SIGCONT,
@@ -13,6 +13,10 @@
 //! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every [`MOST_STEPS`] steps,
 //! or more often if these steps would take more than a second.
 //!
+//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers there for
+//! [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of the signal. SIGHUP is left alone where the
+//! process was started to ignore it (`nohup`).
+//!
 //! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call [`attend`](Watch::attend), so
 //! that a request to any rank takes effect.
 
@@ -20,7 +24,7 @@ use crate::error::Error;
 use crate::preparation::supervision::{Request, Requests};
 use decomposition::Communicator;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
@@ -31,11 +35,76 @@ const PACE: [u64; 2] = [1000, 250];
 /// The first rank has done what it did alone.
 const DONE: u64 = 3;
 
+/// Time after which a stop before the first step ends the process.
+const PATIENCE: Duration = Duration::from_millis(1500);
+/// Exit code of a process that a signal ends, less the number of the signal.
+const SIGNALLED: i32 = 128;
+
 /// Signals that reached this process.
 #[derive(Debug, Default)]
 pub struct Signals {
     stop: Arc<AtomicBool>,
     save: Arc<AtomicBool>,
+    /// Number of the signal that asks for a stop.
+    number: Arc<AtomicUsize>,
+    /// Number of checks for requests.
+    checks: AtomicU64,
+    /// The first step has begun, or a stop is being answered, however long that takes.
+    answers: AtomicBool,
+}
+
+impl Signals {
+    /// Ends the process if a stop is not answered before the first step.
+    fn attend_start(&self) {
+        let pause = Duration::from_millis(100);
+        let mut unanswered = Unanswered::default();
+        while !self.answers.load(Ordering::Relaxed) {
+            std::thread::sleep(pause);
+            let checks = self.checks.load(Ordering::Relaxed);
+            let stop = self.stop.load(Ordering::Relaxed);
+            let late = unanswered.too_long(stop, checks, processor_time());
+            if late && !self.answers.load(Ordering::Relaxed) {
+                let number = self.number.load(Ordering::Relaxed);
+                log::warn!("signal {number} before the first step: nothing is saved");
+                let number = i32::try_from(number).unwrap_or(0);
+                signal_hook::low_level::exit(SIGNALLED + number);
+            }
+        }
+    }
+}
+
+/// A stop that waits for an answer.
+#[derive(Debug, Default)]
+struct Unanswered {
+    /// Processor time since when there was no check for requests, and the number of checks before.
+    since: Option<(Duration, u64)>,
+}
+
+impl Unanswered {
+    /// `true` if a stop has met no check for requests for [`PATIENCE`].
+    fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
+        let known = self.since.filter(|(_, before)| stop && *before == checks);
+        self.since = stop.then(|| known.unwrap_or((now, checks)));
+        self.since
+            .is_some_and(|(since, _)| now.saturating_sub(since) >= PATIENCE)
+    }
+}
+
+/// Processor time of this process. A process without a core is slow and not deaf.
+fn processor_time() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Duration::try_from(time).unwrap_or_default()
+}
+
+/// `true` if the process was started to ignore a signal.
+fn ignores(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    let bit = u32::try_from(signal - 1)
+        .ok()
+        .and_then(|n| 1_u64.checked_shl(n));
+    mask.zip(bit).is_some_and(|(mask, bit)| mask & bit != 0)
 }
 
 /// Catches signals from now on; requests that arrive before the first step take effect at that step.
@@ -43,7 +112,7 @@ pub struct Signals {
 /// # Errors
 /// When signals cannot be caught.
 pub fn hear() -> Result<&'static Signals, Error> {
-    use signal_hook::consts::{SIGCONT, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+    use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
     if let Some(signals) = SIGNALS.get() {
         return Ok(signals);
@@ -52,14 +121,28 @@ pub fn hear() -> Result<&'static Signals, Error> {
     for (signal, flag) in [
         (SIGTERM, &signals.stop),
         (SIGINT, &signals.stop),
+        (SIGHUP, &signals.stop),
         (SIGUSR2, &signals.stop),
         (SIGUSR1, &signals.save),
         (SIGCONT, &signals.save),
     ] {
-        signal_hook::flag::register(signal, Arc::clone(flag))
-            .map_err(|e| Error::Internal(format!("signal {signal} cannot be caught: {e}")))?;
+        if signal == SIGHUP && ignores(signal) {
+            continue;
+        }
+        let caught = |e| Error::Internal(format!("signal {signal} cannot be caught: {e}"));
+        if Arc::ptr_eq(flag, &signals.stop) {
+            let (known, number) = (Arc::clone(&signals.number), usize::try_from(signal));
+            signal_hook::flag::register_usize(signal, known, number.unwrap_or(0))
+                .map_err(caught)?;
+        }
+        signal_hook::flag::register(signal, Arc::clone(flag)).map_err(caught)?;
     }
-    Ok(SIGNALS.get_or_init(|| signals))
+    let signals = SIGNALS.get_or_init(|| signals);
+    // Without the thread a stop takes effect at the first step.
+    let _ = std::thread::Builder::new()
+        .name("signals".into())
+        .spawn(|| signals.attend_start());
+    Ok(signals)
 }
 
 /// Listens for requests.
@@ -128,8 +211,14 @@ impl Watch {
         self.asked = Instant::now();
     }
 
-    /// What reached this rank.
+    /// Notes that the first step has begun, or that a stop is being answered.
+    pub fn steps_begin(&self) {
+        self.signals.answers.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns the request that reached this rank.
     fn mine(&mut self, communicator: &Communicator) -> Request {
+        self.signals.checks.fetch_add(1, Ordering::Relaxed);
         let mut mine = Request::None;
         if self.signals.save.load(Ordering::Relaxed) {
             mine = Request::Checkpoint;
@@ -208,7 +297,38 @@ impl Requests for Watch {
         match request {
             0 => Request::None,
             1 => Request::Checkpoint,
-            _ => Request::Stop,
+            _ => {
+                self.steps_begin();
+                Request::Stop
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_that_meets_no_check_is_noticed_and_one_that_is_checked_is_not() {
+        let at = Duration::from_millis;
+        let mut deaf = Unanswered::default();
+        let late = [(false, 0), (true, 3000), (true, 4400), (true, 4500)];
+        let late = late.map(|(stop, ms)| deaf.too_long(stop, 7, at(ms)));
+        assert_eq!(late, [false, false, false, true]);
+        let mut hears = Unanswered::default();
+        for check in 0..10 {
+            assert!(!hears.too_long(true, check, at(1000 * check)));
+        }
+        assert!(hears.too_long(true, 9, at(10_500)));
+        let mut quiet = Unanswered::default();
+        assert!(!quiet.too_long(false, 0, at(0)) && !quiet.too_long(false, 0, at(60_000)));
+        assert!(processor_time() > Duration::ZERO);
+    }
+
+    #[test]
+    fn signals_that_are_not_ignored_are_known() {
+        assert!(!ignores(signal_hook::consts::SIGTERM));
+        assert!(!ignores(0));
     }
 }

@@ -345,6 +345,9 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         ));
         planned = plan(&case);
     }
+    if let Ok(plan) = &planned {
+        found.extend(super::outputs::check(study, &case, &plan.scene));
+    }
     let planned = planned.ok().filter(|_| allowed || verdict.runs(false));
     if planned.is_none() && study.refused == Refused::Stop {
         let heavy = problems.iter().filter(|p| p.severity != Severity::Warning);

@@ -15,9 +15,9 @@ use crate::error::{ALLOW_UNSTABLE, Error};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::fs::{self, OpenOptions};
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -307,7 +307,8 @@ impl<'a> Runner<'a> {
             job.given_up |= !stopping && job.begun.elapsed() >= limit;
             match job.asked {
                 None if stopping || job.given_up => {
-                    fs::write(job.folder.join("STOP"), "").map_err(fail)?;
+                    io::atomic::write(&job.folder.join("STOP"), b"")
+                        .map_err(|e| Error::Io(e.to_string()))?;
                     job.asked = Some(Instant::now());
                 }
                 Some(asked) if asked.elapsed() >= PATIENCE => job.child.kill().map_err(fail)?,
@@ -324,7 +325,7 @@ impl<'a> Runner<'a> {
                 Outcome::Stopped
             };
         }
-        job.close(outcome);
+        job.close(outcome, status);
         job.record.write(&job.folder)?;
         Ok(true)
     }
@@ -332,7 +333,7 @@ impl<'a> Runner<'a> {
 
 impl Job<'_> {
     /// Adds what this attempt cost, as the run itself measured it.
-    fn close(&mut self, outcome: Outcome) {
+    fn close(&mut self, outcome: Outcome, status: ExitStatus) {
         let text = io::plain::text(&self.folder.join("summary.json"), io::plain::LONGEST_CASE)
             .unwrap_or_default();
         let summary: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -347,6 +348,11 @@ impl Job<'_> {
         record.outcome = outcome;
         if outcome != Outcome::Finished {
             record.message = last_words(&self.folder);
+            if let Some(signal) = status.signal() {
+                record.message = format!("ended by signal {signal}; {}", record.message);
+            } else if record.message.is_empty() {
+                record.message = status.to_string();
+            }
         }
     }
 }

@@ -17,7 +17,7 @@ const EVERYBODYS: &[&str] = &["error", "family", "number"];
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
     (
         "main",
-        &["allocator", "cli", "huge_pages", "provenance"],
+        &["allocator", "cli", "environment", "provenance"],
         &[],
     ),
     (
@@ -42,7 +42,9 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "sweep",
-        &["analysis", "case", "figures", "plan", "random", "scene"],
+        &[
+            "analysis", "case", "figures", "output", "plan", "random", "scene",
+        ],
         &["io"],
     ),
     // The models that an estimate varies are named by their types.
@@ -172,7 +174,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("random", &[], &[]),
     ("thread_pool", &[], &[]),
     ("allocator", &[], &[]),
-    ("huge_pages", &[], &[]),
+    ("environment", &[], &[]),
     ("error", &[], &[]),
     ("family", &[], &[]),
     ("number", &[], &[]),

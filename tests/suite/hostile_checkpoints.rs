@@ -1,7 +1,7 @@
 //! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits proves no
 //! good will: what a manifest says is bounded by the case, and files are those of its folder.
 //!
-//! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 12 without it. Each is
+//! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it. Each is
 //! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number that
 //! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
 
@@ -116,6 +116,38 @@ impl Copy {
         (done.status.code(), told)
     }
 
+    /// Overwrites a number of a column in the heavy file, and signs the manifest for it.
+    fn put(&self, column: &str, row: usize, bits: u64) {
+        let found = io::newest(self.manifest.parent().unwrap(), &io::Alone).unwrap();
+        let reader = io::Reader::open(&found).unwrap();
+        let whole = reader.read_all::<u64>(column);
+        let old: Vec<u64> = whole.unwrap_or_else(|_| {
+            let real = reader.read_all::<f64>(column).unwrap();
+            real.into_iter().map(f64::to_bits).collect()
+        });
+        let raw: Vec<u8> = old.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let mut bytes = std::fs::read(self.heavy()).unwrap();
+        // Of columns of equal bytes, such as zeros, the first.
+        let start = bytes
+            .windows(raw.len())
+            .position(|window| window == raw)
+            .unwrap_or_else(|| panic!("{column} is not in one piece"));
+        let at = start + 8 * (row % old.len());
+        bytes[at..at + 8].copy_from_slice(&bits.to_le_bytes());
+        std::fs::write(self.heavy(), &bytes).unwrap();
+        let mut tree = self.tree.clone();
+        tree["blake3"] = json!(blake3::hash(&bytes).to_hex().to_string());
+        sign(&self.manifest, &tree);
+    }
+
+    /// Names of the columns of grains and contacts.
+    fn columns(&self) -> Vec<String> {
+        let arrays = self.tree["arrays"].as_array().unwrap();
+        let names = arrays.iter().filter_map(|array| array["name"].as_str());
+        let of_solids = |name: &&str| name.starts_with("grains_") || name.contains("contacts_");
+        names.filter(of_solids).map(str::to_owned).collect()
+    }
+
     #[track_caller]
     fn refused(&self, ranks: usize, reason: &str) {
         self.ends(5, ranks, reason);
@@ -227,6 +259,56 @@ fn a_signed_manifest_is_bounded_by_the_case() {
     sign(&copy.manifest, &copy.tree);
     let (code, told) = copy.restart(0);
     assert_eq!(code, Some(0), "the whole one is taken: {told}");
+}
+
+/// Numbers that no run of the case could have written are refused by the name of their column.
+#[test]
+fn every_column_of_grains_and_contacts_has_bounds() {
+    let _beside = beside_others();
+    let real = f64::to_bits;
+    for (column, value) in [
+        ("grains_radius", real(1e6)),
+        ("grains_radius", real(1e-12)),
+        ("grains_mass", real(1e300)),
+        ("grains_inertia", real(1e300)),
+        ("grains_id", 1 << 32),
+        ("grains_material", 17),
+        ("grains_position_x", real(1e12)),
+        ("grains_velocity_y", real(1e300)),
+        ("grains_spin", real(f64::NAN)),
+        ("grains_contact_force_x", real(1e300)),
+        ("contacts_first", 4_000_000),
+        ("contacts_second", u64::MAX),
+        ("contacts_memory_0", real(f64::NAN)),
+        ("contacts_memory_0", real(1e300)),
+    ] {
+        let copy = Copy::new("columns");
+        assert!(
+            copy.columns().iter().any(|name| name == column),
+            "{column}: {:?}",
+            copy.columns()
+        );
+        copy.put(column, 3, value);
+        copy.refused(0, "values that no ");
+    }
+    let copy = Copy::new("columns");
+    for (path, value, reason) in [
+        (
+            "/attributes/fluid_steps",
+            json!(u64::MAX),
+            "its fluid has done",
+        ),
+        (
+            "/attributes/guards",
+            json!({"fast": 7}),
+            "state of the guards",
+        ),
+    ] {
+        let mut tree = copy.tree.clone();
+        *tree.pointer_mut(path).unwrap() = value;
+        sign(&copy.manifest, &tree);
+        copy.refused(0, reason);
+    }
 }
 
 #[test]
@@ -343,7 +425,7 @@ fn no_signed_mutant_gets_through() {
     let count: u64 = std::env::var("SOLVER_CHECKPOINT_MUTANTS")
         .ok()
         .and_then(|n| n.parse().ok())
-        .unwrap_or(12);
+        .unwrap_or(36);
     let mut copy = Copy::new("mutants");
     let (manifest, heavy) = (copy.tree.clone(), std::fs::read(copy.heavy()).unwrap());
     let mut paths = Vec::new();
@@ -353,7 +435,29 @@ fn no_signed_mutant_gets_through() {
     for seed in 0..count {
         let mut dice = Dice::new(seed);
         let what;
-        if seed % 2 == 0 {
+        if seed % 3 == 2 {
+            // A number of a column of grains or contacts.
+            copy = Copy::new("mutants");
+            let column = dice.of(&copy.columns()).clone();
+            let (row, any) = (dice.below(1000), dice.draw());
+            let value: u64 = *dice.of(&[
+                f64::NAN.to_bits(),
+                f64::NEG_INFINITY.to_bits(),
+                1e300_f64.to_bits(),
+                1e6_f64.to_bits(),
+                (-1.0_f64).to_bits(),
+                5e-324_f64.to_bits(),
+                0,
+                1,
+                7,
+                1 << 31,
+                1 << 32,
+                u64::MAX,
+                any,
+            ]);
+            what = format!("{column}[{row}]: {value:#x}");
+            copy.put(&column, row, value);
+        } else if seed % 3 == 0 {
             copy = Copy::new("mutants");
             let mut tree = manifest.clone();
             let path = dice.of(&paths).clone();

@@ -17,6 +17,7 @@ mod case_commands;
 mod case_examples;
 mod case_mutants;
 mod circles;
+mod claims;
 mod collapse;
 mod dice;
 mod estimate;

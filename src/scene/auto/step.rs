@@ -12,6 +12,8 @@
 //! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
 //!   begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
+//! It is shortened so that the intervals of probes and outputs are whole numbers of steps.
+//!
 //! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D and around what moves up to a cell
 //! Reynolds number of 7.
 //! Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a factor, and beyond that the case
@@ -135,7 +137,54 @@ const OF_LOSSES: f64 = 0.25;
 /// Part of the target that sound in an oscillating flow may use.
 const OF_SOUND: f64 = 0.125;
 
-/// Sets the longest time step within all limits, and notes which binds.
+/// Relative difference of intervals that rounding explains.
+const ROUNDING: f64 = 1e-9;
+
+/// Returns the longest interval of which two are multiples, to rounding; it falls towards 0 for intervals without one.
+fn common(a: f64, b: f64) -> f64 {
+    let (mut long, mut short) = (a.max(b), a.min(b));
+    let least = ROUNDING * long;
+    while short > least {
+        let rest = long - (long / short).round() * short;
+        (long, short) = (short, rest.abs());
+    }
+    long
+}
+
+/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples: of all of them,
+/// or else of those of probes, or else of the shortest.
+fn dividing(scene: &Scene, longest: f64) -> f64 {
+    let finite = |every: &f64| every.is_finite() && *every > 0.0;
+    let all: Vec<f64> = intervals(scene).filter(finite).collect();
+    let probes = scene.probes.iter().map(|probe| probe.every).filter(finite);
+    let shortest = all.iter().copied().reduce(f64::min);
+    let candidates = [
+        all.iter().copied().reduce(common),
+        probes.reduce(common),
+        shortest,
+    ];
+    let fits = |every: &f64| *every >= longest * (1.0 - ROUNDING);
+    match candidates.into_iter().flatten().find(fits) {
+        Some(every) => every / (every / longest * (1.0 - ROUNDING)).ceil().max(1.0),
+        None => longest,
+    }
+}
+
+/// Shortens the time step so that the intervals of samples are whole numbers of steps, unless two relaxation times hold at the longer
+/// step only: then the samples lie at the nearest steps.
+fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
+    let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
+    let shorter = dividing(scene, longest);
+    let holds = |time_step: f64| {
+        let tau = 0.5 + 3.0 * nu * time_step / (h * h);
+        tau >= least_tau(scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
+    };
+    if holds(shorter) || !holds(longest) {
+        flow.time_step = shorter;
+    }
+}
+
+/// Sets the longest time step within all limits that divides the intervals of samples, and notes which limit binds.
 fn time_step(
     scene: &mut Scene,
     flow: &mut Flow,
@@ -149,10 +198,14 @@ fn time_step(
         .min_by(|a, b| a.time_step.total_cmp(&b.time_step));
     if let Some(limit) = shortest {
         flow.time_step = limit.time_step;
+        shorten(scene, flow, speed.map_or(0.0, |speed| speed.value));
         flow.relaxation_time = flow
             .units(&scene.grid)
             .relaxation_time(flow.kinematic_viscosity);
-        let text = format!("the longest for {}", limit.what);
+        let mut text = format!("the longest for {}", limit.what);
+        if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
+            text += " of which the intervals of samples are multiples";
+        }
         scene.chosen.note("time step", text);
     }
     scene.chosen.limits = limits;
@@ -420,5 +473,57 @@ fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f
         flow.storage = Precision::F32;
         let text = "a draft in 3-D: half the memory; arithmetic in f64";
         scene.chosen.note("populations", text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::plan::Plan;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    #[test]
+    fn intervals_have_the_common_divisor_of_their_decimals() {
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        close(common(1e-3, 2.5e-3), 5e-4);
+        close(common(0.1, 0.3), 0.1);
+        close(common(0.7, 0.7), 0.7);
+        assert!(common(1.0, std::f64::consts::SQRT_2) < 1e-6);
+    }
+
+    fn plan(every: &Value) -> Plan {
+        let case = json!({
+            "domain": {"size": [0.02, 0.01], "periodic": ["x"]},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-5, "body_force": {"constant": [1, 0]}
+            }},
+            "time": {"end": 2},
+            "probes": [{"name": "p", "every": every[0], "at": {"point": {"position": [0.01, 0.005]}}}],
+            "output": {"fluid": {"every": every[1]}}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        Plan::prepare(document).unwrap()
+    }
+
+    #[test]
+    fn samples_lie_at_whole_numbers_of_automatic_steps() {
+        let longest = plan(&json!([2, 2])).clock.time_step;
+        for every in [json!([0.01, 0.1]), json!([0.0123, 0.5]), json!([0.1, 0.25])] {
+            let step = plan(&every).clock.time_step;
+            assert!(
+                step <= longest * 1.001 && step > 0.4 * longest,
+                "{step} {longest}"
+            );
+            let steps = every[0].as_f64().unwrap() / step;
+            assert!(
+                (steps - steps.round()).abs() < 1e-6 * steps,
+                "{every}: {steps}"
+            );
+        }
+        let step = plan(&json!([0.01, 0.025])).clock.time_step;
+        let steps = 0.025 / step;
+        assert!((steps - steps.round()).abs() < 1e-6 * steps, "{steps}");
     }
 }

@@ -45,7 +45,7 @@ pub(super) fn prepare<Sp: Space>(
         });
     }
     match origin.found() {
-        Some(found) => read(plan, found, origin.walls(), &outside.communicator),
+        Some(found) => read(plan, found, origin, &outside.communicator),
         None => make(plan, origin, outside),
     }
 }
@@ -54,14 +54,14 @@ pub(super) fn prepare<Sp: Space>(
 fn read<Sp: Space>(
     plan: &Plan,
     found: &Found,
-    walls: Option<&[Option<usize>]>,
+    origin: &Origin,
     communicator: &Communicator,
 ) -> Result<Grains<Sp>, Error> {
     let reader = restore::reader(found)?;
     // The first rank alone reads the grains, so that it alone may find them wrong.
-    let read = read_tables(plan, &reader, communicator);
+    let read = read_tables(plan, &reader, origin.changed(), communicator);
     let (mut particles, mut contacts) = agreement::agree(communicator, read)?;
-    if let Some(walls) = walls {
+    if let Some(walls) = origin.walls() {
         contacts.take_walls(walls)?;
     }
     setup::blocks::shapes(plan, &mut particles)?;
@@ -74,10 +74,11 @@ fn read<Sp: Space>(
 fn read_tables<Sp: Space>(
     plan: &Plan,
     reader: &Reader,
+    changed: bool,
     communicator: &Communicator,
 ) -> Result<(Particles<Sp>, Contacts), Error> {
     let (grains, contacts) = checkpoint::read_tables(reader, communicator.rank())?;
-    resume::bounds(plan).hold(&grains, &contacts)?;
+    resume::bounds(plan, changed).hold(&grains, &contacts)?;
     Ok((Particles::from_table(&grains)?, contacts))
 }
 

@@ -72,6 +72,11 @@ impl Origin {
         resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
     }
 
+    /// Returns true if the case has changed since the checkpoint.
+    pub(super) fn changed(&self) -> bool {
+        self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
+    }
+
     /// Returns the index in the earlier run of each wall; none where the walls are the same.
     pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.walls.as_deref()
@@ -158,7 +163,7 @@ pub(super) fn state<Sp: Space, S: Saved>(
         let attributes = reader.attributes();
         now.step = found.manifest.step;
         parts.notes = attributes["notes"].clone();
-        let meters = saved_guards(attributes);
+        let meters = saved_guards(attributes)?;
         parts.guards.restore(meters.unwrap_or_default());
         if origin.runs() {
             let saved = Recorders::read(attributes)?;

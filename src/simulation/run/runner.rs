@@ -31,6 +31,8 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
     pub(super) watch: Watch,
     pub(super) progress: Progress,
     pub(super) threads: usize,
+    /// Step and reason of the first checkpoint for which there was no space.
+    pub(super) unsaved: Option<(u64, String)>,
     /// Whether the slabs may change: the case does not list them.
     pub(super) may_cut: bool,
     /// Slabs that cost less than those of now, found at the newest checkpoint.
@@ -164,6 +166,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     }
 
     fn run(&mut self) -> Result<Pause, Error> {
+        self.watch.steps_begin();
         let steps = self.simulation.now.plan.clock.steps;
         let save_every = self
             .simulation
@@ -358,6 +361,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             }
             Err(io::Error::Space { needed, free, path }) => {
                 let lack = format!("it needs {needed} bytes, {path} has {free}");
+                self.unsaved.get_or_insert_with(|| (step, lack.clone()));
                 match occasion {
                     Occasion::Asked => self.progress.note(&format!(
                         "no checkpoint at step {step}: {lack}; the run continues"

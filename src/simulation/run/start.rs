@@ -111,6 +111,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             folder: start.folder,
             final_checkpoint: start.final_checkpoint,
             saved: None,
+            unsaved: None,
             watch,
             progress,
             threads: start.threads,
@@ -216,7 +217,8 @@ fn build_fluid<S: Saved>(
             let remedy = "--set fluid.lattice_boltzmann.device=cpu, or auto";
             Error::Usage(format!("{path}: {error}; use {remedy}"))
         } else {
-            Error::Internal(error)
+            // The slab is too large for the memory.
+            Error::Io(error)
         }
     })
 }

@@ -163,6 +163,15 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             );
         }
         warnings.extend(self.late_feeds());
+        if let Some((step, lack)) = &self.unsaved {
+            let newest = self.saved.map_or_else(
+                || "there is no checkpoint".to_owned(),
+                |saved| format!("the newest is that of step {saved}"),
+            );
+            warnings.push(format!(
+                "checkpoints are missing from step {step} on, for lack of space ({lack}): {newest}"
+            ));
+        }
         if seepage.is_none() {
             return warnings;
         }

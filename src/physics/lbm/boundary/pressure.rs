@@ -34,7 +34,8 @@ use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Imposed pressure, with zero tangential velocity (Zou and He 1997).
+/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and d'Humières 2008), bounce-back
+/// for the velocity along the face (Ladd 1994).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
