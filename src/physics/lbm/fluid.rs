@@ -2,6 +2,7 @@
 
 mod dispatch;
 mod force;
+mod free_surface;
 mod on_gpu;
 mod state;
 mod surfaces;
@@ -23,6 +24,7 @@ use super::lattice::VelocitySet;
 use super::populations::Populations;
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, Method};
+use super::surface::Surface;
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use crate::thread_pool;
@@ -148,6 +150,8 @@ pub struct Fluid<S: Stored> {
     field: Option<VelocityField>,
     /// Where solids are, if cells can be covered.
     cover: Option<Cover>,
+    /// Free surface, if there is one.
+    surface: Option<Box<Surface>>,
     /// Cells of structures, by position: openings before them are closed. Empty where there are none.
     closed: Vec<bool>,
     describe: fn(&mut Populations<S>, View, CoverView, bool) -> Shared<S>,
@@ -225,6 +229,7 @@ impl<S: Stored> Fluid<S> {
             turbulence: setup.turbulence,
             field,
             cover,
+            surface: None,
             closed: Vec::new(),
             describe,
             pass,
@@ -333,12 +338,18 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         self.boundaries.remember(&self.populations, half);
+        if let Some(surface) = &mut self.surface {
+            surface.prepare(&mut self.populations, half);
+        }
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
         let [_, middle, fast] = self.populations.order();
         let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
-        let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        if let Some(surface) = &self.surface {
+            shared = shared.only_wet(surface.planes());
+        }
         self.run_ends(&shared, force);
         if let Some(field) = &mut self.field {
             field.swap();
@@ -352,7 +363,7 @@ impl<S: Stored> Fluid<S> {
             wrap(&mut self.populations, last..last + 1);
         }
         self.halo.start(&self.populations);
-        let early = !round_middle && self.boundaries.walls_stand_alone();
+        let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
         let interior = between(planes);
         self.run_followed(&shared, force, interior.clone(), early.then_some(time));
         self.halo.finish(&mut self.populations);
@@ -381,6 +392,9 @@ impl<S: Stored> Fluid<S> {
             let fraction = |cell: usize, _: [usize; 3]| f64::from(u8::from(self.closed[cell]));
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
+        }
+        if let Some(surface) = &mut self.surface {
+            surface.silence(&mut self.populations);
         }
         self.complete_velocities(unfollowed(planes, threads));
     }

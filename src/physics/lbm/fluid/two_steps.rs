@@ -59,6 +59,7 @@ impl<S: Stored> Fluid<S> {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
             && self.cover.is_none()
+            && self.surface.is_none()
             && self.closed.is_empty()
             && !self.periodic_within[middle]
             && self.boundaries.are_walls()
