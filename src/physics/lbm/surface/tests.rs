@@ -131,6 +131,7 @@ fn water_keeps_its_mass_and_liquid_never_touches_gas() {
     for cells in [[48, 24, 1], [24, 16, 6]] {
         let mut tank = Tank::new(cells);
         tank.tau = 0.52;
+        tank.slip_at = vec![(1, false)];
         let mut fluid = tank.fill(dam(12, 12));
         let before = mass(&fluid);
         assert!((before / (12.0 * 12.0 * cells[2] as f64) - 1.0).abs() < 2e-3);
@@ -224,13 +225,19 @@ fn wave(cells: [usize; 3], depth: f64, tau: f64, gravity: f64) -> [f64; 2] {
         step(&mut fluid, 1);
         heights.push(moment(&fluid));
     }
+    if let Ok(folder) = std::env::var("WAVES") {
+        let text: Vec<String> = heights.iter().map(|h| format!("{h}")).collect();
+        std::fs::write(format!("{folder}/{}_{tau}.txt", cells[0]), text.join("\n")).unwrap();
+    }
     // Times of zero crossings, and extremes between them.
     let mut crossings = Vec::new();
     let mut peaks = vec![0.0_f64];
     for n in 1..heights.len() {
         let (a, b) = (heights[n - 1], heights[n]);
         // Shares of excess mass are on their way for a step: the surface crosses zero more than once.
-        let far = crossings.last().is_none_or(|last| n as f64 - last > 0.25 * period);
+        let far = crossings
+            .last()
+            .is_none_or(|last| n as f64 - last > 0.25 * period);
         if a * b < 0.0 && far {
             crossings.push((n - 1) as f64 + a / (a - b));
             peaks.push(0.0);
@@ -253,9 +260,9 @@ fn wave(cells: [usize; 3], depth: f64, tau: f64, gravity: f64) -> [f64; 2] {
 
 #[test]
 fn a_standing_wave_has_its_frequency() {
-    for (n, tau) in [(20, 0.53), (40, 0.53), (40, 0.51), (80, 0.53)] {
+    for (n, tau) in [(20, 0.51), (40, 0.51), (40, 0.503), (80, 0.51)] {
         let half = n / 2;
-        let [frequency, _] = wave([n, half + half / 2, 1], half as f64, tau, 8e-4 / n as f64);
+        let [frequency, _] = wave([n, half + half / 2, 1], half as f64, tau, 8e-3 / n as f64);
         if n == 40 {
             assert!((frequency - 1.0).abs() < 0.02, "{frequency}");
         }
