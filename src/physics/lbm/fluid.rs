@@ -339,7 +339,7 @@ impl<S: Stored> Fluid<S> {
         }
         self.boundaries.remember(&self.populations, half);
         if let Some(surface) = &mut self.surface {
-            surface.prepare(&mut self.populations, half);
+            surface.prepare(&self.populations, half);
         }
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());

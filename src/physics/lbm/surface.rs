@@ -6,19 +6,21 @@
 //!
 //! | when | work | needs of other cells |
 //! |---|---|---|
-//! | before the pass | velocity of interface cells; their weight becomes that of the wet part | nothing |
+//! | before the pass | velocity of interface cells, normal of the surface | fill levels, density of liquid beside |
 //! | the pass | leaves out vectors of cells without water | |
-//! | behind boundaries and structures | exchange of mass, reconstruction of what gas would have sent ([`exchange`]) | kind and fill level |
+//! | behind boundaries and structures | exchange of mass, reconstruction of what gas would have sent ([`exchange`]) | kind and fill level, density of liquid beside |
 //! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments beside new interface cells |
 //!
 //! The surface acts in place, on the numbers of a link as the last pass left them ([`super::populations`]): of each link of an interface
 //! cell, what left the cell and what comes back are the same two numbers after an even and an odd pass. What comes from gas is
 //!
-//! f_ī(x, t+1) = f_i^eq(ρ_G, u) + f_ī^eq(ρ_G, u) - f*_i(x, t),  ρ_G = 1,
+//! f_ī(x, t+1) = f_i^eq(ρ_w, u) + f_ī^eq(ρ_w, u) - f*_i(x, t)
 //!
-//! with u the velocity of the interface cell; nothing else is reconstructed. The pressure of the gas stands half-way between the two cells,
-//! first order in space (S. Bogner, R. Ammer, U. Rüde, J. Comput. Phys. 297 (2015) 1). The weight of the wet part alone makes the pressure
-//! below the surface that of a column up to the fill level.
+//! with u the velocity of the interface cell; nothing else is reconstructed. This imposes the pressure ρ_w/3 half-way between the two cells.
+//! Where that is the pressure of the gas, the scheme is first order in space (S. Bogner, R. Ammer, U. Rüde, J. Comput. Phys. 297 (2015) 1):
+//! the surface lies up to half a cell away, and the empty part of an interface cell has inertia. Here ρ_w is that of the gas at the surface
+//! itself for the static part of the pressure, and at the mean place of the surface for the dynamic part ([`exchange`]). A standing wave of
+//! 40 cells then has its frequency within 0.7 % instead of 4 to 6 %.
 //!
 //! **The same bits on any ranks and threads.** Every value is gathered by its own cell, in the order of the directions, from cells that do
 //! not change in the same phase. Ghost cells hold the kinds and values of the cells that they repeat ([`ghosts`]).
@@ -241,10 +243,11 @@ impl Surface {
     /// Notes the velocities of the interface cells and gives them the weight of their wet part, before a pass. `half_force` is F/2.
     pub(crate) fn prepare<S: Stored>(
         &mut self,
-        populations: &mut Populations<S>,
+        populations: &Populations<S>,
         half_force: [f64; 3],
     ) {
-        exchange::prepare(&self.cells, &mut self.planes, populations, half_force);
+        let state = (&self.cells, self.ghosts.around());
+        exchange::prepare(state, &mut self.planes, populations, half_force);
     }
 
     /// Sets what cells of gas sent in the pass to zero.
@@ -254,7 +257,22 @@ impl Surface {
 
     /// Moves the surface, when all populations that come from water and solids are in place. Collective.
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
-        exchange::exchange(&mut self.cells, &mut self.planes, populations);
+        let cells = &self.cells;
+        let shore = |cell: usize| {
+            [
+                exchange::shore_density(cells, populations, cell),
+                0.0,
+                0.0,
+                0.0,
+            ]
+        };
+        self.ghosts.exchange_moments(shore);
+        exchange::exchange(
+            &mut self.cells,
+            self.ghosts.around(),
+            &mut self.planes,
+            populations,
+        );
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
         self.ghosts.spread_kinds(&mut self.cells.kind);
@@ -287,8 +305,12 @@ impl Surface {
             }
         }
         self.ghosts.spread_kinds(&mut self.cells.kind);
-        let Cells { fill, share, .. } = &mut self.cells;
-        self.ghosts.spread_values(fill, share);
+        let mut fill = std::mem::take(&mut self.cells.fill);
+        let mut share = std::mem::take(&mut self.cells.share);
+        let cells = &self.cells;
+        let shore = |cell: usize| exchange::shore_density(cells, populations, cell);
+        self.ghosts.spread_values(&mut fill, &mut share, shore);
+        (self.cells.fill, self.cells.share) = (fill, share);
     }
 
     /// Makes the lists of the planes whose cells have changed kind.

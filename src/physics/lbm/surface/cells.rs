@@ -16,8 +16,9 @@ pub(crate) struct Cells {
     pub(super) share: Vec<f64>,
     /// Directions along which sheets cut the links of a cell, a bit each; empty where there are none.
     closed: Vec<u32>,
-    /// Distance in positions to the neighbour along each direction.
+    /// Distance in positions to the neighbour along each direction, and along each axis.
     offsets: Vec<isize>,
+    strides: [isize; 3],
 }
 
 impl Cells {
@@ -36,6 +37,11 @@ impl Cells {
             share: vec![0.0; count],
             closed: Vec::new(),
             offsets: (0..q).map(|i| populations.offset(i)).collect(),
+            strides: std::array::from_fn(|axis| {
+                let mut at = [0; 3];
+                at[axis] = 1;
+                populations.cell(at).cast_signed() - populations.cell([0; 3]).cast_signed()
+            }),
         }
     }
 
@@ -66,6 +72,22 @@ impl Cells {
             return SOLID;
         }
         self.kind[self.beside(cell, i)]
+    }
+
+    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall that of its mirror image.
+    #[inline(always)]
+    pub(super) fn level_beside(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
+        let mut at = self.beside(cell, i);
+        if self.kind_beside(cell, i) == SOLID {
+            at = cell;
+            for (c, stride) in c.into_iter().zip(self.strides) {
+                let next = at.wrapping_add_signed(isize::from(c) * stride);
+                if self.kind[next] != SOLID {
+                    at = next;
+                }
+            }
+        }
+        self.fill[at].clamp(0.0, 1.0)
     }
 
     /// Returns the number of neighbours of a cell of some kinds.

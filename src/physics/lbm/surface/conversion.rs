@@ -5,7 +5,7 @@
 //! become interface cells with the mass that they have. Where both kinds meet, the cell that would empty stays what it is.
 
 use super::cells::Cells;
-use super::ghosts::{Ghosts, Moments};
+use super::ghosts::{Around, Ghosts, Moments};
 use super::kind::{EMPTIES, ENTERED, FILLS, GAS, LIQUID, SOLID, SURFACE, is_surface};
 use super::lists::Plane;
 use crate::lbm::initial::equilibrium;
@@ -137,8 +137,12 @@ impl Work {
             }
         }
         for &cell in &self.entered {
-            self.born
-                .push(mean_beside(cells, populations, ghosts, cell as usize));
+            self.born.push(mean_beside(
+                cells,
+                populations,
+                ghosts.around(),
+                cell as usize,
+            ));
         }
         for &cell in self.fills.iter().chain(&self.empties).chain(&self.entered) {
             touch(populations, cell);
@@ -195,7 +199,7 @@ impl Work {
 fn mean_beside<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
-    ghosts: &Ghosts,
+    around: &Around,
     cell: usize,
 ) -> Moments {
     let at = populations.coordinates(cell);
@@ -210,7 +214,7 @@ fn mean_beside<S: Stored>(
         let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
         let position = |at: [isize; 3]| populations.cell(at);
         let of_cell = |cell: usize| moments(populations, cell);
-        let found = ghosts.moments(next, position, of_cell);
+        let found = around.moments(next, position, of_cell);
         for (sum, found) in sum.iter_mut().zip(found) {
             *sum += found;
         }

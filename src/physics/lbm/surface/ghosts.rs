@@ -33,14 +33,21 @@ enum Source {
     Beyond(usize, usize),
 }
 
-/// Exchange of the state.
-pub(super) struct Ghosts {
-    kinds: HaloExchange,
-    values: HaloExchange,
+/// Moments of the cells round the slab.
+pub(super) struct Around {
     ends: Ends,
     cells: [usize; 3],
     order: [usize; 3],
     dimension: usize,
+    /// Moments in the planes of both neighbours.
+    moments: [Vec<Moments>; 2],
+}
+
+/// Exchange of the state.
+pub(super) struct Ghosts {
+    kinds: HaloExchange,
+    values: HaloExchange,
+    around: Around,
     /// Positions of the cells of a plane relative to its first.
     plane: Vec<usize>,
     /// First cells of the ghost plane below, of the first and the last plane, and of the ghost plane above.
@@ -49,8 +56,6 @@ pub(super) struct Ghosts {
     copies: Vec<[u32; 2]>,
     /// Positions of all ghost cells that may hold water.
     all: Vec<u32>,
-    /// Moments of the surface in the planes of both neighbours.
-    moments: [Vec<Moments>; 2],
 }
 
 impl Ghosts {
@@ -82,10 +87,13 @@ impl Ghosts {
         let mut ghosts = Self {
             kinds: kinds?,
             values: values?,
-            ends,
-            cells,
-            order,
-            dimension,
+            around: Around {
+                ends,
+                cells,
+                order,
+                dimension,
+                moments,
+            },
             planes: [
                 at_plane(-1),
                 at_plane(0),
@@ -95,7 +103,6 @@ impl Ghosts {
             plane,
             copies: Vec::new(),
             all: Vec::new(),
-            moments,
         };
         if !cells.contains(&0) {
             ghosts.list(populations);
@@ -105,25 +112,32 @@ impl Ghosts {
 
     /// Lists the copies within the slab: along the slow axis, then rows, then their ends, so that corners follow.
     fn list<S: Stored>(&mut self, populations: &Populations<S>) {
+        let Around {
+            ends,
+            cells,
+            order,
+            dimension,
+            ..
+        } = &self.around;
         let extent = |axis: usize, ghosts: bool| {
-            let ghost = isize::from(ghosts && axis < self.dimension);
-            -ghost..self.cells[axis].cast_signed() + ghost
+            let ghost = isize::from(ghosts && axis < *dimension);
+            -ghost..cells[axis].cast_signed() + ghost
         };
-        for (n, &axis) in self.order.iter().enumerate() {
-            if axis >= self.dimension {
+        for (n, &axis) in order.iter().enumerate() {
+            if axis >= *dimension {
                 continue;
             }
-            let count = self.cells[axis].cast_signed();
+            let count = cells[axis].cast_signed();
             let [a, b] = match n {
-                0 => [self.order[1], self.order[2]],
-                1 => [self.order[0], self.order[2]],
-                _ => [self.order[0], self.order[1]],
+                0 => [order[1], order[2]],
+                1 => [order[0], order[2]],
+                _ => [order[0], order[1]],
             };
-            let before = |other: usize| self.order[..n].contains(&other);
+            let before = |other: usize| order[..n].contains(&other);
             for (end, ghost) in [(0, -1), (1, count)] {
-                let inside = if self.ends.mirrored[axis][end] {
+                let inside = if ends.mirrored[axis][end] {
                     ghost.clamp(0, count - 1)
-                } else if self.ends.periodic[axis] {
+                } else if ends.periodic[axis] {
                     ghost.rem_euclid(count)
                 } else {
                     continue;
@@ -175,15 +189,23 @@ impl Ghosts {
         }
     }
 
-    /// Fills two values of the ghost cells. Collective.
-    pub(super) fn spread_values(&mut self, one: &mut [f64], other: &mut [f64]) {
-        self.exchange(|cell| [one[cell], other[cell], 0.0, 0.0]);
+    /// Fills two values of the ghost cells, and takes the densities of the planes of the neighbours. Collective.
+    pub(super) fn spread_values(
+        &mut self,
+        one: &mut [f64],
+        other: &mut [f64],
+        density: impl Fn(usize) -> f64,
+    ) {
+        self.exchange(|cell| [density(cell), one[cell], other[cell], 0.0]);
         let (lower, upper) = self.values.received::<f64>();
-        for (buffer, plane) in [(lower, self.planes[0]), (upper, self.planes[3])] {
+        let planes = [self.planes[0], self.planes[3]];
+        for (side, buffer) in [lower, upper].into_iter().enumerate() {
             let Some(buffer) = buffer else { continue };
-            for (values, cell) in buffer.chunks_exact(VALUES).zip(&self.plane) {
-                one[plane + cell] = values[0];
-                other[plane + cell] = values[1];
+            let places = self.plane.iter().zip(&mut self.around.moments[side]);
+            for (values, (cell, moments)) in buffer.chunks_exact(VALUES).zip(places) {
+                moments[0] = values[0];
+                one[planes[side] + cell] = values[1];
+                other[planes[side] + cell] = values[2];
             }
         }
         for &[ghost, inside] in &self.copies {
@@ -196,7 +218,7 @@ impl Ghosts {
     pub(super) fn exchange_moments(&mut self, of_cell: impl Fn(usize) -> Moments) {
         self.exchange(of_cell);
         let (lower, upper) = self.values.received::<f64>();
-        for (buffer, moments) in [lower, upper].into_iter().zip(&mut self.moments) {
+        for (buffer, moments) in [lower, upper].into_iter().zip(&mut self.around.moments) {
             let Some(buffer) = buffer else { continue };
             for (from, to) in buffer.chunks_exact(VALUES).zip(moments) {
                 to.copy_from_slice(from);
@@ -217,6 +239,13 @@ impl Ghosts {
         self.values.finish();
     }
 
+    /// Returns the moments of the cells round the slab.
+    pub(super) fn around(&self) -> &Around {
+        &self.around
+    }
+}
+
+impl Around {
     /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives those of a cell of the slab.
     pub(super) fn moments(
         &self,

@@ -6,13 +6,32 @@ use crate::number::to_u32;
 /// Cells of a row that are worked on together: the widest vector of the pass.
 const TOGETHER: usize = 8;
 
+/// Surface in an interface cell at the begin of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Facet {
+    /// Velocity of the water.
+    pub(super) velocity: [f64; 3],
+    /// Normal towards the gas.
+    pub(super) normal: [f64; 3],
+    /// Distance of the surface from the centre of the cell along the normal.
+    pub(super) distance: f64,
+    /// Increase of the density along the normal in water at rest.
+    pub(super) at_rest: f64,
+    /// Direction to the liquid cell that lies most against the normal; 0 without one.
+    pub(super) inward: u8,
+    /// Density of that cell.
+    pub(super) inside: f64,
+    /// Distance of the centre of that cell from that of the interface cell against the normal.
+    pub(super) inner: f64,
+}
+
 /// Lists of one plane of the slab.
 #[derive(Debug, Default)]
 pub(crate) struct Plane {
     /// Positions of the cells that the surface passes.
     pub(super) surface: Vec<u32>,
-    /// Velocity of each of them at the begin of the step.
-    pub(super) velocity: Vec<[f64; 3]>,
+    /// Surface in each of them.
+    pub(super) facets: Vec<Facet>,
     /// Fill level of each of them at the end of the step.
     pub(super) fill: Vec<f64>,
     /// Kind of each of them at the end of the step.
@@ -75,7 +94,7 @@ impl Plane {
         }
         self.begins.push(to_u32(self.spans.len()));
         let count = self.surface.len();
-        self.velocity.resize(count, [0.0; 3]);
+        self.facets.resize(count, Facet::default());
         self.fill.resize(count, 0.0);
         self.kind.resize(count, 0);
     }
