@@ -48,6 +48,9 @@ fn obstacles(scene: &Scene) -> Vec<String> {
             patch.name
         ));
     }
+    if scene.surface.is_some() {
+        all.push("a free surface".into());
+    }
     if !scene.structures.is_empty() {
         all.push("structures".into());
     }

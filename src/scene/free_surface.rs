@@ -76,7 +76,11 @@ impl FreeSurface {
         let h = self.spacing;
         let low = cell.map(|n| real(n) * h);
         let below = |height: f64, at: f64| {
-            let depth = if self.rises { height - at } else { at + h - height };
+            let depth = if self.rises {
+                height - at
+            } else {
+                at + h - height
+            };
             (depth / h).clamp(0.0, 1.0)
         };
         match part {
@@ -302,12 +306,7 @@ fn wave_form(
 }
 
 /// Refuses what does not work with a free surface yet.
-fn refuse(
-    case: &Case,
-    lbm: &LatticeBoltzmann,
-    patches: &[Vec<Patch>; 6],
-    findings: &mut Findings,
-) {
+fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
     let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip (a rigid lid)";
     for (there, path) in [
         (!case.bodies.is_empty(), "bodies"),
@@ -340,7 +339,10 @@ fn refuse(
             findings.error(
                 &format!("{path}.patch"),
                 "free slip on a part of a face does not work with a free surface yet",
-                Remedy::take_out("leave the part out: the whole face slips", format!("{path}.patch")),
+                Remedy::take_out(
+                    "leave the part out: the whole face slips",
+                    &format!("{path}.patch"),
+                ),
             );
         }
     }
@@ -364,7 +366,10 @@ fn refuse(
         findings.error(
             &format!("{LATTICE_PATH}.initial"),
             "water with a free surface starts at rest or with one velocity",
-            Remedy::from("use rest").set(format!("{LATTICE_PATH}.initial"), serde_json::json!({"rest": {}})),
+            Remedy::from("use rest").set(
+                format!("{LATTICE_PATH}.initial"),
+                serde_json::json!({"rest": {}}),
+            ),
         );
     }
     if let Initial::Uniform(flow) = &lbm.initial

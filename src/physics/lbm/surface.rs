@@ -201,6 +201,12 @@ impl Surface {
         is_wet(self.cells.kind[cell])
     }
 
+    /// Returns the kinds of the cells, by position.
+    #[must_use]
+    pub fn kinds(&self) -> &[u8] {
+        &self.cells.kind
+    }
+
     /// Returns the number of interface cells of the slab.
     #[must_use]
     pub fn count(&self) -> usize {
