@@ -12,11 +12,7 @@ use super::super::{Point, cross, dot, minus, norm, plus, times};
 /// The distance by which a line is moved aside, over its length and its distance from the origin.
 const ASIDE: f64 = 1e-11;
 /// The direction: no two of its components have a simple ratio.
-const DIRECTION: Point = [
-    0.577_215_664_901_5,
-    0.693_147_180_559_9,
-    0.434_294_481_903_3,
-];
+const DIRECTION: Point = [0.577_215_6, 0.691_462_5, 0.433_012_7];
 
 /// A line from a point, moved aside.
 pub(super) struct Line {
