@@ -8,6 +8,7 @@ pub(crate) mod contacts;
 mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
+mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;

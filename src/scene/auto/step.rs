@@ -525,8 +525,8 @@ mod tests {
                 "{every}: {steps}"
             );
         }
-        let step = plan(&json!([0.01, 0.025])).clock.time_step;
-        let steps = 0.025 / step;
+        let step = plan(&json!([0.1, 0.25])).clock.time_step;
+        let steps = 0.25 / step;
         assert!((steps - steps.round()).abs() < 1e-6 * steps, "{steps}");
     }
 }
