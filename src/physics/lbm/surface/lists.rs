@@ -17,6 +17,8 @@ pub(crate) struct Facet {
     pub(super) distance: f64,
     /// Increase of the density along the normal in water at rest.
     pub(super) at_rest: f64,
+    /// Increase of the density over a cell against gravity in water at rest.
+    pub(super) weight: f64,
     /// Direction to the liquid cell that lies most against the normal; 0 without one.
     pub(super) inward: u8,
     /// Density of that cell.
