@@ -6,7 +6,7 @@
 //!
 //! | when | work | needs of other cells |
 //! |---|---|---|
-//! | before the pass | velocity of interface cells, normal of the surface | fill levels, density of neighbouring liquid |
+//! | before the pass | velocity of interface cells, normal of the surface, shear there | fill levels, moments of neighbouring liquid |
 //! | the pass | leaves out vectors of cells without water | |
 //! | behind boundaries and structures | exchange of mass, reconstruction of what gas would have sent ([`exchange`]) | kind and fill level, density of neighbouring liquid |
 //! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments next to new interface cells |
@@ -283,14 +283,16 @@ impl Surface {
         &self.planes
     }
 
-    /// Notes the velocities of the interface cells and gives them the weight of their wet part, before a pass. `half_force` is F/2.
+    /// Finds the surface in the interface cells before a pass. `half_force` is F/2, and `viscosity` that of the water.
     pub(crate) fn prepare<S: Stored>(
         &mut self,
-        populations: &Populations<S>,
+        populations: &mut Populations<S>,
         half_force: [f64; 3],
+        viscosity: f64,
     ) {
         let state = (&self.cells, self.ghosts.around());
-        exchange::prepare(state, &mut self.planes, populations, half_force);
+        let drive = (half_force, viscosity);
+        exchange::prepare(state, &mut self.planes, populations, drive);
     }
 
     /// Sets what cells of gas sent in the pass to zero.
@@ -301,14 +303,7 @@ impl Surface {
     /// Moves the surface, when all populations that come from water and solids are in place. Collective.
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let cells = &self.cells;
-        let shore = |cell: usize| {
-            [
-                exchange::shore_density(cells, populations, cell),
-                0.0,
-                0.0,
-                0.0,
-            ]
-        };
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
         exchange::exchange(
             &mut self.cells,
@@ -351,7 +346,7 @@ impl Surface {
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
         let cells = &self.cells;
-        let shore = |cell: usize| exchange::shore_density(cells, populations, cell);
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.spread_values(&mut fill, &mut share, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
     }

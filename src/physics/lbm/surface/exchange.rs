@@ -6,7 +6,8 @@
 //! lattice Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
-use super::ghosts::Around;
+use super::conversion;
+use super::ghosts::{Around, Moments};
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::{Facet, Plane};
 use crate::lbm::lanes::Stored;
@@ -24,6 +25,10 @@ const MOST_ACCELERATION: f64 = 1.0;
 
 /// Part of its length by which a link from an interface cell to the liquid cell inside must point against the normal.
 const INWARD: f64 = 0.7;
+
+/// Least distance by which the velocities of an interface cell and of the liquid cell inside determine a parabola with its vertex at the
+/// surface.
+const LEAST_REACH: f64 = 0.5;
 
 /// Interface cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 500;
@@ -44,53 +49,74 @@ fn least(planes: &[Plane]) -> usize {
 ///
 /// The normal is that of the fill levels round the cell, weighted as the velocity set weights its directions; the surface is a plane at the
 /// distance (ε - ½) Σ|n_a| from the centre.
+///
+/// The incoming populations take the shear force that the water feels at the middle of a link but not at its surface.
 pub(super) fn prepare<S: Stored>(
     state: (&Cells, &Around),
     planes: &mut [Plane],
-    populations: &Populations<S>,
-    half_force: [f64; 3],
+    populations: &mut Populations<S>,
+    (half_force, viscosity): ([f64; 3], f64),
 ) {
     let least = least(planes);
+    let known = &*populations;
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for (&cell, facet) in plane.surface.iter().zip(&mut plane.facets) {
-            *facet = find(state, populations, half_force, cell as usize);
+            *facet = find(state, known, (half_force, viscosity), cell as usize);
+        }
+    });
+    let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
+    let (numbers, populations) = (&numbers, &*populations);
+    let velocities = populations.velocities();
+    thread_pool::each_item_in_runs(planes, least, |_, plane| {
+        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+            for i in super::directions(velocities) {
+                let c = velocities.c[i];
+                let along = (0..3)
+                    .map(|a| f64::from(c[a]) * facet.shear[a])
+                    .sum::<f64>();
+                // SAFETY: the incoming numbers of a cell are its own.
+                unsafe {
+                    let number = numbers.0.add(populations.incoming(cell as usize, i));
+                    let sheared = (3.0 * velocities.w[i]).mul_add(along, number.read().to_f64());
+                    number.write(S::from_f64(sheared));
+                }
+            }
         }
     });
 }
 
-/// Returns the density of a liquid cell next to interface cells; 0 of other cells, which is not used.
-pub(super) fn shore_density<S: Stored>(
+/// Returns the moments of a liquid cell next to interface cells; 0 of other cells, which are not used.
+pub(super) fn shore<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
     cell: usize,
-) -> f64 {
+) -> Moments {
     if cells.kind[cell] == LIQUID && cells.count_neighbours(cell, is_surface) > 0 {
-        populations.moments(cell).0
+        conversion::moments(populations, cell)
     } else {
-        0.0
+        [0.0; 4]
     }
 }
 
-/// Returns the density of the liquid neighbour of a cell along a direction; `of_cell` gives that of a cell of the slab.
-fn density_along<S: Stored>(
+/// Returns the moments of the liquid neighbour of a cell along a direction; `of_cell` gives those of a cell of the slab.
+fn moments_along<S: Stored>(
     around: &Around,
     populations: &Populations<S>,
     (cell, direction): (usize, usize),
-    of_cell: impl Fn(usize) -> f64,
-) -> f64 {
+    of_cell: impl Fn(usize) -> Moments,
+) -> Moments {
     let at = populations.coordinates(cell);
     let c = populations.velocities().c[direction];
     let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
     let position = |at: [isize; 3]| populations.cell(at);
-    let moments = around.moments(next, position, |cell| [of_cell(cell), 0.0, 0.0, 0.0]);
-    moments[0]
+    around.moments(next, position, of_cell)
 }
 
 /// Returns the facet of an interface cell.
 fn find<S: Stored>(
     (cells, around): (&Cells, &Around),
     populations: &Populations<S>,
-    half_force: [f64; 3],
+    (half_force, viscosity): ([f64; 3], f64),
     cell: usize,
 ) -> Facet {
     let (density, momentum) = populations.moments(cell);
@@ -141,11 +167,26 @@ fn find<S: Stored>(
             .map(|a| half_force[a] * half_force[a])
             .sum::<f64>()
             .sqrt();
-    facet.inside = density_along(around, populations, (cell, i), |cell| {
-        populations.moments(cell).0
-    });
+    let of_cell = |cell: usize| conversion::moments(populations, cell);
+    let [inside, u @ ..] = moments_along(around, populations, (cell, i), of_cell);
+    facet.inside = inside;
     facet.inward = u8::try_from(i).unwrap_or(0);
+    facet.shear = shear(&facet, momentum.map(|m| m / (1.0 + density)), u, viscosity);
     facet
+}
+
+/// Returns the shear force on an interface cell at the middle of its links to gas where that at the surface is zero; `own` and `inner` are
+/// the velocities of the cell and of the liquid cell inside.
+///
+/// A parabola through both velocities has its vertex at the surface, u = u_s - κ (s - q)²/2: the stress at ½ is -ν κ (½ - q). A film down a
+/// plane is exact, and a stream of one velocity is free of it.
+fn shear(facet: &Facet, own: [f64; 3], inner: [f64; 3], viscosity: f64) -> [f64; 3] {
+    let across: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
+    let normal = (0..3).map(|a| across[a] * facet.normal[a]).sum::<f64>();
+    let reach = (facet.inner + 2.0 * facet.distance).max(LEAST_REACH);
+    let curvature = 2.0 / (facet.inner * reach);
+    let factor = -viscosity * curvature * (0.5 - facet.distance).max(0.0);
+    std::array::from_fn(|a| factor * (across[a] - normal * facet.normal[a]))
 }
 
 /// Returns the density half-way along a link of an interface cell; `up` is the component of the link along the normal.
@@ -250,8 +291,8 @@ pub(super) fn exchange<S: Stored>(
             let mut inside = facet.inside;
             if facet.inward > 0 {
                 let inward = (cell, usize::from(facet.inward));
-                let of_cell = |cell: usize| moments(numbers, populations, cell).0;
-                let now = density_along(around, populations, inward, of_cell);
+                let of_cell = |cell: usize| [moments(numbers, populations, cell).0, 0.0, 0.0, 0.0];
+                let [now, ..] = moments_along(around, populations, inward, of_cell);
                 inside = 0.5 * (inside + now);
             }
             let facet = Facet { inside, ..*facet };

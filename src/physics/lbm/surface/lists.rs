@@ -23,6 +23,8 @@ pub(crate) struct Facet {
     pub(super) inward: u8,
     /// Density of that cell.
     pub(super) inside: f64,
+    /// Force along the surface that the cell takes in the step.
+    pub(super) shear: [f64; 3],
     /// Distance of the centre of that cell from that of the interface cell against the normal.
     pub(super) inner: f64,
 }
