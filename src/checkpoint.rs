@@ -92,7 +92,12 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     let count = populations.cells().iter().product::<usize>() * 3;
     Some(Maker::new(count, move |range, all: &mut Vec<f32>| {
         each_cell_of(populations, 3, &range, |cell, which| {
-            all.extend_from_slice(&field.velocity(cell)[which]);
+            let velocity = if fluid.holds_water(cell) {
+                field.velocity(cell)
+            } else {
+                [0.0; 3]
+            };
+            all.extend_from_slice(&velocity[which]);
         });
     }))
 }
@@ -372,7 +377,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             }
             if let Some(field) = fluid.velocities() {
                 let key = field_key("velocities");
-                for ([x, y, z], at) in cells_of(fluid) {
+                let wet = cells_of(fluid).filter(|(_, at)| fluid.holds_water(*at));
+                for ([x, y, z], at) in wet {
                     let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
                     for (a, u) in field.velocity(at).into_iter().enumerate() {
                         hash.add(key, (cell * 3 + a) as u64, u64::from(u.to_bits()));
@@ -551,6 +557,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
         }
     }
     fluid.spread_velocities();
+    fluid.continue_velocities();
     Ok(())
 }
 

@@ -8,7 +8,7 @@ use super::findings::{Findings, LATTICE_PATH, number};
 use super::grid::Grid;
 use super::structures;
 use crate::case::Case;
-use crate::case::fluid::{Device, Fluid, Initial, LatticeBoltzmann, TurbulenceChoice};
+use crate::case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
 use crate::case::free_surface::{Water, Wave};
 use crate::error::Remedy;
 use crate::lbm::boundary::Surface;
@@ -363,14 +363,6 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findin
             &path,
             "a GPU does not run a free surface yet",
             Remedy::from("use cpu").set(path.clone(), "cpu"),
-        );
-    }
-    if let Some(TurbulenceChoice::Model(_)) = lbm.turbulence {
-        let path = format!("{LATTICE_PATH}.turbulence");
-        findings.error(
-            &path,
-            "an eddy viscosity does not work with a free surface yet",
-            Remedy::from("use none").set(path.clone(), "none"),
         );
     }
     if !matches!(lbm.initial, Initial::Rest {} | Initial::Uniform(_)) {

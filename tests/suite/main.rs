@@ -24,6 +24,7 @@ mod estimate;
 mod excavations;
 mod extremes;
 mod folders;
+mod free_surface;
 mod gates;
 mod guards;
 mod hostile_checkpoints;

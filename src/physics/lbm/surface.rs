@@ -6,10 +6,10 @@
 //!
 //! | when | work | needs of other cells |
 //! |---|---|---|
-//! | before the pass | velocity of interface cells, normal of the surface | fill levels, density of liquid beside |
+//! | before the pass | velocity of interface cells, normal of the surface, shear there | fill levels, moments of neighbouring liquid |
 //! | the pass | leaves out vectors of cells without water | |
-//! | behind boundaries and structures | exchange of mass, reconstruction of what gas would have sent ([`exchange`]) | kind and fill level, density of liquid beside |
-//! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments beside new interface cells |
+//! | behind boundaries and structures | exchange of mass, reconstruction of what gas would have sent ([`exchange`]) | kind and fill level, density of neighbouring liquid |
+//! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments next to new interface cells |
 //!
 //! The surface acts in place, on the numbers of a link as the last pass left them ([`super::populations`]): of each link of an interface
 //! cell, what left the cell and what comes back are the same two numbers after an even and an odd pass. What comes from gas is
@@ -26,7 +26,7 @@
 //! not change in the same phase. Ghost cells hold the kinds and values of the cells that they repeat ([`ghosts`]).
 //!
 //! **Mass.** What one cell gives along a link, the other one takes, to the bit. A cell that becomes liquid or gas shares its excess mass
-//! among the interface cells beside it, which take it in the next step. Where there are none, the mass is lost and counted: drops of one
+//! among the neighbouring interface cells, which take it in the next step. Where there are none, the mass is lost and counted: drops of one
 //! cell, and pockets of air that close.
 //!
 //! Cells that hold no water and no number of water have no defined populations: outputs, checkpoints and hashes take zeros there.
@@ -134,7 +134,7 @@ impl Surface {
         }
         self.ghosts.spread_kinds(&mut self.cells.kind);
         let open = |cells: &Cells, cell: usize| {
-            cells.kind[cell] == LIQUID && cells.count_beside(cell, |kind| kind == GAS) > 0
+            cells.kind[cell] == LIQUID && cells.count_neighbours(cell, |kind| kind == GAS) > 0
         };
         let shore: Vec<usize> = (all.iter().map(|(_, cell)| *cell))
             .filter(|&cell| open(&self.cells, cell))
@@ -223,7 +223,7 @@ impl Surface {
                 sum += i128::from(quanta(1.0 + populations.moments(cell).0));
             } else if is_surface(kind) {
                 sum += i128::from(quanta(self.cells.mass[cell]));
-                sum += i128::from(quanta(self.cells.shares_beside(cell)));
+                sum += i128::from(quanta(self.cells.shares_taken(cell)));
             }
         }
         sum
@@ -241,19 +241,58 @@ impl Surface {
         self.cells.bytes()
     }
 
+    /// Returns the cells that the surface entered in the last step, with their velocities.
+    pub(crate) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        self.work.entered()
+    }
+
+    /// Returns the cells of gas of the slab next to interface cells along the axes, with the mean velocity of their wet neighbours; some
+    /// of them more than once. `velocity` gives that of a cell.
+    pub(crate) fn shore<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        velocity: impl Fn(usize) -> [f32; 3],
+    ) -> Vec<(usize, [f32; 3])> {
+        let mut shore = Vec::new();
+        let dimension = populations.velocities().dimension;
+        let count = populations.cells();
+        let inside = |cell: usize| {
+            let at = populations.coordinates(cell);
+            (0..3).all(|a| (0..count[a].cast_signed()).contains(&at[a]))
+        };
+        for &cell in self.planes.iter().flat_map(|plane| &plane.surface) {
+            let next = self.cells.along_axes(cell as usize, dimension);
+            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS && inside(cell)) {
+                let mut sum = [0.0; 3];
+                let mut count = 0.0;
+                let wet = self.cells.along_axes(gas, dimension);
+                for cell in wet.filter(|&cell| is_wet(self.cells.kind[cell])) {
+                    for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
+                        *sum += u;
+                    }
+                    count += 1.0;
+                }
+                shore.push((gas, sum.map(|sum| sum / count)));
+            }
+        }
+        shore
+    }
+
     /// Returns the lists of the planes, for the pass.
     pub(crate) fn planes(&self) -> &[Plane] {
         &self.planes
     }
 
-    /// Notes the velocities of the interface cells and gives them the weight of their wet part, before a pass. `half_force` is F/2.
+    /// Finds the surface in the interface cells before a pass. `half_force` is F/2, and `viscosity` that of the water.
     pub(crate) fn prepare<S: Stored>(
         &mut self,
-        populations: &Populations<S>,
+        populations: &mut Populations<S>,
         half_force: [f64; 3],
+        viscosity: f64,
     ) {
         let state = (&self.cells, self.ghosts.around());
-        exchange::prepare(state, &mut self.planes, populations, half_force);
+        let drive = (half_force, viscosity);
+        exchange::prepare(state, &mut self.planes, populations, drive);
     }
 
     /// Sets what cells of gas sent in the pass to zero.
@@ -264,14 +303,7 @@ impl Surface {
     /// Moves the surface, when all populations that come from water and solids are in place. Collective.
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let cells = &self.cells;
-        let shore = |cell: usize| {
-            [
-                exchange::shore_density(cells, populations, cell),
-                0.0,
-                0.0,
-                0.0,
-            ]
-        };
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
         exchange::exchange(
             &mut self.cells,
@@ -301,7 +333,7 @@ impl Surface {
     /// Shares excess mass and makes the state of ghost cells and the lists follow from the cells of the slab. Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
-        self.lost += self.work.share(&mut self.cells);
+        self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
         exchange::classify(&self.cells, &mut self.planes, populations);
         for plane in &self.planes {
@@ -314,7 +346,7 @@ impl Surface {
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
         let cells = &self.cells;
-        let shore = |cell: usize| exchange::shore_density(cells, populations, cell);
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.spread_values(&mut fill, &mut share, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
     }

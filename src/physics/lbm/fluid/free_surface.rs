@@ -51,6 +51,7 @@ impl<S: Stored> Fluid<S> {
             level(std::array::from_fn(|a| at[a] + start[a]))
         });
         self.clear_gas();
+        self.continue_velocities();
     }
 
     /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of `cells`. Collective.
@@ -67,6 +68,32 @@ impl<S: Stored> Fluid<S> {
             && !self.populations.cells().contains(&0)
         {
             surface.finish(&mut self.populations);
+            self.enter_velocities();
+            self.continue_velocities();
+        }
+    }
+
+    /// Gives the cells that the surface entered their velocities for the eddy viscosity, and their ghosts. Collective.
+    fn enter_velocities(&mut self) {
+        let (Some(surface), Some(field)) = (&self.surface, &mut self.field) else {
+            return;
+        };
+        for (cell, u) in surface.entered() {
+            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+            field.set_velocity(cell, u.map(|u| u as f32));
+        }
+        self.spread_velocities();
+    }
+
+    /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients there are those of the water.
+    /// Collective.
+    pub fn continue_velocities(&mut self) {
+        if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
+            let cells = surface.shore(&self.populations, |cell| field.velocity(cell));
+            for (cell, u) in cells {
+                field.set_velocity(cell, u);
+            }
+            self.spread_velocities();
         }
     }
 
