@@ -444,7 +444,7 @@ impl<'a> Start<'a> {
         };
         let (boxes, what): (Vec<Block>, _) = match &grains.source {
             GrainSource::Deposition { clouds, .. } => {
-                let Some(boxes) = self.ways_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
+                let Some(boxes) = self.paths_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
                     return;
                 };
                 (boxes, "grains of the deposition fall where")
@@ -479,15 +479,15 @@ impl<'a> Start<'a> {
     }
 
     /// Returns the boxes from clouds of falling grains to the end of the domain; none without gravity.
-    fn ways_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
+    fn paths_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
         let down = (0..self.grid.dimension).find(|&a| self.gravity[a].abs() > 0.0)?;
-        let to_the_end = clouds.map(|mut way| {
+        let to_the_end = clouds.map(|mut path| {
             if self.gravity[down] < 0.0 {
-                way.from[down] = 0.0;
+                path.from[down] = 0.0;
             } else {
-                way.to[down] = self.grid.size[down];
+                path.to[down] = self.grid.size[down];
             }
-            way
+            path
         });
         Some(to_the_end.collect())
     }
