@@ -755,23 +755,24 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts, and with it the number of ranks. A rank without a number of
-/// ranks above it stands in the environment of a shell and does not count.
+/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of a shell: there it
+/// counts only with a number of ranks above it.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
-    let ranks = [
-        ("OMPI_COMM_WORLD_RANK", &["OMPI_COMM_WORLD_SIZE"][..]),
+    let ranks: [(&str, &[&str]); 3] = [
         (
             "PMIX_RANK",
-            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"][..],
+            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"],
         ),
-        ("PMI_RANK", &["PMI_SIZE"][..]),
-        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"][..]),
+        ("PMI_RANK", &["PMI_SIZE"]),
+        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"]),
     ];
-    ranks.iter().all(|(rank, sizes)| {
-        let size = sizes.iter().find_map(|name| number(name));
-        !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
-    })
+    let of_mpirun = number("OMPI_COMM_WORLD_RANK").is_none_or(|rank| rank == 0);
+    of_mpirun
+        && ranks.iter().all(|(rank, sizes)| {
+            let size = sizes.iter().find_map(|name| number(name));
+            !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
+        })
 }
 
 /// A text to the standard output; a reader that has gone away is no error.

@@ -731,7 +731,9 @@ fn a_picture_replaces_no_other_file() {
         ends(&["picture", name, "--output", output], 2, reason);
     }
     assert!(std::fs::read_to_string(&own).unwrap().starts_with('{'));
-    let free = folder.path().join("a.svg");
+    let pictures = folder.path().join("pictures");
+    std::fs::create_dir(&pictures).unwrap();
+    let free = pictures.join("a.svg");
     for _ in 0..2 {
         ends(
             &["picture", name, "--output", free.to_str().unwrap()],
