@@ -71,6 +71,8 @@ pub struct Surface {
     planes: Vec<Plane>,
     ghosts: Ghosts,
     work: conversion::Work,
+    /// Cells and directions of links that a plane of symmetry reflects into a solid: they bounce back.
+    corners: Vec<(u32, u8)>,
     /// Mass that could not be shared, on this rank, in quanta.
     lost: i128,
 }
@@ -92,6 +94,7 @@ impl Surface {
             planes: (0..planes).map(|_| Plane::default()).collect(),
             ghosts,
             work: conversion::Work::default(),
+            corners: Vec::new(),
             lost: 0,
         })
     }
@@ -144,6 +147,7 @@ impl Surface {
             self.cells.mass[cell] = 1.0 + populations.moments(cell).0;
         }
         self.settle(populations);
+        self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
     /// Sets the cells on a restart, after the populations; `saved` has one entry for each of `cells`. Collective.
@@ -155,7 +159,7 @@ impl Surface {
     ) {
         for (&cell, &[kind, mass, share]) in cells.iter().zip(saved) {
             let known = [SOLID, GAS, LIQUID, SURFACE];
-            let kind = known.into_iter().find(|known| f64::from(*known) == kind);
+            let kind = known.get(crate::number::whole(kind)).copied();
             self.cells.kind[cell] = kind.unwrap_or(GAS);
             self.cells.mass[cell] = mass;
             self.cells.share[cell] = share;
@@ -164,6 +168,7 @@ impl Surface {
             }
         }
         self.settle(populations);
+        self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
     /// Returns kind, mass and unshared excess of a cell.
@@ -256,13 +261,20 @@ impl Surface {
         let mut shore = Vec::new();
         let dimension = populations.velocities().dimension;
         let count = populations.cells();
-        let inside = |cell: usize| {
-            let at = populations.coordinates(cell);
-            (0..3).all(|a| (0..count[a].cast_signed()).contains(&at[a]))
-        };
-        for &cell in self.planes.iter().flat_map(|plane| &plane.surface) {
-            let next = self.cells.along_axes(cell as usize, dimension);
-            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS && inside(cell)) {
+        // Interface cells of the slab and of its ghost cells.
+        let own = self.planes.iter().flat_map(|plane| &plane.surface);
+        let beyond = self.ghosts.all().iter();
+        let beyond = beyond.filter(|cell| is_surface(self.cells.kind[**cell as usize]));
+        for &cell in own.chain(beyond) {
+            let at = populations.coordinates(cell as usize);
+            let steps = (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]);
+            let next = steps.filter_map(|(axis, step)| {
+                let mut next = at;
+                next[axis] += step;
+                let inside = (0..3).all(|a| (0..count[a].cast_signed()).contains(&next[a]));
+                inside.then(|| populations.cell(next))
+            });
+            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS) {
                 let mut sum = [0.0; 3];
                 let mut count = 0.0;
                 let wet = self.cells.along_axes(gas, dimension);
@@ -298,6 +310,7 @@ impl Surface {
     /// Sets what cells of gas sent in the pass to zero.
     pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
         exchange::silence(&self.cells, &mut self.planes, populations);
+        exchange::bounce(&self.corners, populations);
     }
 
     /// Moves the surface, when all populations that come from water and solids are in place. Collective.

@@ -252,6 +252,16 @@ pub(super) fn silence<S: Stored>(
     });
 }
 
+/// Bounces links back, given by cell and direction.
+pub(super) fn bounce<S: Stored>(links: &[(u32, u8)], populations: &mut Populations<S>) {
+    let parity = populations.parity();
+    for &(cell, direction) in links {
+        let link = populations.link(cell as usize, usize::from(direction));
+        let numbers = populations.numbers_mut();
+        numbers[link.incoming(parity)] = numbers[link.out(parity)];
+    }
+}
+
 /// Returns the mass that a cell gains along a link to another interface cell of fill levels with this mean; `sent` and `came` are f.
 #[inline(always)]
 fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
