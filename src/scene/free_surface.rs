@@ -307,7 +307,8 @@ fn wave_form(
 
 /// Refuses what does not work with a free surface yet.
 fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
-    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip (a rigid lid)";
+    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
+         (a rigid lid)";
     for (there, path) in [
         (!case.bodies.is_empty(), "bodies"),
         (case.blocks.is_some(), "blocks"),

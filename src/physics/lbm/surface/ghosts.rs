@@ -1,7 +1,9 @@
-//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of symmetry.
+//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of
+//! symmetry.
 //!
-//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that a population reaches by
-//! reflection then has the kind and the fill level of the ghost cell to which its link leads.
+//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that
+//! a population reaches by reflection then has the kind and the fill level of the ghost cell to which its
+//! link leads.
 
 use super::cells::Cells;
 use super::kind::SOLID;
@@ -254,8 +256,8 @@ impl Ghosts {
 }
 
 impl Around {
-    /// Returns the links of cells of the slab, by cell and direction, that a plane of symmetry reflects into a solid cell: the population
-    /// that comes back from there is none of the water.
+    /// Returns the links of cells of the slab, by cell and direction, that a plane of symmetry reflects into
+    /// a solid cell: the population that comes back from there is none of the water.
     pub(super) fn corners<S: Stored>(
         &self,
         populations: &Populations<S>,
