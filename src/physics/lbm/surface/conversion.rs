@@ -249,7 +249,8 @@ fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize
     for i in 0..cells.directions() {
         let incoming = populations.incoming(cell, i);
         populations.numbers_mut()[incoming] = S::from_f64(0.0);
-        if i > 0 && !super::is_wet(cells.kind_along(cell, i)) {
+        // Behind a sheet the number is that which comes back to the cell there.
+        if i > 0 && !super::is_wet(cells.kind[cells.neighbour(cell, i)]) {
             let out = populations.link(cell, i).out(parity);
             populations.numbers_mut()[out] = S::from_f64(0.0);
         }
