@@ -574,7 +574,7 @@ fn read_surface<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), E
         .chunks_exact(SURFACE_NUMBERS)
         .map(|numbers| [numbers[0], numbers[1], numbers[2]])
         .collect();
-    let first = fluid.start() == [0; 3];
+    let first = fluid.start() == [0; 3] && !fluid.populations().cells().contains(&0);
     let lost = reader.attributes()[SURFACE_LOSS].as_str();
     let lost = lost.filter(|_| first).and_then(|text| text.parse().ok());
     fluid.restore_surface(&cells, &saved, lost.unwrap_or(0));

@@ -1,4 +1,5 @@
-//! Water with a free surface: the same bits on any ranks, threads and slabs and over restarts, its mass, and refusals by name.
+//! Water with a free surface: the same bits on any ranks, threads and slabs and over restarts, its mass, and
+//! refusals by name.
 
 use super::ranks::{Study, beside_others};
 use solver::case::{Document, examples};
@@ -85,7 +86,8 @@ fn a_dam_in_three_dimensions_with_eddies() {
     study.restart("parts", 3, &["time.end=0.03"]).expect(0);
     assert_eq!(study.hash("straight"), study.hash("parts"));
     let water = &study.summary("straight")["water"];
-    // Populations in f32: what one cell gives is what the other takes, but the mass of a liquid cell is rounded in each step.
+    // Populations in f32: what one cell gives is what the other takes, but the mass of a liquid cell is
+    // rounded in each step.
     assert!(
         water["mass_error"].as_f64().unwrap().abs() < 1e-4,
         "{water}"
@@ -117,9 +119,7 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
             boundary.clone(),
         ),
         (
-            format!(
-                r#"{lattice}.boundaries[0].patch={{"from": [0, 0], "to": [0.1, 0]}}"#
-            ),
+            format!(r#"{lattice}.boundaries[0].patch={{"from": [0, 0], "to": [0.1, 0]}}"#),
             format!("{lattice}.boundaries[0].patch"),
         ),
         (
@@ -127,9 +127,7 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
             format!("{lattice}.gravity_acts_on_fluid"),
         ),
         (
-            format!(
-                r#"{lattice}.initial={{"taylor_green": {{"velocity": 0.1}}}}"#
-            ),
+            format!(r#"{lattice}.initial={{"taylor_green": {{"velocity": 0.1}}}}"#),
             format!("{lattice}.initial"),
         ),
         (
@@ -143,7 +141,9 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
             format!("{lattice}.surface.water[0].wave.axis"),
         ),
         (
-            r#"bodies=[{"name": "a", "shape": {"sphere": {"radius": 0.01}}, "position": [0.2, 0.1], "material": "m", "motion": {"fixed": {}}}]"#.to_owned(),
+            r#"bodies=[{"name": "a", "shape": {"sphere": {"radius": 0.01}}, "position": [0.2, 0.1],
+                "material": "m", "motion": {"fixed": {}}}]"#
+                .to_owned(),
             "bodies".to_owned(),
         ),
     ] {

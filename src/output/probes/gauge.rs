@@ -1,7 +1,8 @@
 //! Gauges: surface elevation and depth of the water in a column of cells.
 //!
-//! The elevation is that of the highest cell that is at least half full, by the heights of water in this cell and its two neighbours: exact
-//! for a level surface, however it crosses the cells. The depth is the sum of the fill levels of the column: drops count, air does not.
+//! The elevation is that of the highest cell that is at least half full, by the heights of water in this cell
+//! and its two neighbours: exact for a level surface, however it crosses the cells. The depth is the sum of
+//! the fill levels of the column: drops count, air does not.
 
 use crate::coupling::FluidView;
 use crate::lbm::boundary::from_quanta;

@@ -40,8 +40,8 @@ impl<S: Stored> Fluid<S> {
         self.surface.as_deref_mut()
     }
 
-    /// Fills the cells with water at the start; `level` gives the fill level of a cell by its place in the domain. The populations
-    /// of wet cells must have been set, and solid cells must be known. Collective.
+    /// Fills the cells with water at the start; `level` gives the fill level of a cell by its place in the
+    /// domain. The populations of wet cells must have been set, and solid cells must be known. Collective.
     pub fn fill(&mut self, level: &dyn Fn([usize; 3]) -> f64) {
         let Some(surface) = &mut self.surface else {
             return;
@@ -54,7 +54,8 @@ impl<S: Stored> Fluid<S> {
         self.continue_velocities();
     }
 
-    /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of `cells`. Collective.
+    /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of
+    /// `cells`. Collective.
     pub fn restore_surface(&mut self, cells: &[usize], saved: &[[f64; 3]], lost: i128) {
         if let Some(surface) = &mut self.surface {
             surface.set_lost(lost);
@@ -62,7 +63,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Moves the free surface: the last part of a step, when all populations that come from water and solids are in place. Collective.
+    /// Moves the free surface: the last part of a step, when all populations that come from water and solids
+    /// are in place. Collective.
     pub fn move_surface(&mut self) {
         if let Some(surface) = &mut self.surface
             && !self.populations.cells().contains(&0)
@@ -85,8 +87,8 @@ impl<S: Stored> Fluid<S> {
         self.spread_velocities();
     }
 
-    /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients there are those of the water.
-    /// Collective.
+    /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients
+    /// there are those of the water. Collective.
     pub fn continue_velocities(&mut self) {
         if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
             let cells = surface.shore(&self.populations, |cell| field.velocity(cell));

@@ -82,7 +82,8 @@ impl Cells {
         self.kind[self.neighbour(cell, i)]
     }
 
-    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall that of its mirror image.
+    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall
+    /// that of its mirror image.
     #[inline(always)]
     pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
         let mut at = self.neighbour(cell, i);

@@ -1,8 +1,9 @@
 //! Conversions of interface cells to liquid and gas, and of their neighbours to interface cells.
 //!
-//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the equilibrium of the mean density
-//! and velocity of the interface cells next to them, without mass. A cell that empties keeps liquid from gas: its neighbours of liquid
-//! become interface cells with the mass that they have. Where both kinds meet, the cell that would empty stays what it is.
+//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the
+//! equilibrium of the mean density and velocity of the interface cells next to them, without mass. A cell
+//! that empties keeps liquid from gas: its neighbours of liquid become interface cells with the mass that
+//! they have. Where both kinds meet, the cell that would empty stays what it is.
 
 use super::cells::Cells;
 use super::ghosts::{Around, Ghosts, Moments};
@@ -241,13 +242,15 @@ fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moment
     }
 }
 
-/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells without water.
+/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells
+/// without water.
 fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
     let parity = populations.parity();
     for i in 0..cells.directions() {
         let incoming = populations.incoming(cell, i);
         populations.numbers_mut()[incoming] = S::from_f64(0.0);
-        if i > 0 && !super::is_wet(cells.kind_along(cell, i)) {
+        // Behind a sheet the number is that which comes back to the cell there.
+        if i > 0 && !super::is_wet(cells.kind[cells.neighbour(cell, i)]) {
             let out = populations.link(cell, i).out(parity);
             populations.numbers_mut()[out] = S::from_f64(0.0);
         }

@@ -1,9 +1,11 @@
-//! Exchange of mass between interface cells and their neighbours, and reconstruction of the populations that gas does not send.
+//! Exchange of mass between interface cells and their neighbours, and reconstruction of the populations that
+//! gas does not send.
 //!
-//! An interface cell gains Δm = Σ_i s_i (f_ī(x + c_i → x) - f*_i(x → x + c_i)), with s_i = 1 towards liquid, the mean of both fill levels
-//! towards an interface cell and 0 towards gas and solids (Körner et al. 2005, equation 4). Between unlike interface cells only one of the
-//! two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey, Physically based animation of free surface flows with the
-//! lattice Boltzmann method, Erlangen 2007, table 4.1).
+//! An interface cell gains Δm = Σ_i s_i (f_ī(x + c_i → x) - f*_i(x → x + c_i)), with s_i = 1 towards liquid,
+//! the mean of both fill levels towards an interface cell and 0 towards gas and solids (Körner et al. 2005,
+//! equation 4). Between unlike interface cells only one of the two terms counts, so that stray cells empty
+//! and enclosed cells fill (N. Thürey, Physically based animation of free surface flows with the lattice
+//! Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
 use super::conversion;
@@ -14,7 +16,8 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::thread_pool;
 
-/// Part of the density by which a mass passes that of a full or an empty cell before the cell changes its kind (Thürey 2007, section 4.3).
+/// Part of the density by which a mass passes that of a full or an empty cell before the cell changes its
+/// kind (Thürey 2007, section 4.3).
 const PASSED: f64 = 1e-2;
 
 /// Bound of the ratio by which the dynamic part of the pressure inside is continued to the middle of a link.
@@ -26,8 +29,8 @@ const MOST_ACCELERATION: f64 = 1.0;
 /// Part of its length by which a link from an interface cell to the liquid cell inside must point against the normal.
 const INWARD: f64 = 0.7;
 
-/// Least distance by which the velocities of an interface cell and of the liquid cell inside determine a parabola with its vertex at the
-/// surface.
+/// Least distance by which the velocities of an interface cell and of the liquid cell inside determine a
+/// parabola with its vertex at the surface.
 const LEAST_REACH: f64 = 0.5;
 
 /// Interface cells of a thread from which on it is worth waking.
@@ -47,10 +50,11 @@ fn least(planes: &[Plane]) -> usize {
 
 /// Finds velocity, normal and density inside of each interface cell from the state before the pass.
 ///
-/// The normal is that of the fill levels round the cell, weighted as the velocity set weights its directions; the surface is a plane at the
-/// distance (ε - ½) Σ|n_a| from the centre.
+/// The normal is that of the fill levels round the cell, weighted as the velocity set weights its directions;
+/// the surface is a plane at the distance (ε - ½) Σ|n_a| from the centre.
 ///
-/// The incoming populations take the shear force that the water feels at the middle of a link but not at its surface.
+/// The incoming populations take the shear force that the water feels at the middle of a link but not at its
+/// surface.
 pub(super) fn prepare<S: Stored>(
     state: (&Cells, &Around),
     planes: &mut [Plane],
@@ -98,7 +102,8 @@ pub(super) fn shore<S: Stored>(
     }
 }
 
-/// Returns the moments of the liquid neighbour of a cell along a direction; `of_cell` gives those of a cell of the slab.
+/// Returns the moments of the liquid neighbour of a cell along a direction; `of_cell` gives those of a cell
+/// of the slab.
 fn moments_along<S: Stored>(
     around: &Around,
     populations: &Populations<S>,
@@ -175,11 +180,11 @@ fn find<S: Stored>(
     facet
 }
 
-/// Returns the shear force on an interface cell at the middle of its links to gas where that at the surface is zero; `own` and `inner` are
-/// the velocities of the cell and of the liquid cell inside.
+/// Returns the shear force on an interface cell at the middle of its links to gas where that at the surface
+/// is zero; `own` and `inner` are the velocities of the cell and of the liquid cell inside.
 ///
-/// A parabola through both velocities has its vertex at the surface, u = u_s - κ (s - q)²/2: the stress at ½ is -ν κ (½ - q). A film down a
-/// plane is exact, and a stream of one velocity is free of it.
+/// A parabola through both velocities has its vertex at the surface, u = u_s - κ (s - q)²/2: the stress at ½
+/// is -ν κ (½ - q). A film down a plane is exact, and a stream of one velocity is free of it.
 fn shear(facet: &Facet, own: [f64; 3], inner: [f64; 3], viscosity: f64) -> [f64; 3] {
     let across: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
     let normal = (0..3).map(|a| across[a] * facet.normal[a]).sum::<f64>();
@@ -189,12 +194,14 @@ fn shear(facet: &Facet, own: [f64; 3], inner: [f64; 3], viscosity: f64) -> [f64;
     std::array::from_fn(|a| factor * (across[a] - normal * facet.normal[a]))
 }
 
-/// Returns the density half-way along a link of an interface cell; `up` is the component of the link along the normal.
+/// Returns the density half-way along a link of an interface cell; `up` is the component of the link along
+/// the normal.
 ///
-/// Static part: that of water at rest, which is the density of the gas at the surface. Dynamic part: what the liquid cell inside has beyond
-/// it, continued linearly through zero at the centre of the interface cell, the mean place of the surface. To continue it through the
-/// surface itself would multiply it by up to two, and sound grows where the factor is above one half. It is bounded by the pressure of an
-/// acceleration, because sound of impacts grows at low viscosity where the factor is one half.
+/// Static part: that of water at rest, which is the density of the gas at the surface. Dynamic part: what the
+/// liquid cell inside has beyond it, continued linearly through zero at the centre of the interface cell, the
+/// mean place of the surface. To continue it through the surface itself would multiply it by up to two, and
+/// sound grows where the factor is above one half. It is bounded by the pressure of an acceleration, because
+/// sound of impacts grows at low viscosity where the factor is one half.
 #[inline(always)]
 fn half_way(facet: &Facet, up: f64) -> f64 {
     if facet.inward == 0 {
@@ -252,7 +259,18 @@ pub(super) fn silence<S: Stored>(
     });
 }
 
-/// Returns the mass that a cell gains along a link to another interface cell of fill levels with this mean; `sent` and `came` are f.
+/// Bounces links back, given by cell and direction.
+pub(super) fn bounce<S: Stored>(links: &[(u32, u8)], populations: &mut Populations<S>) {
+    let parity = populations.parity();
+    for &(cell, direction) in links {
+        let link = populations.link(cell as usize, usize::from(direction));
+        let numbers = populations.numbers_mut();
+        numbers[link.incoming(parity)] = numbers[link.out(parity)];
+    }
+}
+
+/// Returns the mass that a cell gains along a link to another interface cell of fill levels with this mean;
+/// `sent` and `came` are f.
 #[inline(always)]
 fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
     let [own, other] = kinds;
@@ -287,7 +305,8 @@ pub(super) fn exchange<S: Stored>(
             let cell = plane.surface[n] as usize;
             let facet = &plane.facets[n];
             let u = facet.velocity;
-            // The density inside in the middle of the step, as that of what comes and goes along the links: one that lags behind feeds sound.
+            // The density inside in the middle of the step, as that of what comes and goes along the links:
+            // one that lags behind feeds sound.
             let mut inside = facet.inside;
             if facet.inward > 0 {
                 let inward = (cell, usize::from(facet.inward));

@@ -1,8 +1,12 @@
-//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of symmetry.
+//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of
+//! symmetry.
 //!
-//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that a population reaches by
-//! reflection then has the kind and the fill level of the ghost cell to which its link leads.
+//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that
+//! a population reaches by reflection then has the kind and the fill level of the ghost cell to which its
+//! link leads.
 
+use super::cells::Cells;
+use super::kind::SOLID;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::number::{to_u32, to_usize};
@@ -252,6 +256,34 @@ impl Ghosts {
 }
 
 impl Around {
+    /// Returns the links of cells of the slab, by cell and direction, that a plane of symmetry reflects into
+    /// a solid cell: the population that comes back from there is none of the water.
+    pub(super) fn corners<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        cells: &Cells,
+    ) -> Vec<(u32, u8)> {
+        let mut corners = Vec::new();
+        if !self.ends.mirrored.as_flattened().contains(&true) {
+            return corners;
+        }
+        let velocities = populations.velocities();
+        for (at, cell) in populations.interior() {
+            for i in super::directions(velocities) {
+                let c = velocities.c[i];
+                let reflected = (0..self.dimension).any(|a| {
+                    let lower = c[a] < 0 && at[a] == 0;
+                    let upper = c[a] > 0 && at[a] + 1 == self.cells[a];
+                    lower && self.ends.mirrored[a][0] || upper && self.ends.mirrored[a][1]
+                });
+                if reflected && cells.kind_along(cell, i) == SOLID && cells.kind[cell] != SOLID {
+                    corners.push((to_u32(cell), u8::try_from(i).unwrap_or(0)));
+                }
+            }
+        }
+        corners
+    }
+
     /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives those of a cell of the slab.
     pub(super) fn moments(
         &self,

@@ -206,7 +206,8 @@ struct Wave {
 }
 
 impl Wave {
-    /// Returns the frequency over that of linear waves, ω² = g k tanh(k h), from the zeros of the first Fourier coefficient of the surface.
+    /// Returns the frequency over that of linear waves, ω² = g k tanh(k h), from the zeros of the first
+    /// Fourier coefficient of the surface.
     fn frequency(&self) -> f64 {
         let &Self { cells, depth, .. } = self;
         let mut tank = Tank::new(cells);
