@@ -22,6 +22,7 @@ pub mod darcy;
 pub mod domain;
 pub mod examples;
 pub mod fluid;
+pub mod free_surface;
 pub mod grains;
 pub mod observe;
 pub mod reference;

@@ -16,6 +16,8 @@ use crate::error::Error;
 use crate::lbm::fluid::Fluid;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
+use crate::lbm::surface::Surface;
+use crate::lbm::surface::kind::is_wet;
 use crate::number::to_usize;
 use crate::output::averages::{Averages, SUMS};
 use crate::output::group::RankGroup;
@@ -56,7 +58,7 @@ fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let count = populations.cells().iter().product::<usize>() * q;
     Maker::new(count, move |range, all: &mut Vec<S>| {
         each_cell_of(populations, q, &range, |cell, which| {
-            all.extend(which.map(|i| populations.numbers()[populations.incoming(cell, i)]));
+            all.extend(which.map(|i| fluid.saved_number(cell, i)));
         });
     })
 }
@@ -91,6 +93,18 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     Some(Maker::new(count, move |range, all: &mut Vec<f32>| {
         each_cell_of(populations, 3, &range, |cell, which| {
             all.extend_from_slice(&field.velocity(cell)[which]);
+        });
+    }))
+}
+
+/// Kind, mass and unshared excess of the cells of a slab below a free surface, in the order `[z][y][x][number]`; none without one.
+fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
+    let surface = fluid.surface()?;
+    let populations = fluid.populations();
+    let count = populations.cells().iter().product::<usize>() * SURFACE_NUMBERS;
+    Some(Maker::new(count, move |range, all: &mut Vec<f64>| {
+        each_cell_of(populations, SURFACE_NUMBERS, &range, |cell, which| {
+            all.extend_from_slice(&surface.saved(cell)[which]);
         });
     }))
 }
@@ -195,6 +209,10 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub earlier: Option<&'a [f64]>,
 }
 
+/// Numbers of a cell below a free surface.
+const SURFACE_NUMBERS: usize = 3;
+const SURFACE: &str = "free_surface";
+const SURFACE_LOSS: &str = "free_surface_loss";
 const OPENINGS: &str = "openings";
 const EARLIER: &str = "earlier_velocities";
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
@@ -217,6 +235,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let group = RankGroup(communicator);
         let populations = self.fluid.map(gather);
         let velocities = self.fluid.and_then(gather_velocities);
+        let surface = self.fluid.and_then(gather_surface);
         let contacts = self.dem.map(Dem::contacts).unwrap_or_default();
         let tables = [self.particles.table(), contacts.grains, contacts.walls];
         let names = column_names(&tables);
@@ -228,6 +247,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             arrays.extend(made.map(|made| slab("populations", q, made)));
             let made = velocities.as_ref().map(|made| Numbers::Made(made));
             arrays.extend(made.map(|made| slab("velocities", 3, made)));
+            let made = surface.as_ref().map(|made| Numbers::Made(made));
+            arrays.extend(made.map(|made| slab(SURFACE, SURFACE_NUMBERS, made)));
             let averages = self.averages.map(|averages| averages.sums().into());
             arrays.extend(averages.map(|sums| slab("averages", SUMS, sums)));
             let earlier = self.earlier.map(|earlier| earlier.into());
@@ -236,6 +257,10 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         let first = communicator.rank() == 0;
         arrays.extend(self.seepage_array(first));
         let rows = add_tables(&mut arrays, &tables, &names, communicator);
+        if let Some(surface) = self.fluid.and_then(Fluid::surface) {
+            let lost = sum_of_ranks(communicator, surface.lost());
+            attributes[SURFACE_LOSS] = json!(lost.to_string());
+        }
         attributes["velocities"] = json!(velocities.is_some());
         attributes["averages"] = json!(self.averages.map_or(0, Averages::samples));
         attributes["seepage"] = json!(self.seepage.len());
@@ -293,6 +318,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let [shape, start, _] = box_of(fluid, fluid.populations().velocities().q());
             let populations = fluid.populations();
             let cells = populations.cells();
+            let kinds = fluid.surface().map(Surface::kinds);
             // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as they lie in memory.
             let [slow, middle, fast] = populations.order();
             let of_plane = |plane: usize| {
@@ -304,7 +330,12 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                             (at[slow], at[middle], at[fast]) = (plane, row, k);
                             let [x, y, z] = at;
                             let cell = populations.cell(at.map(usize::cast_signed));
-                            let number = populations.numbers()[populations.incoming(cell, i)];
+                            let wet = kinds.is_none_or(|kinds| is_wet(kinds[cell]));
+                            let number = if wet {
+                                populations.numbers()[populations.incoming(cell, i)]
+                            } else {
+                                S::from_f64(0.0)
+                            };
                             let global = ((start[0] + z) * shape[1] + start[1] + y) * shape[2]
                                 + start[2]
                                 + x;
@@ -326,6 +357,16 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
                 for (patch, memory) in (0..).zip(fluid.memories()) {
                     if let Some(memory) = memory {
                         hash.add(key, patch, memory.to_bits());
+                    }
+                }
+            }
+            if let Some(surface) = fluid.surface() {
+                let key = field_key(SURFACE);
+                for ([x, y, z], at) in cells_of(fluid) {
+                    let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
+                    for (n, number) in surface.saved(at).into_iter().enumerate() {
+                        let index = cell * SURFACE_NUMBERS + n;
+                        hash.add(key, index as u64, number.to_bits());
                     }
                 }
             }
@@ -492,6 +533,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
         .collect();
     finite(OPENINGS, memories.iter().flatten().all(|x| x.is_finite()))?;
     fluid.recall(memories.into_iter());
+    read_surface(fluid, reader)?;
     if reader.attributes()["velocities"] != json!(true) {
         // The turbulence was added at this restart.
         fluid.renew_velocities();
@@ -510,6 +552,33 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
     }
     fluid.spread_velocities();
     Ok(())
+}
+
+/// Reads the free surface, if there is one. The first rank takes the loss of all.
+fn read_surface<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
+    if fluid.surface().is_none() {
+        return Ok(());
+    }
+    let [_, start, count] = box_of(fluid, SURFACE_NUMBERS).map(|v| v.to_vec());
+    let numbers: Vec<f64> = reader.read(SURFACE, &start, &count).map_err(as_error)?;
+    finite(SURFACE, numbers.iter().all(|x| x.is_finite()))?;
+    let cells: Vec<usize> = cells_of(fluid).map(|(_, cell)| cell).collect();
+    let saved: Vec<[f64; SURFACE_NUMBERS]> = numbers
+        .chunks_exact(SURFACE_NUMBERS)
+        .map(|numbers| [numbers[0], numbers[1], numbers[2]])
+        .collect();
+    let first = fluid.start() == [0; 3];
+    let lost = reader.attributes()[SURFACE_LOSS].as_str();
+    let lost = lost.filter(|_| first).and_then(|text| text.parse().ok());
+    fluid.restore_surface(&cells, &saved, lost.unwrap_or(0));
+    Ok(())
+}
+
+/// Returns the sum of a number in quanta over all ranks. Collective.
+fn sum_of_ranks(communicator: &Communicator, value: i128) -> i128 {
+    communicator
+        .all_reduce_sum_u128(value.cast_unsigned())
+        .cast_signed()
 }
 
 /// Velocities at an earlier step of a slab from a checkpoint, as [`State::earlier`].

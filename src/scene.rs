@@ -13,6 +13,7 @@ pub mod collapse;
 pub mod contact;
 pub mod findings;
 pub mod flow;
+pub mod free_surface;
 pub mod grading;
 pub mod grains;
 pub(crate) mod gravity;
@@ -60,6 +61,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The fluid, if any.
     pub flow: Option<flow::Flow>,
+    /// The free surface of the fluid, if any.
+    pub surface: Option<free_surface::FreeSurface>,
     /// The seepage, if any. A scene has at most one fluid.
     pub seepage: Option<seepage::Seepage>,
     /// The grains, if any.
@@ -281,6 +284,9 @@ impl Scene {
         });
         let materials = materials.collect();
         let flow = flow::Flow::resolve(case, &grid, findings);
+        let surface = flow
+            .as_ref()
+            .and_then(|flow| free_surface::resolve(case, &grid, &flow.faces, findings));
         let solids = Solids::resolve(case, &grid, &names, flow.as_ref(), findings);
         const SOLIDS: [&str; 6] = [
             "domain",
@@ -327,6 +333,7 @@ impl Scene {
             gravity,
             materials,
             flow,
+            surface,
             seepage,
             grains: solids.grains,
             blocks: solids.blocks,

@@ -2,6 +2,7 @@
 
 use super::boundary::Boundary;
 use super::darcy::Darcy;
+pub use super::free_surface::FreeSurface;
 use super::geometry::Vector;
 pub use crate::lbm::collision::Operator as Collision;
 pub use crate::lbm::gpu::Device;
@@ -79,6 +80,9 @@ pub struct LatticeBoltzmann {
     /// Initial velocity and pressure.
     #[serde(default)]
     pub initial: Initial,
+    /// Free surface of the water against air. Default: the water fills the domain.
+    #[serde(default)]
+    pub surface: Option<FreeSurface>,
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,

@@ -264,6 +264,8 @@ pub enum FieldName {
     EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
+    /// Part of a cell that is water [1], between 0 and 1: its contour 0.5 is the free surface. 1 everywhere without one.
+    Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
 }

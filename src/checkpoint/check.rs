@@ -63,6 +63,10 @@ impl Expected {
             if attributes["velocities"] == json!(true) {
                 known.push(("velocities".to_owned(), Kind::F32, cells(3)));
             }
+            if attributes[super::SURFACE_LOSS].is_string() {
+                let numbers = cells(super::SURFACE_NUMBERS);
+                known.push((super::SURFACE.to_owned(), Kind::F64, numbers));
+            }
             if count("averages")? > manifest.step.saturating_add(1) {
                 return Err("it holds more averages than steps".to_owned());
             }

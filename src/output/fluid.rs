@@ -152,6 +152,9 @@ impl<T: Number> Buffers<T> {
                         band.clone()
                             .map(|cell| T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell)))),
                     ),
+                    FieldName::Fill => {
+                        to.extend(band.clone().map(|cell| T::of(fluid.fill(cell))));
+                    }
                     // Refused by the plan.
                     FieldName::Head => {}
                     FieldName::Solid => {
@@ -178,6 +181,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::Vorticity => ("vorticity", "1/s"),
                 FieldName::EddyViscosity => ("eddy_viscosity", "m2/s"),
                 FieldName::Solid => ("solid", "-"),
+                FieldName::Fill => ("fill", "1"),
                 // Refused by the plan.
                 FieldName::Head => continue,
             };

@@ -18,6 +18,7 @@
 //! | `collision` | collision operators, one file each |
 //! | `turbulence` | eddy viscosities, one file each, and the velocities that they read |
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
+//! | `surface` | free surface of water: kinds of cells, exchange of mass, conversions |
 //! | `synthetic` | synthetic turbulence of inlets and initial flows |
 //! | `links` | bounce-back on links that cross the surface of a body or of a structure |
 //! | `rigid` | the motion of a body |
@@ -43,6 +44,7 @@ pub mod populations;
 pub mod quanta;
 pub mod rigid;
 pub mod saturation;
+pub mod surface;
 pub mod synthetic;
 pub mod term;
 pub mod turbulence;

@@ -259,6 +259,17 @@ impl Choices<'_> {
             let [what, model, reason] = zone.describe();
             self.add(&what, model, reason);
         }
+        if let Some(surface) = &self.scene.surface {
+            self.add(
+                "free surface",
+                "volume of fluid on the lattice",
+                format!(
+                    "water stands up to {} m; air has no flow and no pressure of its own: what water encloses is lost and counted; \
+                     no surface tension, no entrainment of air",
+                    number(surface.head())
+                ),
+            );
+        }
         if let Some((model, reason)) = gravity::describe(self.scene.gravity, flow.gravity_acts) {
             self.add("gravity on the fluid", model, reason);
         }

@@ -248,7 +248,7 @@ mod tests {
         let mut piston = Wall::new(Vector3::zeros(), Vector3::z(), 0);
         piston.velocity = up;
         let mut dem = Dem::<Volume>::new(law, settings, vec![piston]).unwrap();
-        let domain = Domain::alone([10, 10, 10]);
+        let domain = Domain::serial(decomposition::Axis::X, 10, false);
         let mut particles = Particles::new();
         let motion = Motion {
             position: Vector3::new(0.005, 0.005, 0.000_99),

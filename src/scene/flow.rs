@@ -101,6 +101,7 @@ impl Flow {
         let acts = gravity::acts(case, lbm, grid, (&faces, &body_force), findings);
         if let (fluid::Initial::Rest {}, Initial::Uniform { weight, .. }, Some(gravity)) =
             (&lbm.initial, &mut initial, &case.gravity)
+            && lbm.surface.is_none()
         {
             let pull = (lbm.density, gravity.to_array());
             *weight = super::initial::weight(pull, acts, grid, &faces);

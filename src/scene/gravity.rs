@@ -71,6 +71,16 @@ pub(super) fn acts(
         down > 0.0 && patch.condition.model().nature().surface == Surface::Symmetry
     });
     let along = |a: usize| pulls(a) && grid.periodic[a];
+    if lbm.surface.is_some() {
+        if written != GravityOnFluid::All(true) && stated {
+            findings.error(
+                &path,
+                "the water under a free surface bears its own weight: gravity acts on it along all axes",
+                Remedy::take_out("leave this out", &path),
+            );
+        }
+        return std::array::from_fn(pulls);
+    }
     let acts: [bool; 3] = std::array::from_fn(|a| match written {
         GravityOnFluid::All(all) => all && pulls(a),
         GravityOnFluid::Where(Where::AlongPeriodicAxes) => along(a),

@@ -94,7 +94,19 @@ fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
 pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed_on_fluid(flow);
     speeds.extend(of_bodies(scene, false));
+    speeds.extend(falls(scene));
     speeds
+}
+
+/// Returns the speed of water that falls from its highest place to the lowest of the domain.
+fn falls(scene: &Scene) -> Option<Speed> {
+    let surface = scene.surface.as_ref()?;
+    let value = (2.0 * surface.gravity * surface.head()).sqrt();
+    (value > 0.0).then(|| Speed {
+        what: "the fall of the water".into(),
+        path: format!("{PATH}.surface.water"),
+        value,
+    })
 }
 
 /// Returns the speeds imposed by boundaries and by the start.

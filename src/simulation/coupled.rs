@@ -66,8 +66,10 @@ pub fn flow<Sp: Space, S: Stored>(
         }
         None => {
             let settings = links(plan, &WrittenBounceBack::default());
+            // Interpolated links read cells behind, which a free surface may leave without water.
+            let interpolated = plan.scene.surface.is_none();
             let flow = BounceBack::new(fluid, units, origin, settings)
-                .with_structures(structures(plan), true);
+                .with_structures(structures(plan), interpolated);
             Water::BounceBack(Box::new(flow))
         }
     }

@@ -91,6 +91,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
         if let Some(structures) = &structures {
             self.map.stand_in(structures.cells(), structures.sheets());
+            structures.bound_surface(&mut self.fluid);
             structures.tell_gradients(&mut self.fluid);
         }
         self.structures = structures;
@@ -200,6 +201,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             self.fluid.fetch().map_err(Error::Internal)?;
             structures.bounce(self.fluid.populations_mut());
         }
+        self.fluid.move_surface();
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }

@@ -69,6 +69,10 @@ pub trait FluidView {
     fn eddy_viscosity(&self, _cell: [usize; 3]) -> f64 {
         0.0
     }
+    /// Part of a cell that is water below a free surface; 1 without one.
+    fn fill(&self, _cell: [usize; 3]) -> f64 {
+        1.0
+    }
     /// Id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
     /// Whether the centre of a cell is solid: of a body or of a structure.

@@ -156,6 +156,13 @@ macro_rules! view_of_lattice {
             let cell = self.fluid.populations().interior_cell(cell);
             self.fluid.eddy_viscosity(cell)
         }
+        fn fill(&self, cell: [usize; 3]) -> f64 {
+            let surface = self.fluid.surface();
+            surface.map_or(1.0, |surface| {
+                let cell = self.fluid.populations().interior_cell(cell);
+                surface.fill(cell).clamp(0.0, 1.0)
+            })
+        }
         fn patches(&self) -> Vec<String> {
             let names = self.fluid.boundaries().names();
             names.map(str::to_owned).collect()

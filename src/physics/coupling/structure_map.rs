@@ -155,6 +155,27 @@ impl StructureMap {
         }
     }
 
+    /// Makes the solid cells and the cut links bounds of the free surface, if there is one.
+    pub fn bound_surface<S: Stored>(&self, fluid: &mut Fluid<S>) {
+        let solid: Vec<usize> = self.positions(fluid.populations()).collect();
+        let populations = fluid.populations();
+        let opposite = populations.velocities().opposite.clone();
+        let mut cut = Vec::new();
+        for link in self.links.iter().flatten() {
+            let forth = usize::from(link.direction);
+            let back = opposite[forth];
+            let near = link.link.near as usize - populations.slot(0, back);
+            let far = link.link.far as usize - populations.slot(0, forth);
+            cut.extend([(near, forth), (far, back)]);
+        }
+        if let Some(surface) = fluid.surface_mut() {
+            surface.stand_in(solid.into_iter());
+            for (cell, direction) in cut {
+                surface.cut(cell, direction);
+            }
+        }
+    }
+
     /// Positions in the lattice of the solid cells of the slab and of its ghost cells.
     pub fn positions<'a, S: Stored>(
         &'a self,

@@ -467,6 +467,17 @@ impl<S: Stored> Boundaries<S> {
         self.patches.len()
     }
 
+    /// Returns `true` for each end of an axis where a plane of symmetry is the last patch that covers the whole face.
+    #[must_use]
+    pub fn mirrored(&self) -> [[bool; 2]; 3] {
+        let mut mirrored = [[false; 2]; 3];
+        for patch in self.patches.iter().take(self.count() - FACES) {
+            let mirror = patch.rule.nature().surface == Surface::Symmetry;
+            mirrored[patch.axis][usize::from(patch.upper)] = mirror;
+        }
+        mirrored
+    }
+
     /// Names of the patches, in the order of [`Boundaries::fluxes`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.patches.iter().map(|p| p.name.as_str())

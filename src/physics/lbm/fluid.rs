@@ -2,6 +2,7 @@
 
 mod dispatch;
 mod force;
+mod free_surface;
 mod on_gpu;
 mod state;
 mod surfaces;
@@ -23,6 +24,7 @@ use super::lattice::VelocitySet;
 use super::populations::Populations;
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, Method};
+use super::surface::Surface;
 use super::term::{self, ClosedCells, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
@@ -111,14 +113,16 @@ fn terms<'a, S: Stored>(
     boundaries: &'a Boundaries<S>,
     cover: Option<&'a Cover>,
     closed: Option<&'a ClosedCells>,
+    surface: Option<&'a Surface>,
     added: &'a [Box<dyn Term<S>>],
 ) -> impl Iterator<Item = &'a dyn Term<S>> {
-    let built_in: [Option<&'a dyn Term<S>>; 5] = [
+    let built_in: [Option<&'a dyn Term<S>>; 6] = [
         Some(force),
         eddies.as_ref().map(|eddies| eddies as &dyn Term<S>),
         Some(boundaries),
         cover.map(|cover| cover as &dyn Term<S>),
         closed.map(|closed| closed as &dyn Term<S>),
+        surface.map(|surface| surface as &dyn Term<S>),
     ];
     let added = added.iter().map(AsRef::as_ref);
     built_in.into_iter().flatten().chain(added)
@@ -171,6 +175,8 @@ pub struct Fluid<S: Stored> {
     field: Option<VelocityField>,
     /// Where solids are, if cells can be covered.
     cover: Option<Cover>,
+    /// Free surface, if there is one.
+    surface: Option<Box<Surface>>,
     closed: ClosedCells,
     /// Terms that act before the collision.
     added: Vec<Box<dyn Term<S>>>,
@@ -234,6 +240,7 @@ impl<S: Stored> Fluid<S> {
                 &boundaries,
                 cover,
                 None,
+                None,
                 &added,
             );
             on_gpu::start(
@@ -265,6 +272,7 @@ impl<S: Stored> Fluid<S> {
             turbulence: setup.turbulence,
             field,
             cover,
+            surface: None,
             closed: ClosedCells::default(),
             added,
             describe,
@@ -399,12 +407,18 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         self.boundaries.remember(&self.populations, half);
+        if let Some(surface) = &mut self.surface {
+            surface.prepare(&self.populations, half);
+        }
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
         let [_, middle, fast] = self.populations.order();
         let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
-        let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        if let Some(surface) = &self.surface {
+            shared = shared.only_wet(surface.planes());
+        }
         self.run_ends(&shared, force);
         if let Some(field) = &mut self.field {
             field.swap();
@@ -418,7 +432,7 @@ impl<S: Stored> Fluid<S> {
             wrap(&mut self.populations, last..last + 1);
         }
         self.halo.start(&self.populations);
-        let early = !round_middle && self.boundaries.walls_stand_alone();
+        let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
         let interior = between(planes);
         self.run_followed(&shared, force, interior.clone(), early.then_some(time));
         self.halo.finish(&mut self.populations);
@@ -447,6 +461,9 @@ impl<S: Stored> Fluid<S> {
             let fraction = |cell: usize, _: [usize; 3]| self.closed.fraction(cell);
             self.boundaries
                 .close_covered(fraction, &mut self.populations);
+        }
+        if let Some(surface) = &mut self.surface {
+            surface.silence(&mut self.populations);
         }
         self.complete_velocities(unfollowed(planes, threads));
     }
@@ -519,6 +536,7 @@ impl<S: Stored> Fluid<S> {
             &self.boundaries,
             self.cover.as_ref(),
             Some(&self.closed),
+            self.surface.as_deref(),
             &self.added,
         )
     }

@@ -11,8 +11,10 @@ use super::lattice::{Lattice, unroll};
 use super::populations::{ACROSS, Populations};
 use super::saturation::Solids;
 use super::saturation::pass::{Covers, Place, View as CoverView};
+use super::surface::lists::Plane as WetPlane;
 use super::turbulence::Eddies;
 use super::turbulence::field::View;
+use crate::number::to_u32;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -59,6 +61,10 @@ pub struct Shared<S> {
     cells: usize,
     velocity: View,
     cover: CoverView,
+    /// Every row as a whole, the part of a row that the pass collides without a free surface.
+    whole: [u32; 2],
+    /// Wet parts of the rows of each plane; null without a free surface.
+    wet: *const WetPlane,
     /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go round.
     around: [Vec<usize>; 2],
 }
@@ -86,6 +92,26 @@ impl<S> Shared<S> {
     /// Cells of a row.
     pub(crate) fn cells(&self) -> usize {
         self.cells
+    }
+
+    /// Leaves out the cells that hold no water. The lists of the planes must stay as they are during the pass.
+    pub(crate) fn only_wet(mut self, planes: &[WetPlane]) -> Self {
+        self.wet = planes.as_ptr();
+        self
+    }
+
+    /// Returns the parts of a row that the pass collides.
+    ///
+    /// # Safety
+    /// The slab must have the row.
+    #[inline(always)]
+    unsafe fn spans(&self, plane: usize, row: usize) -> &[[u32; 2]] {
+        if self.wet.is_null() {
+            std::slice::from_ref(&self.whole)
+        } else {
+            // SAFETY: there are lists for each plane, for as long as the pass takes.
+            unsafe { (*self.wet.add(plane)).spans(row) }
+        }
     }
 
     /// Some planes as a whole.
@@ -153,6 +179,8 @@ impl<S: Stored> Shared<S> {
             base: populations.base(),
             velocity,
             cover,
+            whole: [0, to_u32(cells[fast])],
+            wet: std::ptr::null(),
             around,
         }
     }
@@ -378,67 +406,88 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     for plane in block.planes.clone() {
         for row in block.rows.clone() {
             let start = plane * shared.plane + row * shared.row;
-            // The addresses move with the cells, so that each number is an address and at most one distance away.
-            let mut at = [std::ptr::null_mut::<S>(); 9];
-            unroll!(nine n < 9 => {
-                let first = shared.first[Places::<L, Q>::FIRST[n]];
-                at[n] = shared.base.wrapping_add(first + start);
-            });
             // Population 0 is at its cell, so that its position is that of the cell in other arrays too.
             let cell = shared.first[0] + start;
-            let mut k = 0;
-            while k < shared.cells {
-                let mut along = along;
-                opaque(&mut along);
-                // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
-                let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
-                if T::ACTIVE && eddies.present() {
-                    // SAFETY: an interior cell.
-                    let gradient = unsafe { velocity.gradient::<N>(cell + k) };
-                    omega = eddies.rate(viscosity, &gradient);
-                    rates = collision.local(omega);
-                }
-                if k.is_multiple_of(LINE / size_of::<S>()) {
-                    if !const { ahead_of_each::<S, N>() } {
-                        unroll!(populations i < Q => {
-                            site.prefetch(i);
-                        });
-                    }
+            // SAFETY: promised by the caller.
+            for &[begin, end] in unsafe { shared.spans(plane, row) } {
+                let (mut k, end) = (begin as usize, end as usize);
+                // The addresses move with the cells, so that each number is an address and at most one distance away.
+                let mut at = [std::ptr::null_mut::<S>(); 9];
+                unroll!(nine n < 9 => {
+                    let first = shared.first[Places::<L, Q>::FIRST[n]];
+                    at[n] = shared.base.wrapping_add(first + start + k);
+                });
+                while k < end {
+                    let mut along = along;
+                    opaque(&mut along);
+                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                    let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
                     if T::ACTIVE && eddies.present() {
-                        velocity.prefetch(cell + k, bytes_ahead::<Q>() / size_of::<S>());
-                    }
-                }
-                let place = Place {
-                    cell: cell + k,
-                    at: [plane, row, k],
-                    sums,
-                };
-                // SAFETY: an interior cell.
-                let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
-                // Eddies ask for the velocity of the fluid there, too.
-                let mut deep = false;
-                if covered {
-                    unroll!(populations i < Q => {
-                        before[i] = site.incoming(i);
-                    });
-                    if !(T::ACTIVE && eddies.present()) {
                         // SAFETY: an interior cell.
-                        deep = unsafe { cover.fills::<N>(cell + k) };
+                        let gradient = unsafe { velocity.gradient::<N>(cell + k) };
+                        omega = eddies.rate(viscosity, &gradient);
+                        rates = collision.local(omega);
                     }
-                }
-                let mut u = [N::splat(0.0); 3];
-                if deep {
-                    // SAFETY: an interior cell; no other thread is this worker.
-                    unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
-                    unroll!(populations i < Q => {
-                        site.leave(i, g[i]);
-                    });
-                } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
-                    u = collision.collide::<L, N, _, Q>(&mut site, &rates);
+                    if k.is_multiple_of(LINE / size_of::<S>()) {
+                        if !const { ahead_of_each::<S, N>() } {
+                            unroll!(populations i < Q => {
+                                site.prefetch(i);
+                            });
+                        }
+                        if T::ACTIVE && eddies.present() {
+                            velocity.prefetch(cell + k, bytes_ahead::<Q>() / size_of::<S>());
+                        }
+                    }
+                    let place = Place {
+                        cell: cell + k,
+                        at: [plane, row, k],
+                        sums,
+                    };
+                    // SAFETY: an interior cell.
+                    let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
+                    // Eddies ask for the velocity of the fluid there, too.
+                    let mut deep = false;
                     if covered {
                         unroll!(populations i < Q => {
-                            fluid[i] = site.outgoing(i);
+                            before[i] = site.incoming(i);
                         });
+                        if !(T::ACTIVE && eddies.present()) {
+                            // SAFETY: an interior cell.
+                            deep = unsafe { cover.fills::<N>(cell + k) };
+                        }
+                    }
+                    let mut u = [N::splat(0.0); 3];
+                    if deep {
+                        // SAFETY: an interior cell; no other thread is this worker.
+                        unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
+                        unroll!(populations i < Q => {
+                            site.leave(i, g[i]);
+                        });
+                    } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
+                        u = collision.collide::<L, N, _, Q>(&mut site, &rates);
+                        if covered {
+                            unroll!(populations i < Q => {
+                                fluid[i] = site.outgoing(i);
+                            });
+                            // SAFETY: as above.
+                            u = unsafe {
+                                N::mix::<L, Q>(
+                                    &shared.cover,
+                                    place,
+                                    &before,
+                                    &fluid,
+                                    &mut g,
+                                    (u, omega),
+                                )
+                            };
+                            unroll!(populations i < Q => {
+                                site.leave(i, g[i]);
+                            });
+                        }
+                    } else {
+                        // Rounded once, after both.
+                        fluid = before;
+                        u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
                         // SAFETY: as above.
                         u = unsafe {
                             N::mix::<L, Q>(
@@ -454,26 +503,15 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                             site.leave(i, g[i]);
                         });
                     }
-                } else {
-                    // Rounded once, after both.
-                    fluid = before;
-                    u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
-                    // SAFETY: as above.
-                    u = unsafe {
-                        N::mix::<L, Q>(&shared.cover, place, &before, &fluid, &mut g, (u, omega))
-                    };
-                    unroll!(populations i < Q => {
-                        site.leave(i, g[i]);
+                    if T::ACTIVE && eddies.present() {
+                        // SAFETY: this cell is ours, and ghosts are renewed after the pass.
+                        unsafe { velocity.leave(cell + k, u) };
+                    }
+                    k += N::WIDTH;
+                    unroll!(nine n < 9 => {
+                        at[n] = at[n].wrapping_add(N::WIDTH);
                     });
                 }
-                if T::ACTIVE && eddies.present() {
-                    // SAFETY: this cell is ours, and ghosts are renewed after the pass.
-                    unsafe { velocity.leave(cell + k, u) };
-                }
-                k += N::WIDTH;
-                unroll!(nine n < 9 => {
-                    at[n] = at[n].wrapping_add(N::WIDTH);
-                });
             }
             // SAFETY: the row is done, and nobody else works on it.
             unsafe { shared.go_round(start) };

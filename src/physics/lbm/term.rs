@@ -11,6 +11,7 @@
 //! | covered cells | in the collision | `saturation/cover.rs` |
 //! | boundaries | after the exchange of the halos | `boundary.rs` |
 //! | closed cells | after the boundaries | here |
+//! | free surface | around the collision | `surface.rs` |
 //! | porous zones | before the collision, through [`Term::act`] | `term/porous.rs` |
 //!
 //! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and a line where
@@ -23,6 +24,7 @@ use super::fluid::Force;
 use super::lanes::Stored;
 use super::populations::Populations;
 use super::saturation::Cover;
+use super::surface::Surface;
 use super::turbulence::EddyViscosity;
 
 /// Makes a term for the slab of these populations, whose first cell is given in cells of the domain.
@@ -121,6 +123,12 @@ impl<S: Stored> Term<S> for Cover {
     }
     fn runs_on_gpu(&self) -> bool {
         true
+    }
+}
+
+impl<S: Stored> Term<S> for Surface {
+    fn name(&self) -> &'static str {
+        "a free surface"
     }
 }
 

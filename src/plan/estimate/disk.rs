@@ -44,6 +44,8 @@ const SAVED_EDDY: f64 = 12.0;
 
 /// The sums of averages of a cell in a checkpoint.
 const SAVED_AVERAGES: f64 = 88.0;
+/// Kind, mass and share of a cell under a free surface.
+const SAVED_FREE_SURFACE: f64 = 24.0;
 
 fn bytes(precision: Precision) -> f64 {
     match precision {
@@ -62,7 +64,8 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
         let eddies = flow.turbulence.map_or(0.0, |_| SAVED_EDDY);
         let numbers = real(flow.lattice.count()) * bytes(flow.storage);
         let averages = (scene.output.averages.as_ref()).map_or(0.0, |_| SAVED_AVERAGES);
-        size += amounts.cells * (numbers + eddies + averages);
+        let surface = (scene.surface.as_ref()).map_or(0.0, |_| SAVED_FREE_SURFACE);
+        size += amounts.cells * (numbers + eddies + averages + surface);
     }
     size
 }

@@ -15,6 +15,8 @@ const PAGES: f64 = 3.5e6;
 const CELL: f64 = 4.0;
 /// Two velocities in f32 for the eddy viscosity, and its places.
 const EDDY: f64 = 26.0;
+/// Kind, mass, fill level and share of a cell under a free surface.
+const FREE_SURFACE: f64 = 25.0;
 /// Eleven sums over time in f64.
 const AVERAGES: f64 = 88.0;
 /// Solid fraction and owner of a cell where cells are partially saturated.
@@ -53,6 +55,9 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         let mut each = real(flow.lattice.count()) * number + CELL;
         if flow.turbulence.is_some() {
             each += EDDY;
+        }
+        if scene.surface.is_some() {
+            each += FREE_SURFACE;
         }
         let mut lattice = 0.0;
         memory += PAGES;

@@ -397,7 +397,10 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     let size = smallest(scene);
     let reynolds = speed.unwrap_or(0.0) * size / flow.kinematic_viscosity;
     let kolmogorov = size * reynolds.powf(-0.75);
-    let (model, text) = if scene.grid.dimension == 3
+    let (model, text) = if scene.surface.is_some() {
+        let text = "there is none for a free surface yet".to_owned();
+        (None, text)
+    } else if scene.grid.dimension == 3
         && reynolds > TURBULENT
         && scene.grid.spacing > KOLMOGOROV_LENGTHS * kolmogorov
     {

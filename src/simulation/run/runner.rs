@@ -14,6 +14,7 @@ use crate::checkpoint::Saved;
 use crate::dem::Dem;
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::lbm::quanta::from_quanta;
 use crate::output::group::RankGroup;
 use crate::plan::Plan;
 use crate::preparation::supervision::{Request, Requests};
@@ -151,8 +152,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let Some(flow) = self.simulation.now.lattice() else {
             return 0.0;
         };
-        let mut sum = decomposition::ExactSum::new();
+        let communicator = self.simulation.now.domain.communicator();
         let populations = flow.fluid().populations();
+        if let Some(surface) = flow.fluid().surface() {
+            let mass = surface.mass(populations).cast_unsigned();
+            return from_quanta(communicator.all_reduce_sum_u128(mass).cast_signed());
+        }
+        let mut sum = decomposition::ExactSum::new();
         let length = populations.cells()[populations.order()[2]];
         let mut row = <[Vec<f64>; 4]>::default();
         for (_, cell) in populations.rows() {
@@ -161,7 +167,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 sum.add(*mass);
             }
         }
-        sum.all_reduce(self.simulation.now.domain.communicator());
+        sum.all_reduce(communicator);
         sum.value()
     }
 

@@ -196,11 +196,20 @@ fn build_flow<Sp: Space, S: Saved>(
     };
     let mut fluid = build_fluid::<S>(plan, scene, &units, domain)?;
     if !origin.flowed()
-        && let Some(field) = setup::initial::formula(plan, scene, &units).or(field)
+        && let Some(field) = setup::initial::formula(plan, scene, units).or(field)
     {
         fluid.initialise(field.as_ref());
     }
-    Ok(Some(coupled::flow::<Sp, S>(plan, fluid, units)))
+    if plan.scene.surface.is_some() {
+        fluid.open_surface(domain).map_err(Error::Internal)?;
+    }
+    let mut flow = coupled::flow::<Sp, S>(plan, fluid, units);
+    if let (Some(surface), false) = (&plan.scene.surface, origin.flowed())
+        && let Some(lattice) = flow.lattice_mut()
+    {
+        lattice.fluid_mut().fill(&|cell| surface.fill(cell));
+    }
+    Ok(Some(flow))
 }
 
 fn build_fluid<S: Saved>(

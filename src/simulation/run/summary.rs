@@ -14,6 +14,7 @@ use crate::checkpoint::Saved;
 use crate::coupling::seepage::{Extremes, Seepage};
 use crate::dem::space::Space;
 use crate::error::Error;
+use crate::lbm::quanta::from_quanta;
 use crate::number::real;
 use crate::scene::Scene;
 use serde_json::{Value, json};
@@ -40,7 +41,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     fn lost_mass(&self, change: f64) -> Option<String> {
         let plan = &self.simulation.now.plan;
         let units = plan.units.as_ref()?;
-        let enclosed = self.simulation.guards.through(plan).is_none();
+        let enclosed =
+            self.simulation.guards.through(plan).is_none() && plan.scene.surface.is_none();
         (enclosed && change.abs() > LOST).then(|| {
             format!(
                 "the mass of the enclosed water changed by {:.2} %, its mean pressure with it by {:.3e} Pa: \
@@ -68,6 +70,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if !feeds.is_empty() {
             values["feeds"] = json!(feeds);
         }
+        self.add_water(&mut values);
         let probes = self.read_probes();
         values["settled"] = json!(probes.settled.values);
         values["not_known_to_have_settled"] = json!(probes.settled.unknown);
@@ -238,6 +241,33 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             values["outflow"] = outflow.into();
         }
         values
+    }
+
+    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], and what of it is lost. Collective.
+    fn add_water(&self, values: &mut Value) {
+        let now = &self.simulation.now;
+        let Some(surface) = now.lattice().and_then(|flow| flow.fluid().surface()) else {
+            return;
+        };
+        let Some(units) = now.plan.units.as_ref() else {
+            return;
+        };
+        let dimension = if now.plan.scene.grid.dimension == 2 {
+            2
+        } else {
+            3
+        };
+        let cell = units.density * units.spacing.powi(dimension);
+        let communicator = now.domain.communicator();
+        let lost = communicator.all_reduce_sum_u128(surface.lost().cast_unsigned());
+        let lost = from_quanta(lost.cast_signed());
+        let (mass, before) = (self.mass(), self.initial_mass);
+        values["water"] = json!({
+            "mass": cell * mass,
+            "mass_at_start": cell * before,
+            "lost": cell * lost,
+            "mass_error": (mass + lost - before) / before.max(f64::MIN_POSITIVE),
+        });
     }
 
     fn add_seepage(&self, seepage: &Seepage<Sp>, extremes: &Extremes, values: &mut Value) {

@@ -17,7 +17,7 @@ fn repeats(grid: &Grid) -> [Option<f64>; 3] {
 
 /// The fluid at the start as a field on the lattice, by the formula of the case; none for a file.
 #[must_use]
-pub fn formula(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn Field>> {
+pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn Field>> {
     let cells = plan.scene.grid.cells.map(real);
     let u = |v: f64| units.velocity_to_lattice(v);
     Some(match &flow.initial {
@@ -30,6 +30,13 @@ pub fn formula(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
                 velocity.map(u),
                 units.pressure_to_density_deviation(*pressure),
             );
+            if let Some(surface) = plan.scene.surface.clone() {
+                let (h, force) = (units.spacing, flow.density * surface.gravity);
+                return Some(Box::new(move |p: [f64; 3]| {
+                    let pressure = force * surface.depth(p.map(|x| x * h));
+                    (units.pressure_to_density_deviation(pressure), v)
+                }));
+            }
             let Some(weight) = weight else {
                 return Some(Box::new(move |_: [f64; 3]| (drho, v)));
             };
@@ -90,7 +97,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Box<dyn
             let grid = &plan.scene.grid;
             let [begins, ends] = between.map(|place| place / grid.size[across] * cells[across]);
             let eddies = fluctuations.map(|written| {
-                let modes = written.modes(grid.dimension, units);
+                let modes = written.modes(grid.dimension, &units);
                 let modes = modes.periodic(repeats(grid));
                 (written.intensity, modes)
             });

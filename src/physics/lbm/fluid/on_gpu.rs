@@ -133,7 +133,11 @@ impl<S: Stored> Fluid<S> {
                     *fraction = single(cover.fraction(position));
                 }
             }
-            (_, None) => fractions.fill(0.0),
+            (_, None) => {
+                for (fraction, position) in fractions.iter_mut().zip(first..) {
+                    *fraction = f32::from(u8::from(!self.holds_water(position)));
+                }
+            }
         }
     }
 

@@ -24,9 +24,22 @@ impl<S: Stored> Fluid<S> {
         self.force.at(last)
     }
 
+    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves no water.
+    #[must_use]
+    pub fn saved_number(&self, cell: usize, i: usize) -> S {
+        if self.holds_water(cell) {
+            self.populations.numbers()[self.populations.incoming(cell, i)]
+        } else {
+            S::from_f64(0.0)
+        }
+    }
+
     /// Density deviation and velocity of an interior cell (position from `Populations::cell`).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
+        if !self.holds_water(cell) {
+            return (0.0, [0.0; 3]);
+        }
         let (drho, momentum) = self.populations.moments(cell);
         let half = self.half_force();
         let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
@@ -70,6 +83,16 @@ impl<S: Stored> Fluid<S> {
             let components = u.iter_mut().zip(v.iter_mut()).zip(w.iter_mut());
             for (position, ((u, v), w)) in (cell..).zip(components) {
                 [*u, *v, *w] = self.corrected(position, [*u, *v, *w]);
+            }
+        }
+        let Some(surface) = self.surface() else {
+            return;
+        };
+        let [drho, velocity @ ..] = states;
+        for k in (0..length).filter(|k| !surface.is_wet(cell + k)) {
+            drho[k] = 0.0;
+            for u in velocity.iter_mut() {
+                u[k] = 0.0;
             }
         }
     }
