@@ -3,7 +3,9 @@
 //! [`Plan::prepare`] turns the text of a case into a plan. The plan owns the scene.
 
 mod added_mass;
+pub mod bibliography;
 mod bodies;
+pub mod citations;
 pub(crate) mod contacts;
 mod coupling_interval;
 pub(crate) mod critical_step;
