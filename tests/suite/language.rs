@@ -115,7 +115,7 @@ fn doc(line: &str) -> Option<&str> {
 fn comment(line: &str) -> Option<&str> {
     let start = line.find("//")?;
     let quotes = line[..start].matches('"').count();
-    (quotes % 2 == 0 && !line[..start].ends_with(':'))
+    (quotes.is_multiple_of(2) && !line[..start].ends_with(':'))
         .then(|| line[start..].trim_start_matches('/'))
 }
 

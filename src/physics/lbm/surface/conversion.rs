@@ -43,11 +43,10 @@ fn inside<'a, S: Stored>(
     let at = populations.coordinates(cell);
     let cells = populations.cells();
     let velocities = populations.velocities();
-    super::directions(velocities).filter_map(move |i| {
+    super::directions(velocities).filter(move |&i| {
         let c = velocities.c[i];
         let next: [isize; 3] = std::array::from_fn(|a| at[a] + isize::from(c[a]));
-        let within = (0..3).all(|a| (0..cells[a].cast_signed()).contains(&next[a]));
-        within.then_some(i)
+        (0..3).all(|a| (0..cells[a].cast_signed()).contains(&next[a]))
     })
 }
 
