@@ -55,11 +55,19 @@ gate() {
   fi
 }
 
-# The Rust tests, each counted. A part that does not build or is killed is one failure.
+# The Rust tests, each counted. A part that does not build or is killed is one failure. The limit counts from the first test.
 rust_tests() {
-  local status=0 ok bad
-  timeout --kill-after=30 "$((1800 * ${SOLVER_TEST_PATIENCE:-1}))" cargo test --workspace --locked --no-fail-fast 2>&1 | tee "$work/rust.log" ||
+  local status=0 ok bad limit=$((900 * ${SOLVER_TEST_PATIENCE:-1}))
+  if ! cargo test --workspace --locked --no-run; then
+    failed=$((failed + 1))
+    failures+=("cargo test: the tests do not build")
+    return
+  fi
+  timeout --kill-after=30 "$limit" cargo test --workspace --locked --no-fail-fast 2>&1 | tee "$work/rust.log" ||
     status=$?
+  if [ "$status" -eq 124 ] || [ "$status" -eq 137 ]; then
+    failures+=("cargo test: ended by its limit of $limit s, which SOLVER_TEST_PATIENCE=N multiplies")
+  fi
   ok=$(awk '/^test result:/ { sum += $4 } END { print sum + 0 }' "$work/rust.log")
   bad=$(awk '/^test result:/ { sum += $6 } END { print sum + 0 }' "$work/rust.log")
   if [ "$status" -ne 0 ] && [ "$bad" -eq 0 ]; then
