@@ -185,6 +185,17 @@ formatted() {
 }
 gate "cargo clippy" cargo clippy --workspace --all-targets --locked -- -D warnings
 gate "rustfmt" formatted
+# Licences, duplicates and sources of the dependencies; advisories where the database can be fetched.
+if cargo deny --version >/dev/null 2>&1; then
+  gate "cargo deny" cargo deny --locked --offline check licenses bans sources
+  if timeout 30 cargo deny --locked fetch db >/dev/null 2>&1; then
+    gate "cargo deny advisories" cargo deny --locked check advisories
+  else
+    echo "skipped cargo deny advisories (the database of advisories cannot be reached)"
+  fi
+else
+  echo "skipped cargo deny (not installed; cargo install --locked cargo-deny)"
+fi
 gate "cargo doc" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 rust_tests
 gate "python environment" python_environment
