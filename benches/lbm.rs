@@ -57,6 +57,7 @@ fn measure_with<S: Stored>(
         patches: vec![lid(if cells[2] == 1 { 1 } else { 2 })],
         saturation: None,
         device: solver::lbm::gpu::Device::Cpu,
+        terms: Vec::new(),
     };
     let domain = Domain::serial(Axis::X, cells[0], false);
     let mut fluid = match Fluid::<S>::new(setup, &domain) {
