@@ -128,7 +128,7 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
         ),
         (
             format!(r#"{lattice}.initial={{"taylor_green": {{"velocity": 0.1}}}}"#),
-            format!("{lattice}.initial"),
+            format!("{lattice}.initial.taylor_green"),
         ),
         (
             format!(r#"{lattice}.surface.water=[{{"level": 0.2}}]"#),
