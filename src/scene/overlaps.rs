@@ -682,7 +682,7 @@ mod tests {
             "shape": {"box": {"from": [0.0, 0.0, 0.0], "to": [0.1, 0.1, 0.05]}}}]});
         refuses(&[[0.05, 0.05, 0.02, r]], &weir, "the structure `weir`");
         refuses(
-            &[[0.05, 0.05, 0.05, 1e-308]],
+            &[[0.05, 0.05, 0.05, 1e-20]],
             &none,
             "smaller than that of an atom",
         );

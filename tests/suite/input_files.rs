@@ -628,7 +628,7 @@ fn grains_of_a_file_do_not_start_in_structures() {
         &case(json!([])),
         here,
         path,
-        "1 grains of the file reach into the structure `pier`",
+        "1 grains of the sample reach into the structure `pier`",
     );
     let cut = json!([{"name": "pit", "box": {"from": [0.04, 0.04], "to": [0.06, 0.06]}}]);
     let found = problems(&case(cut), here);
