@@ -35,7 +35,5 @@ pub mod simulation;
 pub mod sweep;
 pub mod uncertainty;
 
-pub use physics::{
-    allocator, coupling, darcy, dem, error, family, geometry, lbm, number, random, structure,
-    thread_pool, units,
-};
+pub use base::{allocator, error, family, geometry, number, random, thread_pool, units};
+pub use {::coupling, ::darcy, ::dem, ::lbm, ::structure};

@@ -1,0 +1,31 @@
+//! Parts that every model uses: numbers, random numbers, units, errors, families of models, threads and memory.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod allocator;
+pub mod ball;
+pub mod error;
+pub mod family;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod geometry;
+pub mod number;
+pub mod random;
+pub mod thread_pool;
+pub mod units;

@@ -1,0 +1,477 @@
+//! The cells inside each body and the links that cross the surfaces, updated where bodies moved.
+//!
+//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a body is the smallest
+//! distance of any nearby cell centre from its surface. The cells of a body cannot change until it has moved by its slack; until then
+//! it costs one comparison per step. A packing at rest therefore costs almost nothing. The map is a function of the positions alone: it is the same
+//! after a restart and on any number of ranks.
+//!
+//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same bits.
+
+mod links;
+mod look;
+mod owners;
+mod rows;
+mod slab;
+
+use super::solid_fraction::faces;
+use dem::particles::{Motion, Particles};
+use dem::space::{Components, Space};
+use lbm::lanes::Stored;
+use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load, Plane, Rigid, add_force};
+use lbm::populations::Populations;
+use base::number::to_i32;
+use base::thread_pool;
+use links::Direction;
+use look::{Found, Nearest};
+use owners::Settled;
+use rows::Rows;
+use slab::Slab;
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the highest bit free.
+const OUTSIDE: u32 = u32::MAX >> 1;
+/// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
+const MOST_IDS: u64 = OUTSIDE as u64 - 2;
+/// A cell of fluid.
+const FLUID: u32 = 0;
+
+/// The lattice that bodies are mapped to.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Cells of the whole domain.
+    pub cells: [usize; 3],
+    /// First cell of the slab.
+    pub start: [usize; 3],
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+    /// Lower corner of the domain \[m\].
+    pub origin: [f64; 3],
+    /// Edge of a cell \[m\].
+    pub spacing: f64,
+}
+
+impl Grid {
+    /// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+    pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
+        std::array::from_fn(|a| {
+            if a < dimension {
+                shift[a] * to_i32(self.cells[a]) - to_i32(self.start[a])
+            } else {
+                0
+            }
+        })
+    }
+}
+
+/// Layers of cells known beyond the slab: a link may end in the first, and what is solid round its end is in the
+/// second. Grains within this many cells of a slab must be known there.
+pub const GHOSTS: i32 = 2;
+
+/// What a link needs to know beyond geometry.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// Radius that the fluid sees over the radius of a grain.
+    pub hydraulic_radius_factor: f64,
+    /// Bodies with an id below this keep their own radius.
+    pub first_grain: u64,
+    /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
+    pub isolated: Option<usize>,
+    /// Links look at the cell behind their outer one, two from the body: interpolation needs water there.
+    pub interpolated: bool,
+}
+
+/// One body, or one image of a body, near this slab.
+#[derive(Clone, Debug, Default)]
+struct Mapped {
+    id: u64,
+    shift: [i32; 3],
+    /// Centre in cells (raw frame) and radius when it was mapped.
+    centre: [f64; 3],
+    radius: f64,
+    /// Quaternion of a polyhedron when it was mapped.
+    orientation: [f64; 4],
+    /// It cannot change cells until it has moved this far; negative: not mapped yet.
+    slack: f64,
+    nearest: Nearest,
+    /// It shares cells with another body: mapped again whenever anything is.
+    shares: bool,
+    /// It is to be mapped again in this update.
+    again: bool,
+    /// Its cells in local coordinates, with those that a body of lower id or a structure holds.
+    rows: Rows,
+    /// Room for the next look; after one that found other cells those before.
+    other: Rows,
+}
+
+/// How a polyhedron stands.
+#[derive(Clone, Debug, Default)]
+struct Turned {
+    quaternion: [f64; 4],
+    planes: Vec<Plane>,
+}
+
+/// The map of one slab.
+pub struct BodyMap {
+    slab: Slab,
+    rules: Rules,
+    /// Owner of each cell of the slab and of [`GHOSTS`] layers round it, x fastest.
+    owner: Vec<u32>,
+    bodies: Vec<Mapped>,
+    entries: HashMap<u32, Vec<u32>>,
+    /// Places of the bodies that share cells.
+    sharing: Vec<usize>,
+    /// Whether the entries refreshed last are those mapped, image by image.
+    adopted: bool,
+    links: Vec<Vec<BodyLink>>,
+    directions: Vec<Direction>,
+    motion: Vec<Rigid>,
+    /// How polyhedra stand now, by entry; without faces for the others, and empty where there is none.
+    blocks: Vec<Turned>,
+    changes: Vec<Change>,
+    again: Vec<Again>,
+    relink: Vec<AtomicBool>,
+    /// What looks at the bodies that moved have found, for each run of bodies.
+    found: Vec<Found>,
+    /// What threads that settle cells have found, and how many rows they settle below each layer.
+    settled: Vec<Settled>,
+    rows_below: Vec<usize>,
+    /// Links between two cells of water that sheets cut: place of the cell and direction.
+    sheets: HashSet<(usize, u8)>,
+}
+
+/// A body that is mapped again.
+#[derive(Clone, Copy, Debug)]
+struct Again {
+    body: usize,
+    /// Its cells are others than before.
+    moved: bool,
+    /// It shared cells before.
+    shared: bool,
+}
+
+/// A cell that changed its owner, or was given back to the one it had.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    cell: [i32; 3],
+    before: u32,
+    /// What a body gains or loses by it.
+    impulse: Option<Impulse>,
+}
+
+/// Momentum in quanta that goes to a body at a point given in half cells.
+#[derive(Clone, Copy, Debug)]
+struct Impulse {
+    entry: usize,
+    momentum: [i64; 3],
+    at: [i32; 3],
+}
+
+/// Changed cells from which a thread pays.
+const CHANGES_PER_THREAD: usize = 16;
+
+#[expect(clippy::cast_possible_truncation, reason = "`refresh` checks ids")]
+fn tag(id: u64) -> u32 {
+    id as u32 + 1
+}
+
+impl BodyMap {
+    /// A map without bodies for the slab of `populations`.
+    pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, rules: Rules) -> Self {
+        let slab = Slab::new(populations, grid);
+        Self {
+            owner: slab.layout(FLUID, OUTSIDE),
+            directions: links::directions(&slab, populations),
+            slab,
+            rules,
+            bodies: Vec::new(),
+            entries: HashMap::new(),
+            sharing: Vec::new(),
+            adopted: false,
+            links: Vec::new(),
+            motion: Vec::new(),
+            blocks: Vec::new(),
+            changes: Vec::new(),
+            again: Vec::new(),
+            relink: Vec::new(),
+            found: Vec::new(),
+            settled: Vec::new(),
+            rows_below: Vec::new(),
+            sheets: HashSet::new(),
+        }
+    }
+
+    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction), before any body is
+    /// mapped.
+    pub fn stand_in(
+        &mut self,
+        cells: impl Iterator<Item = [i32; 3]>,
+        sheets: &HashSet<(usize, u8)>,
+    ) {
+        for cell in cells {
+            let position = self.slab.at(cell);
+            self.owner[position] = OUTSIDE;
+        }
+        self.sheets.clone_from(sheets);
+    }
+
+    /// Whether neither body nor structure holds the cell at a place in the map.
+    #[must_use]
+    pub fn is_water(&self, place: u32) -> bool {
+        self.owner[place as usize] == FLUID
+    }
+
+    /// The links of each entry of the particles.
+    #[must_use]
+    pub fn links(&self) -> &[Vec<BodyLink>] {
+        &self.links
+    }
+
+    /// Whether no body is mapped.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
+    /// Whether the last update changed no cell and no link.
+    #[must_use]
+    pub fn is_as_before(&self) -> bool {
+        self.again.is_empty() && self.changes.is_empty()
+    }
+
+    /// Motion of each entry in lattice units, as last refreshed.
+    #[must_use]
+    pub fn motion(&self) -> &[Rigid] {
+        &self.motion
+    }
+
+    /// Faces of an entry, in the frame of its position: none of a disc or sphere.
+    #[must_use]
+    pub fn faces(&self, k: usize) -> &[Plane] {
+        self.blocks.get(k).map_or(&[], |block| &block.planes)
+    }
+
+    /// Id of the body that holds a cell of the slab (local coordinates).
+    #[must_use]
+    pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        match self.owner[self.slab.at(cell)] {
+            FLUID | OUTSIDE => None,
+            tag => Some(u64::from(tag) - 1),
+        }
+    }
+
+    /// Takes over positions and velocities. `velocity` and `spin` convert to lattice units.
+    pub fn refresh<Sp: Space>(
+        &mut self,
+        particles: &Particles<Sp>,
+        velocity: f64,
+        spin: f64,
+    ) -> Result<(), String> {
+        if let Some(body) = particles.body.iter().find(|body| body.id >= MOST_IDS) {
+            return Err(format!("id {} is too large for the map of bodies", body.id));
+        }
+        let count = particles.len();
+        self.motion.resize(count, Rigid::default());
+        if particles.has_blocks() {
+            self.blocks.resize_with(count, Turned::default);
+        }
+        let (grid, rules, mapped) = (&self.slab.grid, &self.rules, &self.bodies);
+        let same = AtomicBool::new(mapped.len() == count);
+        let runs = thread_pool::runs(count, PER_THREAD);
+        let blocks = self.blocks.len().min(count);
+        let shared = (
+            thread_pool::evenly(&mut self.motion, runs),
+            thread_pool::cut(&mut self.blocks, runs, |run| blocks * run / runs),
+        );
+        let particles = particles.view();
+        thread_pool::each_run_of(runs, shared, |run, (motion, blocks)| {
+            let mut blocks = blocks.iter_mut();
+            for (k, rigid) in (count * run / runs..).zip(motion) {
+                let body = &particles.body[k];
+                let is = |old: &Mapped| old.id == body.id && old.shift == particles.shift[k];
+                if !mapped.get(k).is_some_and(is) {
+                    same.store(false, Ordering::Relaxed);
+                }
+                let factor = if body.id < rules.first_grain {
+                    1.0
+                } else {
+                    rules.hydraulic_radius_factor
+                };
+                *rigid = in_cells(&particles.motion[k], grid, velocity, spin);
+                rigid.radius = body.radius * factor / grid.spacing;
+                let turned = blocks.next();
+                if let Some((shape, state)) = particles.polyhedron(k) {
+                    rigid.radius = body.radius / grid.spacing;
+                    if let Some(turned) = turned {
+                        turned.quaternion = state.orientation.coords.into();
+                        let rotation = state.matrix();
+                        faces(
+                            shape,
+                            &rotation,
+                            rigid.position,
+                            grid.spacing,
+                            &mut turned.planes,
+                        );
+                    }
+                } else if let Some(turned) = turned {
+                    turned.planes.clear();
+                }
+            }
+        });
+        self.adopted = same.into_inner();
+        Ok(())
+    }
+
+    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered cells
+    /// is taken from it (Aidun, Lu and Ding 1998).
+    ///
+    /// Call after [`Self::refresh`].
+    pub fn update_bodies<Sp: Space, S: Stored>(
+        &mut self,
+        particles: &Particles<Sp>,
+        populations: &Populations<S>,
+        loads: Option<&mut [Load]>,
+    ) {
+        if self.slab.cells.contains(&0) {
+            // An empty slab holds no cells; entries still have a place in the lists.
+            self.links.resize_with(particles.len(), Vec::new);
+            return;
+        }
+        self.changes.clear();
+        self.again.clear();
+        if !self.adopted {
+            self.adopt(particles);
+        }
+        self.look_again();
+        if self.again.is_empty() && self.changes.is_empty() {
+            return;
+        }
+        // Bodies that share cells settle anew who has them.
+        for &body in &self.sharing {
+            if !self.bodies[body].again {
+                self.again.push(Again {
+                    body,
+                    moved: false,
+                    shared: true,
+                });
+            }
+        }
+        self.settle();
+        self.apply_changes(populations, loads);
+    }
+
+    /// Loads from covered and uncovered cells, and new links for every body near a change.
+    fn apply_changes<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        loads: Option<&mut [Load]>,
+    ) {
+        // None is set: each body takes its flag back.
+        self.relink
+            .resize_with(self.bodies.len(), AtomicBool::default);
+        let far = self.rules.isolated.is_some() || self.rules.interpolated;
+        let reach = if far { 2 } else { 1 };
+        let mut changes = std::mem::take(&mut self.changes);
+        thread_pool::each_item(&mut changes, CHANGES_PER_THREAD, |_, change| {
+            let &mut Change { cell, before, .. } = change;
+            let after = self.owner[self.slab.at(cell)];
+            if before != after {
+                if loads.is_some() {
+                    change.impulse = self.impulse(cell, before, after, populations);
+                }
+                self.relink_around(cell, before, reach);
+            }
+        });
+        if let Some(loads) = loads {
+            for Impulse {
+                entry,
+                momentum,
+                at,
+            } in changes.iter().filter_map(|change| change.impulse)
+            {
+                if self.slab.dimension == 2 {
+                    add_force::<2>(&mut loads[entry], momentum, at);
+                } else {
+                    add_force::<3>(&mut loads[entry], momentum, at);
+                }
+            }
+        }
+        // A change concerns its neighbours: few changes, few bodies.
+        let few = changes.len() < PER_THREAD;
+        self.changes = changes;
+        let mut links = std::mem::take(&mut self.links);
+        let link = |k: usize, links: &mut Vec<BodyLink>| {
+            let flag = &self.relink[k];
+            if flag.load(Ordering::Relaxed) {
+                flag.store(false, Ordering::Relaxed);
+                self.link(k, populations, links);
+            }
+        };
+        if few {
+            links
+                .iter_mut()
+                .enumerate()
+                .for_each(|(k, links)| link(k, links));
+        } else {
+            thread_pool::each_item_in_runs(&mut links, PER_THREAD, link);
+        }
+        self.links = links;
+    }
+
+    /// What covering or uncovering a cell of the slab gives to the body that does it.
+    fn impulse<S: Stored>(
+        &self,
+        cell: [i32; 3],
+        before: u32,
+        after: u32,
+        populations: &Populations<S>,
+    ) -> Option<Impulse> {
+        let (body, sign) = match (before, after) {
+            (FLUID, body) => (body, 1.0),
+            (body, FLUID) => (body, -1.0),
+            _ => return None,
+        };
+        if !self.slab.interior(cell) {
+            return None;
+        }
+        let (_, momentum) = populations.moments(populations.cell(cell.map(|v| v as isize)));
+        let (entry, frame) = self.nearest(body, cell)?;
+        Some(Impulse {
+            entry,
+            momentum: momentum.map(|m| lbm::boundary::quanta(sign * m)),
+            at: std::array::from_fn(|a| {
+                if a < self.slab.dimension {
+                    2 * (cell[a] - frame[a]) + 1
+                } else {
+                    0
+                }
+            }),
+        })
+    }
+}
+
+/// Motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
+pub(super) fn in_cells<Sp: Space>(
+    motion: &Motion<Sp>,
+    grid: &Grid,
+    velocity: f64,
+    spin: f64,
+) -> Rigid {
+    let mut rigid = Rigid::default();
+    for a in 0..Sp::DIMENSION {
+        rigid.position[a] = (motion.position.get(a) - grid.origin[a]) / grid.spacing;
+        rigid.velocity[a] = motion.velocity.get(a) * velocity;
+    }
+    if Sp::DIMENSION == 2 {
+        rigid.spin[2] = motion.spin.get(0) * spin;
+    } else {
+        for a in 0..3 {
+            rigid.spin[a] = motion.spin.get(a) * spin;
+        }
+    }
+    rigid
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,182 @@
+//! The links that cross the surfaces of bodies.
+
+use super::rows::Row;
+use super::slab::Slab;
+use super::{BodyMap, FLUID, OUTSIDE, tag};
+use lbm::lanes::Stored;
+use lbm::links::BodyLink;
+use lbm::populations::Populations;
+use std::sync::atomic::Ordering;
+
+/// A direction of the lattice.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Direction {
+    c: [i32; 3],
+    /// Distance in places of the map and of the lattice.
+    in_map: isize,
+    in_lattice: isize,
+    opposite: usize,
+}
+
+/// The directions of a lattice.
+pub(super) fn directions<S: Stored>(slab: &Slab, populations: &Populations<S>) -> Vec<Direction> {
+    let velocities = populations.velocities();
+    (0..velocities.q())
+        .map(|i| Direction {
+            c: velocities.c[i].map(i32::from),
+            in_map: slab.step(velocities.c[i]),
+            in_lattice: populations.offset(i),
+            opposite: velocities.opposite[i],
+        })
+        .collect()
+}
+
+impl BodyMap {
+    /// Asks for new links of every body in the cells near one that changed.
+    pub(super) fn relink_around(&self, cell: [i32; 3], before: u32, reach: i32) {
+        // Most neighbours belong to the same body.
+        let mut last = [FLUID, OUTSIDE, FLUID];
+        let mut flag = |owner: u32| {
+            if last.contains(&owner) {
+                return;
+            }
+            last[2] = owner;
+            for &k in self.entries.get(&owner).into_iter().flatten() {
+                self.relink[k as usize].store(true, Ordering::Relaxed);
+            }
+        };
+        flag(before);
+        let deep = if self.slab.dimension == 3 { reach } else { 0 };
+        for dz in -deep..=deep {
+            for dy in -reach..=reach {
+                for dx in -reach..=reach {
+                    let near = [cell[0] + dx, cell[1] + dy, cell[2] + dz];
+                    if self.slab.held(near) {
+                        flag(self.owner[self.slab.at(near)]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The image of a body nearest to a cell, with its frame.
+    pub(super) fn nearest(&self, owner: u32, cell: [i32; 3]) -> Option<(usize, [i32; 3])> {
+        let entries = self.entries.get(&owner)?;
+        entries
+            .iter()
+            .map(|&k| {
+                let k = k as usize;
+                let frame = self.slab.frame(self.bodies[k].shift);
+                let d2: f64 = (0..self.slab.dimension)
+                    .map(|a| {
+                        (f64::from(cell[a] - frame[a]) + 0.5 - self.motion[k].position[a]).powi(2)
+                    })
+                    .sum();
+                (d2, k, frame)
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, k, frame)| (k, frame))
+    }
+
+    /// Finds the links of body `k`.
+    pub(super) fn link<S: Stored>(
+        &self,
+        k: usize,
+        populations: &Populations<S>,
+        links: &mut Vec<BodyLink>,
+    ) {
+        let mine = tag(self.bodies[k].id);
+        let frame = self.slab.frame(self.bodies[k].shift);
+        let owner = |place: usize, along: &Direction| {
+            let place = place.wrapping_add_signed(along.in_map);
+            (place, self.owner[place])
+        };
+        links.clear();
+        let directions = &self.directions;
+        // Beyond the ends all neighbours are cells of the body or of another of lower id.
+        let rows = &self.bodies[k].rows;
+        let ends = rows
+            .rows()
+            .flat_map(|row| rows.ends(row, self.slab.dimension == 3));
+        for inner in ends.flat_map(Row::cells) {
+            let place = self.slab.at(inner);
+            if self.owner[place] != mine {
+                continue;
+            }
+            // All that a link looks at lies in the slab.
+            let deep = self.slab.deep(inner);
+            let cell = populations.cell(inner.map(|v| v as isize));
+            for (out, along) in directions.iter().enumerate().skip(1) {
+                let c = along.c;
+                let outer: [i32; 3] = std::array::from_fn(|a| inner[a] + c[a]);
+                if !deep && !self.slab.held(outer) {
+                    continue;
+                }
+                let (outer_place, there) = owner(place, along);
+                let between = there != FLUID;
+                // A link between two bodies is the business of the one with the lower id.
+                if there == mine || there == OUTSIDE || (between && there < mine) {
+                    continue;
+                }
+                if self.cut(place, out) {
+                    continue;
+                }
+                let mine_to_do = deep || self.slab.interior(outer);
+                if !mine_to_do && !self.slab.interior(inner) {
+                    continue;
+                }
+                let behind: [i32; 3] = std::array::from_fn(|a| outer[a] + c[a]);
+                let backed = (deep || self.slab.held(behind))
+                    && owner(outer_place, along).1 == FLUID
+                    && !self.cut(outer_place, out);
+                let moves = match self.rules.isolated {
+                    None => true,
+                    Some(limit) => {
+                        let near = directions[1..].iter();
+                        near.filter(|near| owner(outer_place, near).1 != FLUID)
+                            .count()
+                            < limit
+                    }
+                };
+                links.push(BodyLink {
+                    link: populations
+                        .link(cell.wrapping_add_signed(along.in_lattice), along.opposite),
+                    middle: std::array::from_fn(|a| {
+                        if a < self.slab.dimension {
+                            2 * (outer[a] - frame[a]) + 1 - c[a]
+                        } else {
+                            0
+                        }
+                    }),
+                    direction: u8::try_from(along.opposite).unwrap_or(0),
+                    loads: mine_to_do && !between,
+                    moves,
+                    backed,
+                });
+            }
+        }
+    }
+
+    /// Whether a sheet cuts the link from the cell at a place of the map along a direction: it is the sheet's.
+    fn cut(&self, place: usize, direction: usize) -> bool {
+        !self.sheets.is_empty()
+            && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(place, d)))
+    }
+
+    /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local coordinates).
+    #[must_use]
+    pub fn encloses<S: Stored>(&self, cell: [usize; 3], populations: &Populations<S>) -> bool {
+        let velocities = populations.velocities();
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        let (mut bodies, mut walls) = (0, 0);
+        for c in &velocities.c[1..] {
+            let near: [i32; 3] = std::array::from_fn(|a| cell[a] + i32::from(c[a]));
+            match self.owner[self.slab.at(near)] {
+                FLUID => {}
+                OUTSIDE => walls += 1,
+                _ => bodies += 1,
+            }
+        }
+        bodies > 0 && 2 * (bodies + walls) > velocities.q() - 1
+    }
+}

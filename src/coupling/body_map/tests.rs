@@ -1,0 +1,186 @@
+use super::*;
+use dem::particles::Body;
+use dem::polyhedron::Polyhedron;
+use dem::{Plane as Flat, Volume};
+use lbm::lattice::{D2Q9, D3Q19, Velocities};
+use base::random::Stream;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+const SPACING: f64 = 0.1;
+
+fn new_map(populations: &Populations<f64>) -> BodyMap {
+    let grid = Grid {
+        cells: populations.cells(),
+        start: [0; 3],
+        periodic: [false; 3],
+        origin: [0.0; 3],
+        spacing: SPACING,
+    };
+    let rules = Rules {
+        hydraulic_radius_factor: 0.8,
+        first_grain: 3,
+        isolated: Some(3),
+        interpolated: true,
+    };
+    BodyMap::new(populations, grid, rules)
+}
+
+fn follow<Sp: Space>(
+    map: &mut BodyMap,
+    particles: &Particles<Sp>,
+    populations: &Populations<f64>,
+) -> Vec<Load> {
+    let mut loads = vec![[0; 6]; particles.len()];
+    map.refresh(particles, 1.0, 1.0).unwrap();
+    map.update_bodies(particles, populations, Some(&mut loads));
+    loads
+}
+
+/// Every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is one that was made anew.
+fn is_true<Sp: Space>(
+    map: &BodyMap,
+    particles: &Particles<Sp>,
+    populations: &Populations<f64>,
+) -> usize {
+    let mut held = 0;
+    for (cell, _) in populations.interior() {
+        let centre: [f64; 3] = std::array::from_fn(|a| cell[a] as f64 + 0.5);
+        let inside = (0..particles.len()).filter(|&k| {
+            let rigid = &map.motion()[k];
+            let faces = map.faces(k);
+            if faces.is_empty() {
+                let square = |a: usize| (centre[a] - rigid.position[a]).powi(2);
+                (0..Sp::DIMENSION).map(square).sum::<f64>() < rigid.radius.powi(2)
+            } else {
+                faces.iter().all(|face| face.height(centre) < 0.0)
+            }
+        });
+        let id = inside.map(|k| particles.body[k].id).min();
+        assert_eq!(map.body_at(cell), id, "{cell:?}");
+        held += usize::from(id.is_some());
+    }
+    let mut anew = new_map(populations);
+    follow(&mut anew, particles, populations);
+    assert!(anew.links() == map.links());
+    assert!(anew.owner == map.owner);
+    held
+}
+
+fn on_threads(count: usize, work: impl FnOnce() + Send) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+    pool.unwrap().install(work);
+}
+
+/// Discs that overlap, move at all speeds, grow, leave the lattice, go and come.
+#[test]
+fn discs_hold_the_cells_of_their_places() {
+    let populations = Populations::new(Velocities::of::<D2Q9, 9>(), [70, 60, 1], 1).unwrap();
+    for threads in [1, 3] {
+        on_threads(threads, || {
+            let mut draw = Stream::new(7, 0, 0);
+            let mut map = new_map(&populations);
+            let mut discs: Vec<(u64, f64, [f64; 2])> = (0..150)
+                .map(|id| {
+                    (
+                        id,
+                        0.1 + 0.25 * draw.uniform(),
+                        [7.5 * draw.uniform() - 0.2, 6.0 * draw.uniform()],
+                    )
+                })
+                .collect();
+            let (mut changed, mut covered) = (0, 0);
+            for step in 0..60 {
+                let mut particles = Particles::<Flat>::new();
+                for (id, radius, at) in &mut discs {
+                    let pace = [0.0, 1e-3, 0.02, 0.3][(*id % 4) as usize];
+                    for x in at.iter_mut() {
+                        *x += pace * (draw.uniform() - 0.5);
+                    }
+                    if *id == 5 && step % 10 == 9 {
+                        *radius *= 1.1;
+                    }
+                    if (*id + step) % 11 != 0 {
+                        let mut motion = Motion::<Flat>::default();
+                        motion.position.set(0, at[0]);
+                        motion.position.set(1, at[1]);
+                        particles.insert(Body::uniform::<Flat>(*id, *radius, 2.0, 0), motion);
+                    }
+                }
+                follow(&mut map, &particles, &populations);
+                changed += usize::from(!map.is_as_before());
+                covered += is_true(&map, &particles, &populations);
+            }
+            assert!(changed > 50 && covered > 30_000, "{changed} {covered}");
+        });
+    }
+}
+
+/// Balls and turning blocks that pass through each other.
+#[test]
+fn balls_and_blocks_hold_the_cells_of_their_places() {
+    let populations = Populations::new(Velocities::of::<D3Q19, 19>(), [24, 20, 22], 2).unwrap();
+    let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.65, 0.81)).unwrap();
+    for threads in [1, 2] {
+        on_threads(threads, || {
+            let mut draw = Stream::new(9, 0, 0);
+            let mut map = new_map(&populations);
+            let mut places: Vec<[f64; 3]> = (0..40)
+                .map(|_| [2.4, 2.0, 2.2].map(|length| length * draw.uniform()))
+                .collect();
+            let mut covered = 0;
+            for step in 0..20 {
+                let mut particles = Particles::<Volume>::new();
+                particles
+                    .set_shapes(Arc::from(vec![shape.clone()]))
+                    .unwrap();
+                for (id, at) in (0_u32..).zip(&mut places) {
+                    for x in at.iter_mut() {
+                        *x += if id % 3 == 0 { 0.0 } else { 0.06 } * (draw.uniform() - 0.5);
+                    }
+                    let motion = Motion::<Volume> {
+                        position: Vector3::from(*at),
+                        ..Motion::default()
+                    };
+                    if id % 5 == 0 {
+                        let turn = UnitQuaternion::from_scaled_axis(
+                            Vector3::new(0.3, -0.8, 0.4) * (f64::from(id) + 0.02 * f64::from(step)),
+                        );
+                        let block = Body::of_block(id.into(), &shape, 1000.0, 0);
+                        particles.add_block(block, motion, 0, turn).unwrap();
+                    } else {
+                        let body = Body::uniform::<Volume>(id.into(), 0.19, 1000.0, 0);
+                        particles.insert(body, motion);
+                    }
+                }
+                follow(&mut map, &particles, &populations);
+                covered += is_true(&map, &particles, &populations);
+            }
+            assert!(covered > 20_000, "{covered}");
+        });
+    }
+}
+
+/// What water loses to a body that covers it, the body gains; what it uncovers it gives back.
+#[test]
+fn covering_and_uncovering_gives_back_what_it_took() {
+    let mut populations = Populations::new(Velocities::of::<D2Q9, 9>(), [30, 30, 1], 1).unwrap();
+    let mut draw = Stream::new(3, 0, 0);
+    for number in populations.numbers_mut() {
+        *number = 0.01 * draw.uniform();
+    }
+    let disc = |x: f64| {
+        let mut particles = Particles::<Flat>::new();
+        let mut motion = Motion::<Flat>::default();
+        motion.position.set(0, x);
+        motion.position.set(1, 1.51);
+        particles.insert(Body::uniform::<Flat>(1, 0.4, 2.0, 0), motion);
+        particles
+    };
+    let mut map = new_map(&populations);
+    follow(&mut map, &disc(1.0), &populations);
+    let there = follow(&mut map, &disc(1.43), &populations)[0];
+    let back = follow(&mut map, &disc(1.0), &populations)[0];
+    assert!(there[0] != 0 && there[5] != 0);
+    assert_eq!(there.map(|load| -load), back);
+}

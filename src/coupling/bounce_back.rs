@@ -1,0 +1,352 @@
+//! Lattice Boltzmann with moving bounce-back around discs, spheres or convex polyhedra.
+//!
+//! In each step the lattice advances, and populations bounce back on the links that cross a body's surface ([`lbm::links`]). The
+//! loads are known at the middle of the step. They are averaged with those of the previous step (Ladd 1994) and are constant over the
+//! solid steps. Then the map of bodies is updated ([`super::body_map`]). Bodies keep fluid inside their shells, so that covering and
+//! uncovering cells creates no mass. The momentum of cells that change sides is exchanged with the body.
+//!
+//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
+//! cells covered since then (6 … 11).
+
+use super::body_map::{BodyMap, Grid, Rules};
+use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
+use super::loads::{about_centre, to_grain};
+use super::structure_map::StructureMap;
+use super::{BandStates, Flow, FluidView};
+use dem::particles::Particles;
+use dem::space::Space;
+use base::error::Error;
+use lbm::boundary::Flux;
+use lbm::fluid::Fluid;
+use lbm::lanes::Stored;
+use lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
+use structure::Images;
+use base::thread_pool;
+use base::units::LatticeUnits;
+use decomposition::Domain;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Where the surface lies on a link.
+    pub scheme: Scheme,
+    /// Average the loads of two half steps.
+    pub average: bool,
+    /// Radius and narrow gaps.
+    pub rules: Rules,
+    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
+    /// over hydrostatic.
+    pub buoyancy: [f64; 3],
+}
+
+/// Fluid with bodies in it.
+pub struct BounceBack<Sp: Space, S: Stored> {
+    fluid: Fluid<S>,
+    map: BodyMap,
+    structures: Option<Box<StructureMap>>,
+    units: LatticeUnits,
+    settings: Settings,
+    loads: Vec<Load>,
+    owned: usize,
+    /// Motions by which gradients were told of the links.
+    told: Vec<Rigid>,
+    /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
+    fresh: bool,
+    space: PhantomData<Sp>,
+}
+
+impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
+    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
+    #[inline(never)]
+    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
+        let grid = Grid {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin,
+            spacing: units.spacing,
+        };
+        let map = BodyMap::new(fluid.populations(), grid, settings.rules);
+        log::info!("coupling by moving bounce-back: {settings:?}");
+        Self {
+            fluid,
+            map,
+            structures: None,
+            units,
+            settings,
+            loads: Vec::new(),
+            owned: 0,
+            told: Vec::new(),
+            fresh: true,
+            space: PhantomData,
+        }
+    }
+
+    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    #[must_use]
+    #[inline(never)]
+    pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
+        let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
+        if let Some(structures) = &structures {
+            self.map.stand_in(structures.cells(), structures.sheets());
+            structures.bound_surface(&mut self.fluid);
+            structures.tell_gradients(&mut self.fluid);
+        }
+        self.structures = structures;
+        self
+    }
+
+    /// Which cells lie inside which body.
+    #[must_use]
+    pub fn map(&self) -> &BodyMap {
+        &self.map
+    }
+
+    fn scales(&self) -> (f64, f64) {
+        (
+            self.units.velocity_to_lattice(1.0),
+            self.units.angular_velocity_to_lattice(1.0),
+        )
+    }
+
+    /// The eddy viscosity asks for gradients beside the links.
+    fn tell_gradients(&mut self) {
+        if self.fluid.velocities().is_none() {
+            return;
+        }
+        if self.map.is_as_before() && self.told == self.map.motion() {
+            return;
+        }
+        self.told.clear();
+        self.told.extend_from_slice(self.map.motion());
+        let (links, motion) = (self.map.links(), self.map.motion());
+        if Sp::DIMENSION == 2 {
+            self.fluid.know_links::<2>(links, motion);
+        } else {
+            self.fluid.know_links::<3>(links, motion);
+        }
+        if let Some(structures) = &self.structures {
+            structures.tell_gradients(&mut self.fluid);
+        }
+    }
+
+    /// Links of structures follow where bodies cover their ends.
+    fn see_bodies(&mut self) {
+        if let Some(structures) = &mut self.structures
+            && !self.map.is_as_before()
+        {
+            structures.see_bodies(&self.map);
+        }
+    }
+
+    /// How many steps may be made at once where there are no grains. The same on every rank.
+    #[must_use]
+    pub fn at_once(&self) -> u64 {
+        if self.structures.is_none() {
+            self.fluid.at_once()
+        } else {
+            1
+        }
+    }
+
+    /// Averages the loads of two half steps, with what cells that changed sides gave.
+    fn load_grains(&self, particles: &mut Particles<Sp>) {
+        let mut extra = std::mem::take(&mut particles.extra);
+        let mut fluid = std::mem::take(&mut particles.fluid);
+        let grains = particles.view();
+        let (loads, motion) = (&self.loads, self.map.motion());
+        let (settings, units) = (self.settings, &self.units);
+        // As often as for the links, so that a thread finds the loads that it made.
+        let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
+        let first = |run: usize| (loads.len() * run / runs).min(grains.owned);
+        let shared = (
+            thread_pool::cut(&mut extra, runs, first),
+            thread_pool::cut(&mut fluid, runs, first),
+        );
+        thread_pool::each_run_of(runs, shared, |run, (extra, fluid)| {
+            for ((k, extra), fluid) in (first(run)..).zip(extra).zip(fluid) {
+                let half = about_centre(motion[k].position, &loads[k]);
+                let mut load = [0.0; 6];
+                for a in 0..6 {
+                    let now = half[a] + extra[6 + a];
+                    load[a] = if settings.average {
+                        0.5 * (now + extra[a])
+                    } else {
+                        now
+                    };
+                    extra[a] = now;
+                    extra[6 + a] = 0.0;
+                }
+                *fluid = to_grain(units, &load, settings.buoyancy, grains.volume(k));
+            }
+        });
+        particles.extra = extra;
+        particles.fluid = fluid;
+    }
+
+    fn clear_loads(&mut self, n: usize) {
+        self.loads.resize(n, [0; 6]);
+        thread_pool::each_item_in_runs(&mut self.loads, BODIES_PER_THREAD, |_, load| {
+            *load = [0; 6]
+        });
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+        self.fluid.advance_many(1).map_err(Error::Internal)?;
+        if let Some(structures) = &mut self.structures {
+            self.fluid.fetch().map_err(Error::Internal)?;
+            structures.bounce(self.fluid.populations_mut());
+        }
+        self.fluid.move_surface();
+        if particles.is_empty() && domain.communicator().size() == 1 {
+            return Ok(());
+        }
+        // The links bounce here.
+        self.fluid.fetch().map_err(Error::Internal)?;
+        let map = &self.map;
+        self.fluid
+            .close_openings(|cell| map.body_at(cell).is_some());
+        self.loads.resize(particles.len(), [0; 6]);
+        let (links, motion) = (self.map.links(), self.map.motion());
+        let faces = |k| self.map.faces(k);
+        let populations = self.fluid.populations_mut();
+        if Sp::DIMENSION == 2 {
+            bounce::<S, 2>(
+                populations,
+                self.settings.scheme,
+                links,
+                motion,
+                faces,
+                &mut self.loads,
+            );
+        } else {
+            bounce::<S, 3>(
+                populations,
+                self.settings.scheme,
+                links,
+                motion,
+                faces,
+                &mut self.loads,
+            );
+        }
+        particles.reduce_to_owners(&mut self.loads, domain)?;
+        self.owned = particles.owned();
+        self.load_grains(particles);
+        Ok(())
+    }
+
+    fn update_bodies(
+        &mut self,
+        particles: &mut Particles<Sp>,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        particles.allocate_fluid_loads();
+        particles.keep_extra();
+        if let Some(structures) = &self.structures {
+            structures.clear(&mut self.fluid);
+        }
+        if particles.is_empty() && domain.communicator().size() == 1 && self.map.links().is_empty()
+        {
+            self.fresh = false;
+            return Ok(());
+        }
+        let (velocity, spin) = self.scales();
+        self.map
+            .refresh(particles, velocity, spin)
+            .map_err(Error::Internal)?;
+        if self.fresh {
+            self.fresh = false;
+            self.map
+                .update_bodies(particles, self.fluid.populations(), None);
+            self.see_bodies();
+            self.tell_gradients();
+            log::debug!(
+                "rank {}: {} bodies on the lattice by {} links",
+                domain.rank(),
+                particles.len(),
+                self.map.links().iter().map(Vec::len).sum::<usize>()
+            );
+            return Ok(());
+        }
+        self.clear_loads(particles.len());
+        let mut loads = std::mem::take(&mut self.loads);
+        self.map
+            .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
+        self.see_bodies();
+        self.tell_gradients();
+        let reduced = particles.reduce_to_owners(&mut loads, domain);
+        self.loads = loads;
+        reduced?;
+        let (loads, motion) = (&self.loads, self.map.motion());
+        let owned = particles.owned();
+        let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
+        let first = |run: usize| (loads.len() * run / runs).min(owned);
+        let shared = thread_pool::cut(&mut particles.extra, runs, first);
+        thread_pool::each_run_of(runs, shared, |run, extra| {
+            for (k, extra) in (first(run)..).zip(extra) {
+                if loads[k] != [0; 6] {
+                    let impulse = about_centre(motion[k].position, &loads[k]);
+                    for a in 0..6 {
+                        extra[6 + a] += impulse[a];
+                    }
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
+    view_of_lattice!();
+
+    fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+        self.map.body_at(cell)
+    }
+
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        !self.balanced().holds(cell)
+    }
+}
+
+impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
+    fn fluid(&self) -> &Fluid<S> {
+        &self.fluid
+    }
+
+    fn fluid_mut(&mut self) -> &mut Fluid<S> {
+        &mut self.fluid
+    }
+
+    fn restart(&mut self) {
+        self.fresh = true;
+    }
+
+    fn last_loads(&self) -> &[Load] {
+        &self.loads[..self.owned.min(self.loads.len())]
+    }
+
+    /// What is inside the shells is not the water's.
+    fn balanced(&self) -> Balanced<'_> {
+        Balanced {
+            bodies: Some(&self.map),
+            structures: self.structures.as_deref(),
+        }
+    }
+
+    fn structures(&self) -> Option<&StructureMap> {
+        self.structures.as_deref()
+    }
+
+    fn enclosed(&self, cell: [usize; 3]) -> bool {
+        !self.map.is_empty() && self.map.encloses(cell, self.fluid.populations())
+    }
+}

@@ -1,0 +1,265 @@
+//! Which bodies stand apart from all others and from the walls.
+//!
+//! Full cells of two bodies are neighbours only where the bodies nearly touch: each reaches to the corner that the cells share. A body whose
+//! bounding sphere keeps a distance from those of all others and from the walls therefore has no such cells, and the lattice need not look
+//! at their neighbours ([`lbm::saturation::Solid::alone`]). What is found holds until a body has moved by half of what it was found
+//! with to spare.
+
+use super::super::body_map::Grid;
+use super::super::solid_fraction::Method;
+use lbm::lanes::{Level, Work};
+use base::number::real;
+use std::cmp::Ordering;
+
+/// Distance that is found to spare, in cells.
+const SPARE: f64 = 0.25;
+
+/// The bounding sphere of a body or of its image, in cells from the corner of the domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sphere {
+    pub(super) centre: [f64; 3],
+    pub(super) radius: f64,
+}
+
+/// What was found last.
+#[derive(Debug, Default)]
+pub(super) struct Alone {
+    found_for: Vec<Sphere>,
+    alone: Vec<bool>,
+    /// The spheres from low to high along an axis.
+    order: Vec<u32>,
+    sorted: Sorted,
+}
+
+/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in one instruction.
+#[derive(Debug, Default)]
+struct Sorted {
+    centre: [Vec<f64>; 3],
+    radius: Vec<f64>,
+    /// Where each begins along the axis.
+    low: Vec<f64>,
+    /// 0 or 1: whether it is near another.
+    near: Vec<u64>,
+}
+
+/// Marks each sphere that is near another.
+struct Pairs<'a> {
+    sorted: &'a mut Sorted,
+    axis: usize,
+    reach: f64,
+}
+
+impl Work for Pairs<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            sorted,
+            axis,
+            reach,
+        } = self;
+        let Sorted {
+            centre: [x, y, z],
+            radius,
+            low,
+            near,
+        } = sorted;
+        let along = [&*x, &*y, &*z][axis];
+        for k in 0..radius.len() {
+            let end = along[k] + radius[k] + reach;
+            let beyond = k
+                + 1
+                + low[k + 1..]
+                    .partition_point(|low| low.partial_cmp(&end) != Some(Ordering::Greater));
+            let (own, size) = ([x[k], y[k], z[k]], radius[k] + reach);
+            let mut found = 0;
+            let count = beyond - (k + 1);
+            let (x, y, z) = (&x[k + 1..beyond], &y[k + 1..beyond], &z[k + 1..beyond]);
+            let radius = &radius[k + 1..beyond];
+            let others = &mut near[k + 1..beyond];
+            for n in 0..count {
+                let (dx, dy, dz) = (own[0] - x[n], own[1] - y[n], own[2] - z[n]);
+                let apart = size + radius[n];
+                // Also where a number is none.
+                let meets = u64::from(dx * dx + dy * dy + dz * dz > apart * apart) ^ 1;
+                others[n] |= meets;
+                found |= meets;
+            }
+            near[k] |= found;
+        }
+    }
+}
+
+impl Alone {
+    /// Whether a sphere of the last update stands apart.
+    #[must_use]
+    pub(super) fn is(&self, k: usize) -> bool {
+        self.alone[k]
+    }
+
+    /// Looks at the spheres again if one of them moved far enough.
+    pub(super) fn update(
+        &mut self,
+        spheres: impl ExactSizeIterator<Item = Sphere> + Clone,
+        grid: &Grid,
+        method: Method,
+        dimension: usize,
+    ) {
+        let stays = |(old, new): (&Sphere, Sphere)| {
+            let moved: f64 = (0..3)
+                .map(|a| (old.centre[a] - new.centre[a]).powi(2))
+                .sum();
+            // Nothing is known where a number is none.
+            moved <= (0.5 * SPARE).powi(2) && old.radius.total_cmp(&new.radius).is_eq()
+        };
+        if self.found_for.len() == spheres.len()
+            && self.found_for.iter().zip(spheres.clone()).all(stays)
+        {
+            return;
+        }
+        self.found_for.clear();
+        self.found_for.extend(spheres);
+        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a cell at each of two bodies.
+        let reach = match method {
+            Method::Exact => 0.25,
+            Method::Samples(_) | Method::Linear => 2.0,
+        } + SPARE;
+        self.search(grid, reach, dimension);
+    }
+
+    fn search(&mut self, grid: &Grid, reach: f64, dimension: usize) {
+        let spheres = &self.found_for;
+        let apart_from_walls = |sphere: &Sphere| {
+            (0..dimension).all(|a| {
+                grid.periodic[a]
+                    || (sphere.centre[a] - sphere.radius > reach
+                        && sphere.centre[a] + sphere.radius < real(grid.cells[a]) - reach)
+            })
+        };
+        self.alone.clear();
+        self.alone.extend(spheres.iter().map(apart_from_walls));
+        let extent = |a: usize| {
+            let along = spheres.iter().map(|sphere| sphere.centre[a]);
+            let (low, high) = along.fold((f64::MAX, f64::MIN), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            high - low
+        };
+        let axis = (0..dimension)
+            .max_by(|&a, &b| extent(a).total_cmp(&extent(b)))
+            .unwrap_or(0);
+        let low = |k: &u32| {
+            let sphere = &spheres[*k as usize];
+            sphere.centre[axis] - sphere.radius
+        };
+        if self.order.len() != spheres.len() {
+            self.order.clear();
+            self.order.extend((0..).take(spheres.len()));
+        }
+        // Nearly sorted but for the first time.
+        self.order.sort_by(|a, b| low(a).total_cmp(&low(b)));
+        let Sorted {
+            centre,
+            radius,
+            low,
+            near,
+        } = &mut self.sorted;
+        for (a, centre) in centre.iter_mut().enumerate() {
+            centre.clear();
+            // What lies beyond the plane is of no account.
+            centre.extend(self.order.iter().map(|&k| {
+                if a < dimension {
+                    spheres[k as usize].centre[a]
+                } else {
+                    0.0
+                }
+            }));
+        }
+        radius.clear();
+        radius.extend(self.order.iter().map(|&k| spheres[k as usize].radius));
+        low.clear();
+        low.extend(radius.iter().zip(&centre[axis]).map(|(r, x)| x - r));
+        near.clear();
+        near.resize(radius.len(), 0);
+        Level::best().run(Pairs {
+            sorted: &mut self.sorted,
+            axis,
+            reach,
+        });
+        for (&k, near) in self.order.iter().zip(&self.sorted.near) {
+            self.alone[k as usize] &= *near == 0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::random::SplitMix;
+
+    fn grid(periodic: bool) -> Grid {
+        Grid {
+            cells: [60, 50, 40],
+            start: [0; 3],
+            periodic: [periodic; 3],
+            origin: [0.0; 3],
+            spacing: 1.0,
+        }
+    }
+
+    fn found(spheres: &[Sphere], periodic: bool) -> Vec<bool> {
+        let mut alone = Alone::default();
+        alone.update(spheres.iter().copied(), &grid(periodic), Method::Exact, 3);
+        (0..spheres.len()).map(|k| alone.is(k)).collect()
+    }
+
+    fn at(x: f64, radius: f64) -> Sphere {
+        Sphere {
+            centre: [x, 25.0, 20.0],
+            radius,
+        }
+    }
+
+    #[test]
+    fn neighbours_and_walls_are_found() {
+        let spheres = [at(10.0, 4.0), at(19.0, 4.0), at(32.0, 4.0), at(54.5, 5.0)];
+        assert_eq!(found(&spheres, true), [true, true, true, true]);
+        assert_eq!(found(&spheres, false), [true, true, true, false]);
+        let close = [at(10.0, 4.0), at(18.4, 4.0), at(32.0, 4.0)];
+        assert_eq!(found(&close, true), [false, false, true]);
+    }
+
+    #[test]
+    fn all_pairs_of_random_spheres_are_found() {
+        let mut draws = SplitMix::new(5);
+        let spheres: Vec<Sphere> = (0..200)
+            .map(|_| Sphere {
+                centre: [0.0; 3].map(|_| 60.0 * draws.uniform()),
+                radius: 0.5 + 3.0 * draws.uniform(),
+            })
+            .collect();
+        let near = |a: &Sphere, b: &Sphere| {
+            let d: f64 = (0..3).map(|k| (a.centre[k] - b.centre[k]).powi(2)).sum();
+            d.sqrt() <= a.radius + b.radius + 0.5
+        };
+        let by_pairs: Vec<bool> = (0..200)
+            .map(|i| (0..200).all(|j| i == j || !near(&spheres[i], &spheres[j])))
+            .collect();
+        let found = found(&spheres, true);
+        assert!(found.iter().any(|&alone| alone) && !found.iter().all(|&alone| alone));
+        assert_eq!(found, by_pairs);
+    }
+
+    #[test]
+    fn a_body_that_comes_near_is_found_in_time() {
+        let mut alone = Alone::default();
+        let mut x = 30.0;
+        while x > 18.0 {
+            let spheres = [at(10.0, 4.0), at(x, 4.0)];
+            alone.update(spheres.iter().copied(), &grid(true), Method::Exact, 3);
+            // A gap below a quarter of a cell is never taken for none.
+            assert!(x > 18.25 || !alone.is(0), "{x}");
+            assert!(x < 18.75 || alone.is(1), "{x}");
+            x -= 0.01;
+        }
+    }
+}

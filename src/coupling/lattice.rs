@@ -1,0 +1,175 @@
+//! The interface between a run and a lattice with bodies, common to all couplings.
+
+use super::body_map::BodyMap;
+use super::structure_map::StructureMap;
+use super::{Flow, FluidView};
+use dem::space::Space;
+use base::error::Error;
+use lbm::fluid::Fluid;
+use lbm::lanes::Stored;
+use lbm::links::Load;
+use lbm::populations::Populations;
+use lbm::quanta::{from_quanta, quanta};
+use lbm::saturation::cells;
+use base::thread_pool;
+use decomposition::Communicator;
+
+/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
+/// of their own.
+#[derive(Clone, Copy)]
+pub struct Balanced<'a> {
+    /// Bodies that keep water of their own.
+    pub(super) bodies: Option<&'a BodyMap>,
+    pub(super) structures: Option<&'a StructureMap>,
+}
+
+impl Balanced<'_> {
+    /// Whether a cell of the slab is one of them.
+    #[must_use]
+    pub fn holds(&self, cell: [usize; 3]) -> bool {
+        self.bodies.is_none_or(|map| map.body_at(cell).is_none())
+            && self.structures.is_none_or(|map| !map.holds(cell))
+    }
+
+    /// Whether all cells of the slab are.
+    #[must_use]
+    pub fn holds_all(&self) -> bool {
+        self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
+    }
+
+    /// How many cells of the slab are; counted by threads.
+    pub(super) fn count<S: Stored>(&self, populations: &Populations<S>) -> usize {
+        if self.holds_all() {
+            return populations.cells().iter().product();
+        }
+        let [.., fast] = populations.order();
+        let length = populations.cells()[fast];
+        let mut counts = [0; thread_pool::MOST];
+        populations.by_rows(&mut counts, |mut at, count| {
+            *count += (0..length)
+                .filter(|&k| {
+                    at[fast] = k;
+                    self.holds(at)
+                })
+                .count();
+        });
+        counts.iter().sum()
+    }
+}
+
+/// A fluid on a lattice with its coupling.
+pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
+    /// The fluid.
+    fn fluid(&self) -> &Fluid<S>;
+
+    /// The fluid, to set its state.
+    fn fluid_mut(&mut self) -> &mut Fluid<S>;
+
+    /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.fluid_mut().fetch().map_err(Error::Internal)
+    }
+
+    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::update_bodies`].
+    fn restart(&mut self);
+
+    /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries summed: for
+    /// balances. Entries of ghosts are left out, their loads stand at the owners.
+    fn last_loads(&self) -> &[Load];
+
+    /// The cells whose momentum belongs to the water in its balance with the bodies.
+    fn balanced(&self) -> Balanced<'_>;
+
+    /// The structures in the water, if there are any.
+    fn structures(&self) -> Option<&StructureMap>;
+
+    /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
+    fn enclosed(&self, cell: [usize; 3]) -> bool;
+
+    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the body force, which a
+    /// covered cell feels by 1 - B, and what other terms gave; and the size of the largest part. Collective.
+    fn fluid_force_total(&self, communicator: &Communicator) -> ([f64; 3], f64) {
+        let (fluid, water) = (self.fluid(), self.balanced());
+        let populations = fluid.populations();
+        let mut open = i128::from(quanta(1.0)) * water.count(populations) as i128;
+        if let Some(cover) = fluid.cover() {
+            let cells = populations.interior();
+            for (_, position) in cells.filter(|(at, _)| water.holds(*at)) {
+                open -= i128::from(cover.weight(position));
+            }
+        }
+        let mut impulse = [0_i128; 3];
+        for term in fluid.terms() {
+            let given = term.impulse(populations, &|at| water.holds(at));
+            for (sum, given) in impulse.iter_mut().zip(given) {
+                *sum += given;
+            }
+        }
+        let sum = |part: i128| {
+            let all = communicator.all_reduce_sum_u128(part.cast_unsigned());
+            all.cast_signed()
+        };
+        let open = cells(sum(open));
+        let uniform = fluid.last_force().map(|force| force * open);
+        let given = impulse.map(|part| from_quanta(sum(part)));
+        let parts = uniform.iter().chain(&given);
+        let largest = parts.fold(0.0_f64, |largest, part| largest.max(part.abs()));
+        (std::array::from_fn(|a| uniform[a] + given[a]), largest)
+    }
+}
+
+/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an `impl FluidView` of a type with `fluid` and
+/// `units`.
+macro_rules! view_of_lattice {
+    () => {
+        fn units(&self) -> &LatticeUnits {
+            &self.units
+        }
+        fn cells(&self) -> [usize; 3] {
+            self.fluid.populations().cells()
+        }
+        fn start(&self) -> [usize; 3] {
+            self.fluid.start()
+        }
+        fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+            self.fluid
+                .state(self.fluid.populations().interior_cell(cell))
+        }
+        fn band_states(&self, planes: std::ops::Range<usize>, to: &mut BandStates) {
+            let [nx, ny, _] = self.fluid.populations().cells();
+            to.resize(nx * ny * planes.len());
+            let (density, velocity) = (&mut to.density, &mut to.velocity);
+            self.fluid
+                .band_states(planes, density, velocity, &mut to.row);
+        }
+        fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3] {
+            self.fluid
+                .stress(self.fluid.populations().interior_cell(cell))
+        }
+        fn force(&self) -> [f64; 3] {
+            self.fluid.last_force()
+        }
+        fn eddy_viscosity(&self, cell: [usize; 3]) -> f64 {
+            let cell = self.fluid.populations().interior_cell(cell);
+            self.fluid.eddy_viscosity(cell)
+        }
+        fn fill(&self, cell: [usize; 3]) -> f64 {
+            let surface = self.fluid.surface();
+            surface.map_or(1.0, |surface| {
+                let cell = self.fluid.populations().interior_cell(cell);
+                surface.fill(cell).clamp(0.0, 1.0)
+            })
+        }
+        fn patches(&self) -> Vec<String> {
+            let names = self.fluid.boundaries().names();
+            names.map(str::to_owned).collect()
+        }
+        fn fluxes(&self) -> Vec<Flux> {
+            self.fluid.fluxes()
+        }
+    };
+}
+pub(super) use view_of_lattice;

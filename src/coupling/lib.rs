@@ -1,0 +1,57 @@
+//! A fluid and its loads on grains.
+//!
+//! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid advances first
+//! and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in several solid steps. Finally
+//! the flow updates the positions of the bodies ([`Flow::update_bodies`]). Outputs and analyses read the fluid through [`FluidView`].
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod body_map;
+pub mod bounce_back;
+pub mod cover_map;
+pub mod fluid_view;
+pub mod instances;
+pub mod lattice;
+pub mod loads;
+pub mod partially_saturated;
+pub mod seepage;
+pub mod solid_fraction;
+pub mod structure_map;
+pub mod water;
+
+pub use fluid_view::{BandStates, FluidView, bands, cells_of};
+
+use dem::particles::Particles;
+use dem::space::Space;
+use base::error::Error;
+use decomposition::Domain;
+
+/// A fluid with its coupling. Collective: every rank calls each method at the same point.
+pub trait Flow<S: Space> {
+    /// Moves the water by one step and sets the load of the water on every owned grain (SI).
+    ///
+    /// # Errors
+    /// Where a message failed.
+    fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
+
+    /// Takes note of where the grains are now; `particles` hold their ghosts up to date.
+    ///
+    /// # Errors
+    /// Where a message failed.
+    fn update_bodies(&mut self, particles: &mut Particles<S>, domain: &Domain)
+    -> Result<(), Error>;
+}

@@ -1,0 +1,319 @@
+//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the motion.
+//!
+//! In each step the lattice advances with the bodies over its cells ([`lbm::saturation`]) and returns the force on each body. The
+//! force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
+//!
+//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of the body's load, and the body
+//! would have the additional inertia of that fluid. The inertia is compensated by the change of momentum of a rigid body of
+//! fluid of the same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse populations respond to a
+//! change of the body's motion with an oscillation, so that the load is the mean of two steps, as with bounce-back on links:
+//!
+//! ```text
+//! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt
+//! ```
+//!
+//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are known (6).
+
+use super::body_map::Grid;
+use super::cover_map::{CoverMap, rigid};
+use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
+use super::loads::{about_centre, to_grain};
+use super::solid_fraction;
+use super::structure_map::StructureMap;
+use super::{BandStates, Flow, FluidView};
+use dem::particles::Particles;
+use dem::space::{Components, Space};
+use base::error::Error;
+use lbm::boundary::Flux;
+use lbm::fluid::Fluid;
+use lbm::lanes::Stored;
+use lbm::links::Load;
+use lbm::saturation::Cover;
+use structure::Images;
+use base::units::LatticeUnits;
+use decomposition::Domain;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// How solid fractions are found.
+    pub fractions: solid_fraction::Method,
+    /// Whether the water inside a body is taken out of its inertia.
+    pub without_inner_water: bool,
+    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
+    /// over hydrostatic.
+    pub buoyancy: [f64; 3],
+}
+
+/// Fluid with bodies over its cells. The fluid must have been made with a method for covered cells.
+pub struct PartiallySaturated<Sp: Space, S: Stored> {
+    fluid: Fluid<S>,
+    map: CoverMap,
+    structures: Option<Box<StructureMap>>,
+    grid: Grid,
+    units: LatticeUnits,
+    settings: Settings,
+    loads: Vec<Load>,
+    owned: usize,
+    /// The covered cells still hold what the fluid was started with.
+    fresh: bool,
+    space: PhantomData<Sp>,
+}
+
+impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
+    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
+    #[inline(never)]
+    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
+        let grid = Grid {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin,
+            spacing: units.spacing,
+        };
+        log::info!("coupling by partially saturated cells: {settings:?}");
+        Self {
+            map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
+            fluid,
+            structures: None,
+            grid,
+            units,
+            settings,
+            loads: Vec::new(),
+            owned: 0,
+            fresh: true,
+            space: PhantomData,
+        }
+    }
+
+    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    #[must_use]
+    #[inline(never)]
+    pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
+        let structures = StructureMap::in_fluid(&mut self.fluid, &self.units, solids, interpolated);
+        if let Some(structures) = &structures {
+            let populations = self.fluid.populations();
+            self.map
+                .close(structures.positions(populations), populations);
+            structures.tell_gradients(&mut self.fluid);
+        }
+        self.structures = structures;
+        self
+    }
+
+    fn scales(&self) -> (f64, f64) {
+        (
+            self.units.velocity_to_lattice(1.0),
+            self.units.angular_velocity_to_lattice(1.0),
+        )
+    }
+
+    /// Covers the cells where the bodies are.
+    fn cover_cells(&mut self) {
+        if let Some(cover) = self.fluid.cover_mut() {
+            self.map.cover_cells(cover);
+        }
+    }
+
+    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started with.
+    fn begin(&mut self) {
+        let Some(cover) = self.fluid.cover() else {
+            return;
+        };
+        let mut cells = Vec::new();
+        for (at, position) in self.fluid.populations().interior() {
+            let part = cover.fraction(position);
+            if part > 0.0 {
+                let (drho, u) = self.fluid.state(position);
+                let at = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+                let us = if Sp::DIMENSION == 2 {
+                    cover.velocity::<2>(position, at)
+                } else {
+                    cover.velocity::<3>(position, at)
+                };
+                cells.push((
+                    position,
+                    drho,
+                    std::array::from_fn(|a| u[a] + part * (us[a] - u[a])),
+                ));
+            }
+        }
+        for (position, drho, u) in cells {
+            self.fluid.set_equilibrium(position, drho, u);
+        }
+        self.fluid.renew_velocities();
+    }
+
+    /// The load of owned grain `k` from that of this step and what it kept from the step before.
+    fn average(&self, particles: &mut Particles<Sp>, k: usize) {
+        let (motion, body) = (particles.motion[k], particles.body[k]);
+        let water = if self.settings.without_inner_water {
+            self.units.density * particles.volume(k) / self.units.time_step
+        } else {
+            0.0
+        };
+        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
+        let block = particles.polyhedron(k).map(|(_, a)| a.angular_momentum);
+        let turning = water * Sp::inertia(1.0, body.radius);
+        let extra = &mut particles.extra[k];
+        let load = &mut particles.fluid[k];
+        let known = extra[6] > 0.0;
+        for a in 0..Sp::DIMENSION {
+            let now = load.force.get(a);
+            let inside = water * motion.velocity.get(a);
+            if known {
+                load.force.set(a, (0.5 * now + inside) + extra[a]);
+            }
+            extra[a] = 0.5 * now - inside;
+        }
+        for a in 0..Sp::Spin::COUNT {
+            let now = load.torque.get(a);
+            let inside = match block {
+                Some(momentum) => water / body.mass * momentum[a],
+                None => turning * motion.spin.get(a),
+            };
+            if known {
+                load.torque.set(a, (0.5 * now + inside) + extra[3 + a]);
+            }
+            extra[3 + a] = 0.5 * now - inside;
+        }
+        extra[6] = 1.0;
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+        self.fluid.advance_many(1).map_err(Error::Internal)?;
+        if let Some(structures) = &mut self.structures {
+            self.fluid.fetch().map_err(Error::Internal)?;
+            structures.bounce(self.fluid.populations_mut());
+        }
+        if particles.is_empty() && domain.communicator().size() == 1 {
+            return Ok(());
+        }
+        self.loads.clear();
+        self.loads.resize(particles.len(), [0; 6]);
+        let (map, loads) = (&self.map, &mut self.loads);
+        if let Some(cover) = self.fluid.cover_mut() {
+            cover.collect(|slot, received| {
+                if let Some(load) = map.entry(slot).and_then(|entry| loads.get_mut(entry)) {
+                    for (sum, part) in load.iter_mut().zip(received) {
+                        *sum += part;
+                    }
+                }
+            });
+        }
+        particles.reduce_to_owners(&mut self.loads, domain)?;
+        self.owned = particles.owned();
+        let (velocity, spin) = self.scales();
+        for k in 0..particles.owned() {
+            let centre = rigid(particles, k, &self.grid, velocity, spin).position;
+            let load = about_centre(centre, &self.loads[k]);
+            particles.fluid[k] = to_grain(&self.units, &load, [0.0; 3], 0.0);
+            self.average(particles, k);
+            let volume = particles.volume(k);
+            let force = &mut particles.fluid[k].force;
+            for (a, buoyancy) in self.settings.buoyancy.into_iter().enumerate() {
+                if a < Sp::DIMENSION {
+                    force.set(a, force.get(a) + buoyancy * volume);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn update_bodies(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
+        particles.allocate_fluid_loads();
+        particles.keep_extra();
+        let (velocity, spin) = self.scales();
+        if let Some(cover) = self.fluid.cover_mut() {
+            self.map.place_bodies(particles, cover, velocity, spin);
+        }
+        if !self.fluid.covers_on_gpu() {
+            self.cover_cells();
+        }
+        self.fluid.give_cover().map_err(Error::Internal)?;
+        let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
+        if changed && self.fluid.velocities().is_some() {
+            let map = &self.map;
+            let surfaces = |thread, threads| map.surface_cells(thread, threads);
+            if Sp::DIMENSION == 2 {
+                self.fluid.know_covered::<2, _>(surfaces);
+            } else {
+                self.fluid.know_covered::<3, _>(surfaces);
+            }
+            if let Some(structures) = &self.structures {
+                structures.tell_gradients(&mut self.fluid);
+            }
+        }
+        if let Some(structures) = &self.structures {
+            structures.clear(&mut self.fluid);
+        }
+        if self.fresh {
+            self.fresh = false;
+            self.begin();
+        }
+        Ok(())
+    }
+}
+
+impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
+    view_of_lattice!();
+
+    fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
+        let position = self.fluid.populations().interior_cell(cell);
+        self.fluid.cover()?.body_at(position)
+    }
+
+    fn structure_loads(&self) -> &[Load] {
+        let structures = self.structures.as_deref();
+        structures.map_or(&[], StructureMap::loads)
+    }
+
+    fn solid_at(&self, cell: [usize; 3]) -> bool {
+        self.body_at(cell).is_some() || !self.balanced().holds(cell)
+    }
+}
+
+impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
+    fn fluid(&self) -> &Fluid<S> {
+        &self.fluid
+    }
+
+    fn fluid_mut(&mut self) -> &mut Fluid<S> {
+        &mut self.fluid
+    }
+
+    fn restart(&mut self) {
+        self.fresh = false;
+    }
+
+    /// A GPU may have found the cells of the bodies by itself.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.cover_cells();
+        self.fluid.fetch().map_err(Error::Internal)
+    }
+
+    fn last_loads(&self) -> &[Load] {
+        &self.loads[..self.owned.min(self.loads.len())]
+    }
+
+    /// The bodies received what all cells lost; what is inside structures is not the water's.
+    fn balanced(&self) -> Balanced<'_> {
+        Balanced {
+            bodies: None,
+            structures: self.structures.as_deref(),
+        }
+    }
+
+    fn structures(&self) -> Option<&StructureMap> {
+        self.structures.as_deref()
+    }
+
+    /// Cells that bodies fill in part are in contact with all their neighbours.
+    fn enclosed(&self, _: [usize; 3]) -> bool {
+        false
+    }
+}

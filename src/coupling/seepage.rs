@@ -1,0 +1,434 @@
+//! Darcy seepage with drag on grains.
+//!
+//! A coupling computes the porosity and the mean diameter of the cells from the grains, then the pressure,
+//! the flux of the water and the load
+//! of every grain. The load stays constant over the solid steps of the interval T:
+//!
+//! ```text
+//! F = sum over cells of w { -V grad p + b [q - eps v*] }      w: the part of the grain in the cell
+//! ```
+//!
+//! `q` is the superficial velocity of the water in the cell and `eps v*` that of the grain, so that `U = q -
+//! eps v` is the superficial slip. The
+//! coefficient `b(|U|)` of the drag law is taken at the slip of each grain. With the pressure of the whole
+//! water `-V grad p` contains
+//! buoyancy.
+//!
+//! **Resistance is the reaction.** The water of a cell of volume `V_c` loses what its grains gain, and what
+//! still walls and solids take:
+//!
+//! ```text
+//! -eps V_c grad phi = c sum of w b_r [q - eps v*] + eps V_c R q
+//! ```
+//!
+//! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux
+//! `R_bed(|U|)` of the law of resistance, in
+//! dilute water the drag of a grain alone ([`darcy::permeability::Law::dilute`]), and between them
+//! one passes over into the other
+//! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is
+//! that of the
+//! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like one, however small its cell. `R`
+//! is the resistance of open
+//! water ([`darcy::open_water`]) and of zones without grains.
+//!
+//! **Dilute water.** A few grains do not move the water around them: its inertia and the walls hold it. The
+//! factor `c` falls from 1 at a
+//! solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as taken up by open water. In a
+//! uniform cloud the reaction would
+//! build up a gradient of `n b U/eps`; the drag in dilute water is raised by `(1 - c) (1 - eps)/eps` in its place.
+//!
+//! **The velocity of a grain** counts as that in the middle of the interval, or later where drag stops the
+//! grain faster than that:
+//!
+//! ```text
+//! v* = v + theta [v - v_last + T/m (F - F_last)],     theta = max(1/2, 1 - 1/s),   s = T b/(m eps)
+//! ```
+//!
+//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it.
+//! Without contacts `theta = 1` is an
+//! implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the grains give the
+//! momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as linear
+//! functions of the gradient alone; the
+//! pressure follows from `div j = 0`. A bed and its water are thus solved as one. A grain that lies in
+//! several cells has a `v*` in each.
+//! The forces of contacts within an interval are not foreseen: the plan limits the interval
+//! (`plan::coupling_interval`).
+//!
+//! A grain that meets the water for the first time counts by its present velocity if contacts hold it, and
+//! as falling freely otherwise.
+//! Without `transient_porosity` the bed counts as at rest in the momentum and in the volume of the water,
+//! whose permeability is that of the
+//! law at the gradient. So it does in the equations as printed in the fissure paper, where both velocities
+//! are interstitial, `b (u - v)` with
+//! `u = -K/(mu eps) grad p`, there is no buoyancy, and open water has the resistance of the largest porosity.
+//!
+//! **Rounds.** Coefficients and pressure are computed in turn until they stay. A round takes the
+//! coefficients at the speed that solves
+//! the law of its cell for the present gradient to first order, or, from the second round on, that which the
+//! answer of the cell to the last one
+//! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
+//!
+//! **Zones** ([`darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
+//! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8
+//! to 0.95 the drag passes over to
+//! that of the grains, and a cell without grains is open water. A cell that a boundary of zones cuts has a
+//! permeability along each axis; so
+//! has its drag.
+//!
+//! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the
+//! water` and what open water takes up, over
+//! the volume inside the walls of the cells that hold grains. The difference, relative to the largest term,
+//! is reported at every coupling.
+//! Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of
+//! the resistance, and the
+//! mismatch between drag law and resistance otherwise.
+
+mod balance;
+mod bed;
+mod medium;
+mod parts;
+mod water;
+
+use super::Flow;
+use darcy::pressure::NUMBERS;
+use darcy::zones::Conduct;
+use darcy::{
+    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
+};
+use dem::particles::{Load, Particles};
+use dem::space::{Components, Space};
+use base::error::Error;
+use base::thread_pool;
+pub use balance::{Balance, Extremes};
+use bed::Sums;
+use decomposition::{Communicator, Domain, ExactSum};
+use parts::Parts;
+use std::marker::PhantomData;
+use std::sync::Arc;
+use water::Water;
+
+/// Closure of momentum from which a run warns.
+const OPEN: f64 = 0.1;
+/// Reynolds number up to which Darcy's law holds.
+const DARCY: f64 = 1.0;
+/// Porosity below which a cell counts as filled with grains.
+const FILLED: f64 = 0.95;
+
+/// Choices of the coupling.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// The water.
+    pub liquid: Liquid,
+    /// Porosity and diameter to permeability.
+    pub permeability: Permeability,
+    /// The drag law.
+    pub drag: DragLaw,
+    /// Form of the equations.
+    pub equations: Equations,
+    /// Whether moving grains displace water: the bed moves, or the change of porosity is a source in the equations as printed.
+    pub transient: bool,
+    /// Drag at the end of the interval where a grain is faster than it.
+    pub semi_implicit: bool,
+    /// Gravity on the grains \[m/s2\].
+    pub gravity: [f64; 3],
+    /// Time between two couplings \[s\].
+    pub interval: f64,
+    /// Height of the roughness of channels of open water \[m\]; none: the mean diameter of the grains of their walls.
+    pub roughness: Option<f64>,
+    /// Faces of the grid that are walls for open water, below and above along each axis.
+    pub walls: [[bool; 2]; 3],
+}
+
+impl Settings {
+    /// Returns whether the bed moves with its water.
+    fn moves(&self) -> bool {
+        self.transient && self.equations == Equations::Corrected
+    }
+
+    /// Returns the weight of the water per volume \[N/m3\]; 0 in the equations as printed.
+    fn water_weight(&self) -> [f64; 3] {
+        match self.equations {
+            Equations::Corrected => self.gravity.map(|g| g * self.liquid.density),
+            Equations::Paper => [0.0; 3],
+        }
+    }
+}
+
+/// Seepage with grains in it.
+pub struct Seepage<Sp: Space> {
+    settings: Settings,
+    openness: Openness,
+    pores: Pores,
+    pressure: Pressure,
+    communicator: Communicator,
+    permeability: Vec<f64>,
+    limited: Vec<f64>,
+    source: Vec<f64>,
+    before: Vec<f64>,
+    /// There is a porosity from the coupling before.
+    has_before: bool,
+    /// Permeabilities by region.
+    zones: Option<(Arc<Zones>, Conduct)>,
+    report: Report,
+    balance: Balance,
+    extremes: Option<Extremes>,
+    parts: Parts,
+    sums: Sums,
+    water: Water,
+    space: PhantomData<Sp>,
+}
+
+impl<Sp: Space> Seepage<Sp> {
+    /// Couples a pressure with grains.
+    #[must_use]
+    #[inline(never)]
+    pub fn new(
+        openness: Openness,
+        pores: Pores,
+        pressure: Pressure,
+        settings: Settings,
+        communicator: &Communicator,
+    ) -> Self {
+        let n = openness.grid.count();
+        log::info!("coupling of grains and seepage by drag, {n} cells of pores: {settings:?}");
+        Self {
+            settings,
+            water: Water::new(openness.grid, &pressure, settings.walls),
+            openness,
+            pores,
+            pressure,
+            communicator: communicator.clone(),
+            permeability: vec![0.0; n],
+            limited: vec![0.0; n],
+            source: vec![0.0; n],
+            before: vec![0.0; n],
+            has_before: false,
+            zones: None,
+            report: Report::default(),
+            balance: Balance::default(),
+            extremes: None,
+            parts: Parts::default(),
+            sums: Sums::new(n),
+            space: PhantomData,
+        }
+    }
+
+    /// The same with permeabilities and porosities by region.
+    #[must_use]
+    pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
+        let room = Conduct::new(&zones, self.grid().count());
+        self.zones = Some((zones, room));
+        self
+    }
+
+    /// The grid of the water.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.openness.grid
+    }
+
+    /// The pressure.
+    #[must_use]
+    pub fn pressure(&self) -> &Pressure {
+        &self.pressure
+    }
+
+    /// The pressure, to change what is imposed.
+    pub fn pressure_mut(&mut self) -> &mut Pressure {
+        &mut self.pressure
+    }
+
+    /// Whether a coupling has found the pressure.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.has_before
+    }
+
+    /// The pores.
+    #[must_use]
+    pub fn pores(&self) -> &Pores {
+        &self.pores
+    }
+
+    /// Mean porosity of the cells that grains fill: those below the cap of the permeability, and at most 0.95.
+    #[must_use]
+    pub fn mean_porosity(&self) -> f64 {
+        let most = self.settings.permeability.porosity_cap.min(FILLED);
+        let full = self.pores.porosity().iter();
+        let full = full.filter(|e| **e > 0.0 && **e < most);
+        let (sum, cells) = full.fold((0.0, 0.0), |(sum, cells), e| (sum + e, cells + 1.0));
+        if cells > 0.0 { sum / cells } else { 1.0 }
+    }
+
+    /// What the last solution cost.
+    #[must_use]
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// The balance of momentum at the last coupling.
+    #[must_use]
+    pub fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver
+    /// has it, then its porosity at the last coupling, then the
+    /// three components of its gradient, then those of the flux of its water, then the speed by which it has
+    /// its friction. Nothing before the first
+    /// coupling.
+    #[must_use]
+    pub fn state(&self) -> Vec<f64> {
+        if !self.has_before {
+            return Vec::new();
+        }
+        let water = &self.water;
+        let gradient = water.gradient.as_flattened().iter().copied();
+        let flux = water.flux.as_flattened().iter().copied();
+        self.pressure
+            .saved()
+            .chain(self.before.iter().copied())
+            .chain(gradient)
+            .chain(flux)
+            .chain(water.speed.iter().copied())
+            .collect()
+    }
+
+    /// Takes over what [`Self::state`] gave.
+    ///
+    /// # Errors
+    /// If it is for another grid.
+    #[inline(never)]
+    pub fn restore(&mut self, state: &[f64]) -> Result<(), Error> {
+        let n = self.grid().count();
+        if state.is_empty() {
+            return Ok(());
+        }
+        if state.len() != NUMBERS * n {
+            return Err(Error::Io(format!(
+                "the checkpoint holds {} numbers of the seepage, not {}",
+                state.len(),
+                NUMBERS * n
+            )));
+        }
+        self.pressure.restore(&state[..n]).map_err(failed)?;
+        self.before.copy_from_slice(&state[n..2 * n]);
+        let water = &mut self.water;
+        water
+            .gradient
+            .as_flattened_mut()
+            .copy_from_slice(&state[2 * n..5 * n]);
+        water
+            .flux
+            .as_flattened_mut()
+            .copy_from_slice(&state[5 * n..8 * n]);
+        water.speed.copy_from_slice(&state[8 * n..]);
+        water.steepen();
+        self.has_before = true;
+        Ok(())
+    }
+
+    /// Superficial velocity of the water in a cell \[m/s\]; interstitial in the equations as printed.
+    #[must_use]
+    pub fn water_velocity(&self, cell: usize) -> [f64; 3] {
+        self.water.flux[cell]
+    }
+
+    /// What a reader of the results should know of the couplings.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        let (balance, settings) = (&self.extremes.unwrap_or_default(), &self.settings);
+        if balance.closure > OPEN {
+            all.push(format!(
+                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of momentum {:.2}); \
+                 above {OPEN} the drag law and the resistance do not belong together",
+                100.0 * balance.closure,
+                balance.closure
+            ));
+        }
+        if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
+        {
+            all.push(format!(
+                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial losses, which the law of \
+                 resistance leaves out",
+                balance.reynolds
+            ));
+        }
+        all
+    }
+
+    /// Whether a body that the case does not resolve bears the pressure of a cell.
+    fn is_body(&self, cell: usize) -> bool {
+        let zones = self.zones.as_ref();
+        zones.is_some_and(|(_, room)| room.is_body(cell))
+    }
+}
+
+fn component<V: Components>(vector: &V, axis: usize) -> f64 {
+    if axis < V::COUNT {
+        vector.get(axis)
+    } else {
+        0.0
+    }
+}
+
+fn components<V: Components>(vector: &V) -> [f64; 3] {
+    std::array::from_fn(|a| component(vector, a))
+}
+
+fn failed(error: darcy::Error) -> Error {
+    match error {
+        darcy::Error::Messages(text) => Error::Internal(text),
+        other => Error::Numerical(other.to_string()),
+    }
+}
+
+impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
+    fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
+        particles.allocate_fluid_loads();
+        if self.settings.semi_implicit {
+            particles.keep_last_velocity();
+        }
+        let grains = particles.view();
+        self.seep(&grains)?;
+        let mut shares = std::mem::take(&mut self.parts.shares);
+        let (water, weight) = (&self.water, self.pressure.weight());
+        thread_pool::each_item(&mut shares, 1, |_, share| {
+            bed::load((water, weight), &grains, share);
+        });
+        self.parts.shares = shares;
+        let mut sums: [ExactSum; 3] = std::array::from_fn(|_| ExactSum::new());
+        let (mut implicit, mut fastest) = (0, 0.0_f64);
+        let loads = self.parts.shares.iter().flat_map(|share| &share.loads);
+        for ((k, _), own) in self.parts.each().zip(loads) {
+            let mut load = Load::<Sp>::default();
+            for a in 0..Sp::DIMENSION {
+                load.force.set(a, own.force[a]);
+                sums[a].add(own.counted[a]);
+            }
+            implicit += u64::from(own.implicit);
+            let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+            fastest = fastest.max(velocity.iter().map(|v| v * v).sum());
+            particles.fluid[k] = load;
+            if particles.last_velocity.is_allocated() {
+                particles.last_velocity[k] = particles.motion[k].velocity;
+            }
+        }
+        self.close(sums, implicit);
+        self.keep_extremes(fastest.sqrt());
+        if !self.balance.closure.is_finite() {
+            return Err(Error::Numerical(
+                "the force of the water on the grains is not finite".into(),
+            ));
+        }
+        Ok(())
+    }
+
+    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

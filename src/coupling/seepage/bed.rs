@@ -1,0 +1,365 @@
+//! The grains as the water of each cell meets them: their drag, their motion until the next coupling, and
+//! the sums of both.
+//!
+//! See the module above for the equations. A grain that lies in several cells answers in each of them to the
+//! water there: the force on it is
+//! the sum over its parts.
+
+use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
+use super::water::{Ground, Water};
+use super::{Settings, components};
+use darcy::drag::{Grain, Law};
+use darcy::permeability::larger;
+use darcy::{Equations, permeability, power_above};
+use dem::particles::{Kind, View};
+use dem::space::Space;
+use base::number::real;
+use decomposition::{Communicator, quantise};
+
+/// The laws that act on the grains.
+#[derive(Clone, Copy)]
+pub(super) struct Laws<'a> {
+    pub(super) drag: &'a dyn Law,
+    pub(super) resistance: &'a dyn permeability::Law,
+    pub(super) settings: &'a Settings,
+}
+
+impl Laws<'_> {
+    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean
+    /// over the axes.
+    pub(super) fn reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> f64 {
+        let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
+        bed + alone
+    }
+
+    /// Returns the part of a bed and the part of dilute water in [`Self::reaction`].
+    fn parts_of_reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> [f64; 2] {
+        let mut parts = [0.0; 2];
+        if ground.dense > 0.0 {
+            let (porosity, diameter) = ground.packing;
+            let resistance = ground.stated.unwrap_or_else(|| {
+                let liquid = self.settings.liquid;
+                self.resistance
+                    .resistance(porosity, diameter, liquid, speed)
+            });
+            parts[0] = ground.dense * grain.volume * ground.factor * resistance;
+        }
+        if ground.dense < 1.0 {
+            let alone = self.resistance.dilute(&ground.bed, grain, speed);
+            parts[1] = (1.0 - ground.dense) * ground.dilute * alone;
+        }
+        parts
+    }
+
+    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the
+    /// water, along each axis. A bed that a boundary
+    /// of zones cuts differs along the axes; dilute water does not.
+    fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> [[f64; 3]; 2] {
+        let reaction = || {
+            let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
+            ground.ratios.map(|ratio| bed * ratio + alone)
+        };
+        let balances = self.drag.balances();
+        if balances && self.settings.equations == Equations::Corrected {
+            return [reaction(); 2];
+        }
+        let own = self.drag.coefficient(&ground.bed, grain, speed);
+        let own = ground
+            .ratios
+            .map(|ratio| if balances { ratio * own } else { own });
+        [
+            own,
+            if self.settings.moves() {
+                reaction()
+            } else {
+                [0.0; 3]
+            },
+        ]
+    }
+}
+
+/// Least part of a change of velocity over the interval that counts: the load is that of the middle of the interval.
+const MIDDLE: f64 = 0.5;
+
+/// Knowledge of a grain before a coupling.
+enum Start {
+    /// It has met no water yet, and contacts hold it.
+    Held,
+    /// It has met no water yet, and nothing touches it.
+    Free,
+    /// Its load and its velocity at the last coupling are known.
+    Known,
+}
+
+fn is_zero(vector: [f64; 3]) -> bool {
+    vector.iter().all(|x| x.abs() <= 0.0)
+}
+
+fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
+    if !is_zero(components(&particles.fluid[k].force)) {
+        Start::Known
+    } else if is_zero(components(&particles.contact[k].force)) {
+        Start::Free
+    } else {
+        Start::Held
+    }
+}
+
+/// Fills the terms of one thread's grains.
+pub(super) fn fill<Sp: Space>(
+    laws: Laws<'_>,
+    ground: &[Option<Ground>],
+    particles: &View<'_, Sp>,
+    share: &mut Share,
+) {
+    let settings = laws.settings;
+    let weight = settings.water_weight();
+    share.terms.clear();
+    share.numbers.clear();
+    share.largest = [0.0; UNITS];
+    let moves = settings.moves();
+    for k in share.grains() {
+        let body = &particles.body[k];
+        let grain = Grain::new(Sp::DIMENSION, body.radius);
+        let velocity: [f64; 3] = components(&particles.motion[k].velocity);
+        let start = start(particles, k);
+        // What contacts hold bears the water at first as it is at rest.
+        let free =
+            settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
+        let (before, last) = match start {
+            Start::Known if free => (
+                components(&particles.last_velocity[k]),
+                components(&particles.fluid[k].force),
+            ),
+            _ => (velocity, settings.gravity.map(|g| -body.mass * g)),
+        };
+        for place in share.places(k) {
+            let (cell, part_of_grain) = share.parts[place];
+            let Some(ground) = &ground[cell] else {
+                share.terms.push(Term::default());
+                share.numbers.push([0.0; NUMBERS]);
+                continue;
+            };
+            let slip: [f64; 3] =
+                std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
+            let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
+            let [drag, reaction] = laws.coefficients(ground, &grain, speed);
+            // The interval over the time in which drag stops a bed.
+            let strongest = drag.iter().copied().fold(0.0, f64::max);
+            let ratio = settings.interval * strongest / (body.mass * ground.measure);
+            let least = if matches!(start, Start::Known) {
+                MIDDLE
+            } else {
+                0.0
+            };
+            let part = if free {
+                f64::max(least, 1.0 - 1.0 / ratio)
+            } else {
+                0.0
+            };
+            let compliance = part * settings.interval / body.mass;
+            let known: [f64; 3] = std::array::from_fn(|a| {
+                let pushed = grain.volume * weight[a] + last[a];
+                velocity[a] + part * (velocity[a] - before[a]) - compliance * pushed
+            });
+            let term = Term {
+                drag,
+                reaction,
+                compliance,
+                answer: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
+                known,
+                late: part > MIDDLE,
+            };
+            share.terms.push(term);
+            if moves {
+                let numbers = numbers(&term, ground.measure, part_of_grain, grain.volume);
+                for (largest, numbers) in share.largest.iter_mut().zip(numbers.as_chunks::<3>().0) {
+                    *largest = numbers
+                        .iter()
+                        .fold(*largest, |most, n| larger(most, n.abs()));
+                }
+                share.numbers.push(numbers);
+            }
+        }
+    }
+}
+
+/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the
+/// interval. `weight`: that of the
+/// water per volume \[N/m3\].
+pub(super) fn load<Sp: Space>(
+    (water, weight): (&Water, [f64; 3]),
+    particles: &View<'_, Sp>,
+    share: &mut Share,
+) {
+    share.loads.clear();
+    for k in share.grains() {
+        let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
+        let (mut force, mut counted, mut implicit) = ([0.0; 3], [0.0; 3], false);
+        for place in share.places(k) {
+            let (cell, part) = share.parts[place];
+            let Some(ground) = &water.ground[cell] else {
+                continue;
+            };
+            let (term, gradient) = (&share.terms[place], water.gradient[cell]);
+            let drag = term.drag(volume, ground.measure, water.flux[cell], gradient);
+            for a in 0..3 {
+                let own = part * (drag[a] - volume * (gradient[a] + weight[a]));
+                force[a] += own;
+                counted[a] += if ground.counts { own } else { 0.0 };
+            }
+            implicit |= term.late;
+        }
+        share.loads.push(GrainLoad {
+            force,
+            counted,
+            implicit,
+        });
+    }
+}
+
+/// Sums over the parts of grains in a cell, along each axis; `w` is the part, `b` reaction times answer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum {
+    /// `sum w b`: reaction over flux \[kg/s\].
+    pub(super) drag: [f64; 3],
+    /// `sum w b measure known`: reaction of the grains' own velocities \[N\].
+    pub(super) held: [f64; 3],
+    /// `sum w V answer known` \[m4/s\].
+    pub(super) moving: [f64; 3],
+    /// `sum w V compliance drag answer` \[m3\]: volume of grains that goes with the flux.
+    pub(super) with_flux: [f64; 3],
+    /// `sum w V^2 compliance answer` [m6 s/kg]: volume of grains that the gradient moves.
+    pub(super) with_gradient: [f64; 3],
+    /// `sum w b measure compliance V` \[m3\]: reaction over gradient.
+    pub(super) pushed: [f64; 3],
+}
+
+impl Sum {
+    /// Returns the velocity of the water at which the reaction vanishes without a gradient, along each axis \[m/s\].
+    pub(super) fn mean(&self) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if self.drag[a] > 0.0 {
+                self.held[a] / self.drag[a]
+            } else {
+                0.0
+            }
+        })
+    }
+}
+
+/// The sums of all cells, as integers: they do not depend on the order of grains or ranks.
+#[derive(Debug)]
+pub(super) struct Sums {
+    sums: Vec<[i128; NUMBERS]>,
+    words: Vec<u128>,
+    cells: Vec<Sum>,
+}
+
+impl Sums {
+    /// Sums of a number of cells without grains.
+    pub(super) fn new(cells: usize) -> Self {
+        Self {
+            sums: vec![[0; NUMBERS]; cells],
+            words: vec![0; NUMBERS * cells],
+            cells: vec![Sum::default(); cells],
+        }
+    }
+
+    /// Returns the sums of all cells.
+    pub(super) fn cells(&self) -> &[Sum] {
+        &self.cells
+    }
+
+    /// Sums the terms of all grains over the ranks. Collective.
+    ///
+    /// # Errors
+    /// If a velocity or a coefficient is not finite; the same on every rank.
+    pub(super) fn fill(
+        &mut self,
+        shares: &[Share],
+        communicator: &Communicator,
+    ) -> Result<(), darcy::Error> {
+        let mut units = [1.0; UNITS];
+        let mut per_unit = [1.0; UNITS];
+        for n in 0..UNITS {
+            let largest = shares
+                .iter()
+                .fold(0.0, |most, share| larger(most, share.largest[n]));
+            let most = communicator.all_reduce_max_f64(if largest.is_finite() {
+                largest
+            } else {
+                f64::INFINITY
+            });
+            // The unit and its inverse are powers of two.
+            if most >= LARGEST {
+                return Err(darcy::Error::NotFinite(
+                    "the drag or the velocity of a grain",
+                ));
+            }
+            units[n] = power_above(most.max(SMALLEST));
+            per_unit[n] = 1.0 / units[n];
+        }
+        let scales: [f64; NUMBERS] = std::array::from_fn(|n| per_unit[n / 3]);
+        self.sums.fill([0; NUMBERS]);
+        for share in shares {
+            for ((cell, _), numbers) in share.parts.iter().zip(&share.numbers) {
+                let sums = &mut self.sums[*cell];
+                for n in 0..NUMBERS {
+                    sums[n] += i128::from(quantise(numbers[n] * scales[n]));
+                }
+            }
+        }
+        for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
+            *words = sums.map(i128::cast_unsigned);
+        }
+        communicator.all_reduce_sum_u128s(&mut self.words);
+        for (cell, words) in self
+            .cells
+            .iter_mut()
+            .zip(self.words.as_chunks::<NUMBERS>().0)
+        {
+            let kind = |kind: usize| -> [f64; 3] {
+                std::array::from_fn(|a| {
+                    real(words[3 * kind + a].cast_signed()) * (STEP * units[kind])
+                })
+            };
+            *cell = Sum {
+                drag: kind(0),
+                held: kind(1),
+                moving: kind(2),
+                with_flux: kind(3),
+                with_gradient: kind(4),
+                pushed: kind(5),
+            };
+        }
+        Ok(())
+    }
+}
+
+/// Sizes between which a unit and its inverse are finite.
+const LARGEST: f64 = 1e300;
+const SMALLEST: f64 = 1e-300;
+/// 2^-62.
+const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
+
+/// Returns the contribution of the part of a grain to the sums of its cell, in the order of [`Sum`].
+fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
+    let mut all = [0.0; NUMBERS];
+    for a in 0..3 {
+        let b = part * term.reaction[a] * term.answer[a];
+        let v = part * volume * term.answer[a];
+        let kinds = [
+            b,
+            b * measure * term.known[a],
+            v * term.known[a],
+            v * term.compliance * term.drag[a],
+            v * term.compliance * volume,
+            b * measure * term.compliance * volume,
+        ];
+        for (kind, number) in kinds.into_iter().enumerate() {
+            all[3 * kind + a] = number;
+        }
+    }
+    all
+}

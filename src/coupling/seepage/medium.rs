@@ -1,0 +1,552 @@
+//! Porosity, permeability and pressure for the grains where they are: see the module above for the equations.
+
+use super::bed::{self, Laws, Sum};
+use super::water::{Ground, Secant, size};
+use super::{FILLED, Seepage, components, failed};
+use darcy::drag::gidaspow::dense_share;
+use darcy::drag::{self, Grain};
+use darcy::open_water::{openness, rise};
+use darcy::permeability::{BedOfCells, larger};
+use darcy::pressure::Medium;
+use darcy::zones::Conduct;
+use darcy::{Equations, Openness, Zones, neighbourhood};
+use dem::particles::View;
+use dem::space::Space;
+use base::error::Error;
+use base::thread_pool;
+use std::sync::Arc;
+
+/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where
+/// grains move meanwhile.
+const GOES_ON: f64 = 2e-3;
+/// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure,
+/// and at least.
+const SETTLED: f64 = 100.0;
+const LEAST_SETTLED: f64 = 1e-11;
+/// Rounds after which a change of this size is enough: below it, what is left may be the rounding of a
+/// pressure that next to nothing drives.
+const PATIENT: u32 = 50;
+const NEAR: f64 = 1e-5;
+/// Rounds after which a run ends: the error halves in each or better.
+const MOST_ROUNDS: u32 = 200;
+/// Solid fractions up to which the reaction of grains does not move the water around them, and from which it does.
+const LONE: f64 = 0.02;
+const CLOUD: f64 = 0.05;
+/// Porosity from which the permeability of a zone passes over to that of its grains.
+const LOOSE: f64 = 0.8;
+/// Largest porosity of the permeability from which open water has the resistance of its channel alone.
+const FREE: f64 = 0.9999;
+/// Least part of a cell that counts as pores in the balance of momentum.
+const LEAST_PORES: f64 = 1e-6;
+/// Relative distance of two speeds between which the slope of a law is taken.
+const NEARBY: f64 = 1e-4;
+
+/// Returns d log R/d log u of a resistance at a speed.
+fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
+    let here = resistance(speed);
+    if speed > 0.0 && here > 0.0 {
+        ((resistance(speed * (1.0 + NEARBY)) / here - 1.0) / NEARBY).clamp(0.0, 4.0)
+    } else {
+        0.0
+    }
+}
+
+impl<Sp: Space> Seepage<Sp> {
+    /// Porosity, permeability and pressure for the grains where they are. Collective.
+    pub(super) fn seep(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
+        self.parts.find(&self.pores, particles);
+        self.pores.clear();
+        for (k, parts) in self.parts.each() {
+            let centre = components(&particles.location(k));
+            self.pores.add(centre, particles.body[k].radius, parts);
+        }
+        self.pores
+            .finish(&self.openness, &self.communicator)
+            .map_err(failed)?;
+        let permeability = self.settings.permeability;
+        let porosity = self.pores.porosity();
+        for cell in 0..porosity.len() {
+            self.limited[cell] = permeability.limited(porosity[cell]);
+            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
+                / self.settings.interval;
+        }
+        if let Some((zones, room)) = &mut self.zones {
+            room.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
+        }
+        self.survey();
+        self.measure_open_water();
+        self.report.iterations = self.converge(particles)?;
+        self.before.copy_from_slice(self.pores.porosity());
+        self.has_before = true;
+        Ok(())
+    }
+
+    /// Measures the channels of open water.
+    fn measure_open_water(&mut self) {
+        if self.settings.equations == Equations::Paper {
+            return;
+        }
+        let porosity = self.pores.porosity();
+        let zones = self.zones.as_ref();
+        let openness_of = |cell: usize| {
+            if self.openness.blocked(cell) {
+                return (0.0, 1.0);
+            }
+            let free = zones.map_or(1.0, |(_, room)| room.free(cell));
+            let ground = self.water.ground[cell].as_ref();
+            (
+                free.min(openness(ground.map_or(1.0, |ground| ground.around))),
+                free,
+            )
+        };
+        self.water.has_open = self.water.channels.measure(&self.openness, openness_of);
+        self.water.roughness = self.settings.roughness.unwrap_or_else(|| {
+            // The grains of the walls.
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (cell, porosity) in porosity.iter().enumerate() {
+                if !self.openness.blocked(cell) && openness(1.0 - porosity) <= 0.0 {
+                    sum += self.pores.diameter()[cell];
+                    count += 1.0;
+                }
+            }
+            if count > 0.0 { sum / count } else { 0.0 }
+        });
+    }
+
+    /// Weighs the cells: by the gradient, with the drag on the grains, and the speed of the water over the
+    /// largest of all cells. A coefficient counts as
+    /// much as it can change the flow; in water at rest nothing depends on it.
+    fn weigh(&mut self) {
+        let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
+        for cell in 0..self.water.flux.len() {
+            let (slip, drag) = (size(self.slip(cell)), self.sums.cells()[cell].drag[0]);
+            let volume = self.openness.volume(cell);
+            let loss = if drag > 0.0 {
+                drag * slip / volume
+            } else {
+                0.0
+            };
+            steepest = steepest.max(self.water.steepness[cell]).max(loss);
+            fastest = fastest.max(size(self.water.flux[cell])).max(slip);
+        }
+        let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 1.0 };
+        let water = &mut self.water;
+        for (cell, weight) in water.weight.iter_mut().enumerate() {
+            let speed = of(size(water.flux[cell]), fastest);
+            *weight = of(water.steepness[cell], steepest).max(speed);
+        }
+    }
+
+    /// Friction of open water along each axis by the present speeds, for the next round; returns the largest
+    /// relative change, weighted.
+    fn resist(&mut self) -> f64 {
+        if !self.water.has_open {
+            return 0.0;
+        }
+        let (liquid, grid) = (self.settings.liquid, self.openness.grid);
+        let permeability = &self.settings.permeability;
+        let (law, cap) = (permeability.law.model(), permeability.porosity_cap);
+        let water = &mut self.water;
+        let mut change = 0.0_f64;
+        for cell in 0..water.still.len() {
+            let open = water.channels.open(cell);
+            if open <= 0.0 {
+                continue;
+            }
+            let body = self
+                .zones
+                .as_ref()
+                .is_some_and(|(_, room)| room.is_body(cell));
+            let weight = water.weight[cell];
+            for axis in 0..grid.dimension {
+                let duct = water.channels.duct(cell, axis);
+                let mut found = duct.resistance(liquid, water.roughness, water.speed[cell]);
+                if cap < FREE {
+                    // The case gives open water the resistance of a bed at least.
+                    let diameter = self.pores.diameter()[cell];
+                    found += law.resistance(cap, diameter, liquid, water.speed[cell]);
+                }
+                let before = liquid.viscosity / water.open[cell][axis];
+                change = larger(change, weight * (found / before - 1.0).abs());
+                water.open[cell][axis] = liquid.viscosity / found;
+                if !body {
+                    water.friction_next[cell][axis] = open * found;
+                }
+            }
+        }
+        change
+    }
+
+    /// The laws that act on the grains.
+    fn laws(&self) -> Laws<'_> {
+        Laws {
+            drag: self.settings.drag.model(),
+            resistance: self.settings.permeability.law.model(),
+            settings: &self.settings,
+        }
+    }
+
+    /// Porosities and laws of all cells, apart from the flux.
+    fn survey(&mut self) {
+        let settings = &self.settings;
+        let porosity = self.pores.porosity();
+        let (least, cap) = (
+            settings.permeability.least_porosity,
+            settings.permeability.porosity_cap,
+        );
+        for cell in 0..porosity.len() {
+            self.water.coupled[cell] = 0.0;
+            self.water.friction[cell] = Secant::default();
+            self.water.still[cell] = [0.0; 3];
+            self.water.friction_next[cell] = [0.0; 3];
+            self.water.ground[cell] = None;
+            if self.openness.blocked(cell) {
+                continue;
+            }
+            let diameter = self.pores.diameter()[cell];
+            let solid = 1.0 - porosity[cell];
+            let zone = self
+                .zones
+                .as_ref()
+                .is_some_and(|(_, room)| room.is_ground(cell));
+            let around = if settings.equations == Equations::Paper || zone || solid <= 0.0 {
+                1.0 - self.limited[cell]
+            } else {
+                let around =
+                    neighbourhood::solid_fraction(&self.openness, porosity, cell, diameter);
+                1.0 - (1.0 - around).clamp(least, cap.max(1.0 - around))
+            };
+            let felt = 1.0 - around;
+            self.water.coupled[cell] = rise((around - LONE) / (CLOUD - LONE));
+            let coupled = self.water.coupled[cell];
+            let dense = if zone {
+                1.0 - rise((porosity[cell] - LOOSE) / (FILLED - LOOSE))
+            } else {
+                dense_share(felt)
+            };
+            let pores = porosity[cell].max(LEAST_PORES);
+            self.water.ground[cell] = Some(Ground {
+                bed: drag::Bed {
+                    density: settings.liquid.density,
+                    viscosity: settings.liquid.viscosity,
+                    porosity: felt,
+                    solid,
+                    permeability: self.permeability[cell],
+                },
+                measure: match settings.equations {
+                    // A zone states a porosity of the law; that of the balances remains that of the grains.
+                    Equations::Corrected if zone => settings.permeability.limited(porosity[cell]),
+                    Equations::Corrected => felt,
+                    Equations::Paper => 1.0,
+                },
+                packing: (self.limited[cell], diameter),
+                factor: pores / solid.max(LEAST_PORES),
+                stated: None,
+                displaced: if solid > around { around / solid } else { 1.0 },
+                counts: !self.is_body(cell),
+                around: if solid > 0.0 { around } else { 0.0 },
+                dense,
+                dilute: coupled + (1.0 - coupled) / felt,
+                flux: self.water.flux[cell],
+                secant: Secant::default(),
+                ratios: [1.0; 3],
+            });
+        }
+    }
+
+    /// Permeability of the cells whose resistance is not a sum over grains: those of zones, and all where
+    /// the bed counts as at rest.
+    fn permeate(&mut self) {
+        let (settings, liquid) = (&self.settings, self.settings.liquid);
+        let moves = settings.moves();
+        if moves && self.zones.is_none() {
+            return;
+        }
+        let law = settings.permeability.law.model();
+        let bed = BedOfCells {
+            porosity: &self.limited,
+            diameter: self.pores.diameter(),
+            gradient: &self.water.steepness,
+        };
+        law.fill(bed, liquid, &mut self.permeability);
+        let Some((zones, room)) = &mut self.zones else {
+            for (ground, permeability) in self.water.ground.iter_mut().zip(&self.permeability) {
+                if let Some(ground) = ground {
+                    ground.bed.permeability = *permeability;
+                }
+            }
+            return;
+        };
+        room.replace(
+            zones,
+            law,
+            (bed, &self.water.open),
+            liquid,
+            &mut self.permeability,
+        );
+        for cell in 0..self.permeability.len() {
+            let Some(ground) = &mut self.water.ground[cell] else {
+                continue;
+            };
+            let k = self.permeability[cell];
+            ground.bed.permeability = k;
+            ground.ratios = room
+                .ratios()
+                .map_or([1.0; 3], |ratios| ratios[cell].map(|r| 1.0 / r));
+            if room.is_ground(cell) {
+                ground.stated = Some(liquid.viscosity / k);
+            }
+            if moves && room.is_body(cell) {
+                self.water.still[cell] = ground.ratios.map(|r| liquid.viscosity / k * r);
+            }
+        }
+    }
+
+    /// Finds the flux through each cell as a linear function of the gradient.
+    fn conduct(&mut self) {
+        let (settings, liquid) = (&self.settings, self.settings.liquid);
+        let dimension = self.openness.grid.dimension;
+        let moves = settings.moves();
+        let water = &mut self.water;
+        for cell in 0..water.flow.len() {
+            let Some(ground) = &water.ground[cell] else {
+                water.flow[cell] = [(0.0, 0.0); 3];
+                (water.conductivity[cell], water.carried[cell]) = (0.0, [0.0; 3]);
+                water.ratios[cell] = [1.0; 3];
+                continue;
+            };
+            let volume = self.openness.volume(cell);
+            let pores = self.pores.porosity()[cell].max(LEAST_PORES) * volume;
+            let (sum, coupled) = (&self.sums.cells()[cell], water.coupled[cell]);
+            let weight = coupled * f64::from(u8::from(moves));
+            let mut along = [0.0; 3];
+            for a in 0..dimension {
+                let still = water.still[cell][a];
+                let ratio = ground.ratios[a];
+                let (carried, mobility) = if moves {
+                    let drag = weight * sum.drag[a] + pores * still;
+                    let free = pores + weight * sum.pushed[a];
+                    (weight * sum.held[a] / drag, free / drag)
+                } else {
+                    let own = liquid.viscosity / self.permeability[cell] * ratio;
+                    let own = match settings.equations {
+                        Equations::Corrected => own,
+                        Equations::Paper => own * self.limited[cell],
+                    };
+                    (0.0, 1.0 / (own + still))
+                };
+                water.flow[cell][a] = (carried, mobility);
+                let displaced = ground.displaced / volume;
+                let with = 1.0 + displaced * sum.with_flux[a];
+                along[a] = with * mobility + displaced * sum.with_gradient[a];
+                water.carried[cell][a] = with * carried + displaced * sum.moving[a];
+                if !moves {
+                    (along[a], water.carried[cell][a]) = (mobility, 0.0);
+                }
+            }
+            // Nothing crosses an axis that a scene in 2-D lacks.
+            let first = along[0];
+            along[dimension..].fill(first);
+            water.conductivity[cell] = along[0];
+            water.ratios[cell] = along.map(|k| k / along[0]);
+            water.directed |= along.iter().any(|k| k.total_cmp(&along[0]).is_ne());
+        }
+    }
+
+    /// Laws and pressure, in turn until both stay; returns how many iterations that took. Collective.
+    fn converge(&mut self, particles: &View<'_, Sp>) -> Result<u32, Error> {
+        let moves = self.settings.moves();
+        let source = self.settings.transient && !moves && self.has_before;
+        let mut settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
+        let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
+        if moves && self.has_before && grains > 0 {
+            settled = settled.max(GOES_ON);
+        }
+        let law = self.settings.permeability.law.model();
+        let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
+        let depends =
+            law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
+        self.resist();
+        let mut iterations = 0;
+        for round in 1.. {
+            if self.water.has_open {
+                // The friction by which the pressure was found stays that of its balance of momentum.
+                let water = &mut self.water;
+                water.still.copy_from_slice(&water.friction_next);
+            }
+            self.permeate();
+            self.sum(particles)?;
+            self.conduct();
+            if self.water.directed {
+                self.pressure.set_directions(&self.water.ratios);
+            }
+            self.report = self
+                .pressure
+                .solve(Medium {
+                    conductivity: &self.water.conductivity,
+                    carried: moves.then_some(&self.water.carried[..]),
+                    source: source.then_some(&self.source[..]),
+                })
+                .map_err(failed)?;
+            iterations += self.report.iterations;
+            let mut change = self.follow();
+            if depends {
+                change = larger(change, self.permeability_change());
+            }
+            change = larger(change, self.resist());
+            if change <= settled || round >= PATIENT && change <= NEAR {
+                break;
+            }
+            if round >= MOST_ROUNDS || change.is_nan() {
+                return Err(Error::Numerical(self.unsettled(change, round)));
+            }
+        }
+        if !moves {
+            // What grains meet is the flux found.
+            for (ground, flux) in self.water.ground.iter_mut().zip(&self.water.flux) {
+                if let Some(ground) = ground {
+                    ground.flux = *flux;
+                }
+            }
+            self.answer(particles);
+        }
+        Ok(iterations)
+    }
+
+    /// The largest relative change of the permeabilities that depend on the gradient.
+    fn permeability_change(&mut self) -> f64 {
+        let (law, liquid) = (self.settings.permeability.law.model(), self.settings.liquid);
+        let bed = BedOfCells {
+            porosity: &self.limited,
+            diameter: self.pores.diameter(),
+            gradient: &self.water.steepness,
+        };
+        match &mut self.zones {
+            Some((zones, room)) => room.change(
+                zones,
+                law,
+                (bed, &self.water.open),
+                liquid,
+                &self.permeability,
+            ),
+            None => law.change(bed, liquid, &self.permeability),
+        }
+    }
+
+    /// Drag and motion of each part of a grain by the present flux.
+    fn answer(&mut self, particles: &View<'_, Sp>) {
+        let mut shares = std::mem::take(&mut self.parts.shares);
+        let (laws, ground) = (self.laws(), &self.water.ground);
+        thread_pool::each_item(&mut shares, 1, |_, share| {
+            bed::fill(laws, ground, particles, share)
+        });
+        self.parts.shares = shares;
+    }
+
+    /// Terms and sums of the grains where they move with the water.
+    fn sum(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
+        if !self.settings.moves() {
+            return Ok(());
+        }
+        self.answer(particles);
+        self.sums
+            .fill(&self.parts.shares, &self.communicator)
+            .map_err(failed)
+    }
+
+    /// Flux of the water at the pressure found, and the flux and speed to go on with; returns the largest
+    /// relative change of a coefficient,
+    /// weighted by the gradient or the speed of its cell over the largest.
+    fn follow(&mut self) -> f64 {
+        let dimension = self.openness.grid.dimension;
+        for cell in 0..self.water.flow.len() {
+            let gradient = self.pressure.reduced_gradient(cell);
+            self.water.gradient[cell] = gradient;
+            let flow = self.water.flow[cell];
+            self.water.flux[cell] = std::array::from_fn(|a| {
+                if a < dimension {
+                    flow[a].0 - flow[a].1 * gradient[a]
+                } else {
+                    0.0
+                }
+            });
+        }
+        self.water.steepen();
+        self.weigh();
+        let mut change = 0.0_f64;
+        let mut grounds = std::mem::take(&mut self.water.ground);
+        for (cell, ground) in grounds.iter_mut().enumerate() {
+            let Some(ground) = ground else { continue };
+            let found = self.water.flux[cell];
+            let weight = self.water.weight[cell];
+            change = larger(change, weight * self.follow_grains(cell, ground, found));
+            if self.water.channels.open(cell) > 0.0 {
+                let (duct, used) = (self.water.channels.duct(cell, 0), self.water.speed[cell]);
+                let (liquid, rough) = (self.settings.liquid, self.water.roughness);
+                let slope = slope(|speed| duct.resistance(liquid, rough, speed), used);
+                self.water.speed[cell] = self.water.friction[cell].next(used, size(found), slope);
+            }
+        }
+        self.water.ground = grounds;
+        change
+    }
+
+    /// The flux to go on with in the drag of a cell; returns the relative change of its coefficient.
+    fn follow_grains(&self, cell: usize, ground: &mut Ground, found: [f64; 3]) -> f64 {
+        if self.pores.solid_volume(cell) <= 0.0 || !self.settings.moves() {
+            return 0.0;
+        }
+        let sum: &Sum = &self.sums.cells()[cell];
+        let mean = sum.mean();
+        let slip = |flux: [f64; 3]| std::array::from_fn(|a| flux[a] - mean[a]);
+        let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
+        let (used_speed, new_speed) = (size(used), size(new));
+        let laws = self.laws();
+        let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
+        let slope = slope(|speed| laws.reaction(ground, &grain, speed), used_speed);
+        let next = ground.secant.next(used_speed, new_speed, slope);
+        let factor = if new_speed > 0.0 {
+            next / new_speed
+        } else {
+            0.0
+        };
+        let moved: [f64; 3] = std::array::from_fn(|a| new[a] - used[a]);
+        ground.flux = std::array::from_fn(|a| mean[a] + factor * new[a]);
+        let here = laws.reaction(ground, &grain, used_speed);
+        let nearby = laws.reaction(ground, &grain, used_speed + size(moved));
+        (nearby / here - 1.0).abs()
+    }
+
+    /// Returns the permeability of the bed of a cell at its present slip \[m2\].
+    #[must_use]
+    pub fn permeability(&self, cell: usize) -> f64 {
+        let Some(ground) = &self.water.ground[cell] else {
+            return 0.0;
+        };
+        let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
+        let b = self.laws().reaction(ground, &grain, size(self.slip(cell)));
+        self.settings.liquid.viscosity * ground.factor * grain.volume / b
+    }
+
+    /// Returns the message of a run that ends because the coefficients do not settle.
+    fn unsettled(&self, change: f64, rounds: u32) -> String {
+        let weight = &self.water.weight;
+        let worst = (0..weight.len())
+            .max_by(|a, b| weight[*a].total_cmp(&weight[*b]))
+            .unwrap_or(0);
+        let grid = &self.openness.grid;
+        let [x, y, z] = grid.centre(grid.cell(worst));
+        format!(
+            "the resistance of the water still changes by {change:.1e} after {rounds} solutions of the pressure; the \
+             water is fastest in the cell at ({x:.6}, {y:.6}, {z:.6}) m, with {:.3e} m/s at a porosity of {:.3}. Use a \
+             larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a smaller `fluid.darcy.coupling_interval`",
+            size(self.water.flux[worst]),
+            self.pores.porosity()[worst]
+        )
+    }
+}
+
+/// The part of a cell inside the walls that water fills \[m3\].
+pub(super) fn pores_of(openness: &Openness, porosity: &[f64], cell: usize) -> f64 {
+    openness.volume(cell) * porosity[cell].max(LEAST_PORES)
+}

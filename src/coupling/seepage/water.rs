@@ -1,0 +1,158 @@
+//! The water of all cells: laws of the drag, flux, and the iteration towards both.
+
+use darcy::drag::Bed;
+use darcy::open_water::{Face, OpenWater};
+use darcy::{Condition, Grid, Pressure};
+
+/// Relative step of a speed below which its response is rounding.
+const NOISE: f64 = 1e-7;
+/// Properties of a cell by which the drag follows from a grain and its slip.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ground {
+    /// The water and the bed, with the porosity of the neighbourhood.
+    pub(super) bed: Bed,
+    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations
+    /// as printed.
+    pub(super) measure: f64,
+    /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
+    pub(super) packing: (f64, f64),
+    /// Drag on the volume of a grain over resistance times flux: porosity over solid fraction.
+    pub(super) factor: f64,
+    /// Resistance \[Pa s/m2\] where a zone states it.
+    pub(super) stated: Option<f64>,
+    /// `true` if the forces on the grains of the cell are part of the balance of momentum.
+    pub(super) counts: bool,
+    /// Solid fraction of the neighbourhood; 0 without grains.
+    pub(super) around: f64,
+    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone
+    /// grain displaces returns beside it.
+    pub(super) displaced: f64,
+    /// Share of the law of a bed; the rest is that of dilute water.
+    pub(super) dense: f64,
+    /// Factor of the drag in dilute water, for the gradient that its reaction does not build up.
+    pub(super) dilute: f64,
+    /// Flux of the water by which the coefficients of drag are taken \[m/s\].
+    pub(super) flux: [f64; 3],
+    /// Iteration towards that flux.
+    pub(super) secant: Secant,
+    /// Drag along each axis over the mean.
+    pub(super) ratios: [f64; 3],
+}
+
+/// The water of all cells.
+pub(super) struct Water {
+    /// Laws and porosities of the cells; none where a cell is outside the walls.
+    pub(super) ground: Vec<Option<Ground>>,
+    /// Part of the reaction of the grains of a cell that moves its water, 0 to 1.
+    pub(super) coupled: Vec<f64>,
+    /// Flux of the water \[m/s\].
+    pub(super) flux: Vec<[f64; 3]>,
+    /// Gradient of the reduced pressure \[Pa/m\].
+    pub(super) gradient: Vec<[f64; 3]>,
+    /// Resistance of what does not move, walls and zones without grains, along each axis \[Pa s/m2\].
+    pub(super) still: Vec<[f64; 3]>,
+    /// The friction of open water in it, for the next round.
+    pub(super) friction_next: Vec<[f64; 3]>,
+    /// Speed by which the friction of open water is taken \[m/s\].
+    pub(super) speed: Vec<f64>,
+    /// Iteration towards that speed.
+    pub(super) friction: Vec<Secant>,
+    /// Size of the gradient \[Pa/m\].
+    pub(super) steepness: Vec<f64>,
+    /// Weight of each cell in the change of a round, 0 to 1.
+    pub(super) weight: Vec<f64>,
+    /// Flux of the water without a gradient \[m/s\], and what a gradient takes from it [m2/(Pa s)], along each axis.
+    pub(super) flow: Vec<[(f64, f64); 3]>,
+    /// Conductivity of water and grains together, its ratios along the axes, and the flux that the grains carry.
+    pub(super) conductivity: Vec<f64>,
+    pub(super) ratios: Vec<[f64; 3]>,
+    pub(super) carried: Vec<[f64; 3]>,
+    /// Some cell conducts differently along its axes.
+    pub(super) directed: bool,
+    /// Channels of open water.
+    pub(super) channels: OpenWater,
+    /// Permeability of open water along each axis \[m2\].
+    pub(super) open: Vec<[f64; 3]>,
+    /// Height of the roughness of channels \[m\].
+    pub(super) roughness: f64,
+    /// There is open water.
+    pub(super) has_open: bool,
+}
+
+impl Water {
+    /// Water at rest.
+    pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
+        let n = grid.count();
+        let face =
+            |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {
+                Some(Condition::NoFlow {}) => Face::Wall,
+                Some(Condition::Head { .. }) => Face::Reservoir,
+                Some(_) => Face::Stream,
+                None if walls[axis][usize::from(upper)] => Face::Wall,
+                None => Face::Unstated,
+            };
+        Self {
+            ground: vec![None; n],
+            coupled: vec![0.0; n],
+            flux: vec![[0.0; 3]; n],
+            gradient: vec![[0.0; 3]; n],
+            still: vec![[0.0; 3]; n],
+            friction_next: vec![[0.0; 3]; n],
+            speed: vec![0.0; n],
+            friction: vec![Secant::default(); n],
+            steepness: vec![0.0; n],
+            weight: vec![1.0; n],
+            flow: vec![[(0.0, 0.0); 3]; n],
+            conductivity: vec![0.0; n],
+            ratios: vec![[1.0; 3]; n],
+            carried: vec![[0.0; 3]; n],
+            directed: false,
+            channels: OpenWater::new(grid, face),
+            open: vec![[1.0; 3]; n],
+            roughness: 0.0,
+            has_open: false,
+        }
+    }
+
+    /// Takes over the gradients of a saved run.
+    pub(super) fn steepen(&mut self) {
+        for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
+            *steepness = size(*gradient);
+        }
+    }
+}
+
+/// Secant iteration towards the speed of a cell by which its coefficient is taken and which it has with it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Secant {
+    /// Logarithms of the speed used and the speed found in the last round.
+    last: Option<(f64, f64)>,
+    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where
+    /// the flux is.
+    response: Option<f64>,
+}
+
+impl Secant {
+    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log
+    /// R/d log u of the law.
+    pub(super) fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
+        if used <= 0.0 || found <= 0.0 {
+            return found;
+        }
+        let (used, found) = (used.ln(), found.ln());
+        if let Some((used_before, found_before)) = self.last {
+            let step = used - used_before;
+            if step.abs() > NOISE {
+                self.response = Some((found - found_before) / step);
+            }
+        }
+        self.last = Some((used, found));
+        let response = self.response.unwrap_or(-slope).clamp(-slope, 0.0);
+        ((found - response * used) / (1.0 - response)).exp()
+    }
+}
+
+/// Returns the size of a vector.
+pub(super) fn size(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,226 @@
+//! Solid fraction of a cell that a sphere, disc or convex polyhedron covers, exact or approximate.
+//!
+//! | method | definition for a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
+//! |---|---|---|
+//! | exact | closed form of box and ball; surface of a polyhedron cut into cells | rounding |
+//! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
+//! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
+//!
+//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is then the true
+//! volume to second order; without the correction it is too large.
+//!
+//! All lengths are in cells, in the raw frame of the body.
+
+mod ball;
+mod block;
+mod block_rows;
+mod disc;
+mod round_rows;
+
+pub use ball::{BallInCells, BallTable};
+pub use block::{BlockTable, Surface};
+use block_rows::BlockRows;
+use disc::DiscTable;
+pub(crate) use round_rows::{RoundRows, RowCells};
+
+use darcy::overlap::{disc_rectangle, sphere_box};
+use dem::polyhedron::Polyhedron;
+use lbm::links::Plane;
+use base::number::floor_i32;
+use nalgebra::Matrix3;
+
+/// How fractions are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Closed forms.
+    Exact,
+    /// This many points along each edge of a cell.
+    Samples(u32),
+    /// From the distance between the cell's centre and the surface.
+    Linear,
+}
+
+/// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+pub fn faces(
+    shape: &Polyhedron,
+    rotation: &Matrix3<f64>,
+    centre: [f64; 3],
+    spacing: f64,
+    planes: &mut Vec<Plane>,
+) {
+    planes.clear();
+    planes.extend(shape.half_spaces().iter().map(|face| {
+        let normal: [f64; 3] = (rotation * face.normal).into();
+        Plane {
+            normal,
+            offset: face.offset / spacing + dot(normal, centre),
+        }
+    }));
+}
+
+/// A body as geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Form<'a> {
+    /// A disc, in the plane.
+    Disc {
+        /// Its centre.
+        centre: [f64; 3],
+        /// Its radius.
+        radius: f64,
+    },
+    /// A ball.
+    Ball {
+        /// Its centre.
+        centre: [f64; 3],
+        /// Its radius.
+        radius: f64,
+    },
+    /// A convex polyhedron: what all planes have in common.
+    Block {
+        /// Its faces.
+        surface: &'a Surface,
+        /// Its centroid.
+        centre: [f64; 3],
+        /// From the centroid to the farthest corner.
+        radius: f64,
+    },
+}
+
+/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals along the row, empty
+/// where the first is not below the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// No cell beyond it meets the body.
+    pub outer: [f64; 2],
+    /// Every cell within it is full.
+    pub inner: [f64; 2],
+    /// Every cell that lies within it with a cell on each side is full, and so are all cells round it.
+    pub deep: [f64; 2],
+}
+
+impl Row {
+    const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+    /// The row does not meet the body.
+    #[must_use]
+    #[inline(always)]
+    pub fn misses(&self) -> bool {
+        self.outer[0] > self.outer[1]
+    }
+}
+
+/// A component of a normal that small has no interval of its own.
+const LEVEL: f64 = 1e-12;
+
+/// Buffers of the body that is mapped.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Of a ball.
+    pub(crate) ball: BallTable,
+    /// Of a block.
+    pub(crate) block: BlockTable,
+    /// Of a disc.
+    pub(crate) disc: DiscTable,
+    /// Of a block.
+    pub(crate) block_rows: BlockRows,
+    /// Of a ball or disc.
+    pub(crate) round: RoundRows,
+}
+
+impl Form<'_> {
+    /// Its centre and a radius that holds all of it.
+    #[must_use]
+    #[inline(always)]
+    pub fn bounds(&self) -> ([f64; 3], f64) {
+        match *self {
+            Self::Disc { centre, radius }
+            | Self::Ball { centre, radius }
+            | Self::Block { centre, radius, .. } => (centre, radius),
+        }
+    }
+
+    /// The filled part of the cell with this lower corner, 0 … 1.
+    #[must_use]
+    pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+        match method {
+            Method::Exact => self.exact(lower, scratch).clamp(0.0, 1.0),
+            Method::Samples(n) => self.samples(n, lower),
+            Method::Linear => self.linear(lower),
+        }
+    }
+
+    fn exact(&self, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+        let upper = lower.map(|x| x + 1.0);
+        match self {
+            Self::Disc { centre, radius } => disc_rectangle(*centre, *radius, lower, upper),
+            Self::Ball { centre, radius } => sphere_box(*centre, *radius, lower, upper),
+            Self::Block { surface, .. } => {
+                let cell = lower.map(floor_i32);
+                scratch.block.fill(surface, cell, [1; 3], [0, 1, 2]);
+                scratch.block.layer(surface, 0);
+                scratch.block.row(0, 0, 1)[0]
+            }
+        }
+    }
+
+    fn samples(&self, n: u32, lower: [f64; 3]) -> f64 {
+        let step = 1.0 / f64::from(n);
+        let at = |k: u32| (f64::from(k) + 0.5) * step;
+        let deep = if matches!(self, Self::Disc { .. }) {
+            1
+        } else {
+            n
+        };
+        let mut inside = 0_u32;
+        for z in 0..deep {
+            for y in 0..n {
+                for x in 0..n {
+                    let point = [lower[0] + at(x), lower[1] + at(y), lower[2] + at(z)];
+                    inside += u32::from(self.height(point) <= 0.0);
+                }
+            }
+        }
+        f64::from(inside) / (f64::from(n) * f64::from(n) * f64::from(deep))
+    }
+
+    fn linear(&self, lower: [f64; 3]) -> f64 {
+        let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
+        let less = match self {
+            Self::Disc { radius, .. } => 1.0 / (24.0 * radius),
+            Self::Ball { radius, .. } => 1.0 / (12.0 * radius),
+            Self::Block { .. } => 0.0,
+        };
+        (0.5 - less - self.height(middle)).clamp(0.0, 1.0)
+    }
+
+    /// Distance of a point outside the surface, negative inside; for a polyhedron that from the nearest plane.
+    #[must_use]
+    pub fn height(&self, point: [f64; 3]) -> f64 {
+        match self {
+            Self::Disc { centre, radius } => {
+                let d: [f64; 2] = std::array::from_fn(|a| point[a] - centre[a]);
+                (d[0] * d[0] + d[1] * d[1]).sqrt() - radius
+            }
+            Self::Ball { centre, radius } => {
+                let d: [f64; 3] = std::array::from_fn(|a| point[a] - centre[a]);
+                (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - radius
+            }
+            Self::Block { surface, .. } => height_over(surface.planes(), point),
+        }
+    }
+}
+
+/// Height of a point over the highest of the planes of a polyhedron.
+#[inline(always)]
+pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
+    let heights = planes.iter().map(|plane| plane.height(point));
+    heights.fold(f64::NEG_INFINITY, f64::max)
+}
+
+#[inline(always)]
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,285 @@
+//! The exact solid fractions of a convex polyhedron in all cells of a layer at once.
+//!
+//! Along a row of cells each face is where the solid begins or ends, so the volume in cell k of the row is
+//!
+//! V_k = -Σ ∫ clamp(k + 1 - x, 0, 1) n_x dA
+//!
+//! over the part of the surface in the row's square column, x along the row and n the outward normal (the divergence theorem). A piece
+//! of a face within cell k adds its integral to that cell, and its projected area to each cell behind it. The faces are cut along the
+//! planes between layers, rows and cells, each piece from the one before. No plane of another face takes part, so that the cost is that
+//! of the surface: some 30 ns for each piece, whatever the number of faces.
+//!
+//! Each layer is cut from the whole faces. Its fractions are the same bits whichever layers are computed beside it.
+
+use super::faces;
+use dem::polyhedron::Polyhedron;
+use lbm::lanes::WIDEST;
+use lbm::links::Plane;
+use base::number::{floor_i32, to_i32};
+use nalgebra::{Matrix3, Vector3};
+
+/// A fraction below this is rounding, and the cell free.
+const NOTHING: f64 = 1e-12;
+
+/// The surface of a convex polyhedron in cells.
+#[derive(Debug, Default, PartialEq)]
+pub struct Surface {
+    planes: Vec<Plane>,
+    /// Corners of one face after the other, counter-clockwise seen from outside.
+    corners: Vec<[f64; 3]>,
+    /// End of each face in the corners.
+    ends: Vec<usize>,
+    /// The corners of the shape.
+    placed: Vec<[f64; 3]>,
+}
+
+impl Surface {
+    /// Takes the surface of a shape: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+    pub fn place(
+        &mut self,
+        shape: &Polyhedron,
+        rotation: &Matrix3<f64>,
+        centre: [f64; 3],
+        spacing: f64,
+    ) {
+        faces(shape, rotation, centre, spacing, &mut self.planes);
+        self.placed.clear();
+        self.placed.extend(shape.vertices().iter().map(|corner| {
+            let turned = rotation * corner / spacing;
+            <[f64; 3]>::from(turned + Vector3::from(centre))
+        }));
+        self.corners.clear();
+        self.ends.clear();
+        for face in 0..self.planes.len() {
+            let corners = shape.face(face).iter();
+            self.corners
+                .extend(corners.map(|&corner| self.placed[corner as usize]));
+            self.ends.push(self.corners.len());
+        }
+    }
+
+    /// Its planes, in the order of the faces of the shape.
+    #[must_use]
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// Each face: its plane and corners.
+    fn faces(&self) -> impl Iterator<Item = (&Plane, &[[f64; 3]])> {
+        let mut start = 0;
+        self.planes
+            .iter()
+            .zip(&self.ends)
+            .map(move |(plane, &end)| {
+                let corners = &self.corners[start..end];
+                start = end;
+                (plane, corners)
+            })
+    }
+}
+
+/// A point: its coordinates along the slow, the middle and the fast axis.
+type Point = [f64; 3];
+
+/// The fractions of a layer of cells; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a layer, and [`Self::row`] gives the
+/// fractions of a row.
+#[derive(Debug, Default)]
+pub struct BlockTable {
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    /// Lowest cell and number of cells, by `order`. Rows begin where the body does, so that sums along them do not depend on the box.
+    lower: [i32; 3],
+    cells: [usize; 3],
+    /// Cells of a row before the box.
+    before: usize,
+    /// For each cell of the layer, what begins in it, and what begins for all cells from it on.
+    within: Vec<f64>,
+    from: Vec<f64>,
+    /// Filled parts of the cells of a row.
+    fractions: Vec<f64>,
+    cut: Cut,
+}
+
+/// Polygons on the way to pieces.
+#[derive(Debug, Default)]
+struct Cut {
+    slab: Vec<Point>,
+    spare: Vec<Point>,
+    row: Vec<Point>,
+    cell: Vec<Point>,
+    rest: Vec<Point>,
+}
+
+impl BlockTable {
+    /// Starts a body over the `cells` from `lower` on, in rows along the last axis of `order`.
+    pub fn fill(
+        &mut self,
+        surface: &Surface,
+        lower: [i32; 3],
+        cells: [usize; 3],
+        order: [usize; 3],
+    ) {
+        self.order = order;
+        self.lower = order.map(|axis| lower[axis]);
+        self.cells = order.map(|axis| cells[axis]);
+        let (least, _) = range(surface.placed.iter().map(|corner| corner[order[2]]));
+        let first = floor_i32(least).min(self.lower[2]);
+        self.before = usize::try_from(self.lower[2] - first).unwrap_or(0);
+        self.lower[2] = first;
+        self.cells[2] += self.before;
+        // One more cell takes what begins behind the last.
+        let room = self.cells[1] * (self.cells[2] + 1);
+        self.within.resize(self.within.len().max(room), 0.0);
+        self.from.resize(self.from.len().max(room), 0.0);
+        self.fractions.resize(self.cells[2] + 2 * WIDEST, 0.0);
+    }
+
+    /// Goes to a layer, counted from the first.
+    pub fn layer(&mut self, surface: &Surface, layer: usize) {
+        let length = self.cells[2] + 1;
+        self.within[..self.cells[1] * length].fill(0.0);
+        self.from[..self.cells[1] * length].fill(0.0);
+        let [slow, middle, fast] = self.order;
+        let bottom = f64::from(self.lower[0] + to_i32(layer));
+        let mut cut = std::mem::take(&mut self.cut);
+        for (plane, corners) in surface.faces() {
+            // Outwards against the row: the solid begins.
+            let sign = -plane.normal[fast];
+            if sign == 0.0 {
+                continue;
+            }
+            let (least, most) = range(corners.iter().map(|corner| corner[slow]));
+            if least >= bottom + 1.0 || most <= bottom {
+                continue;
+            }
+            cut.slab.clear();
+            cut.slab
+                .extend(corners.iter().map(|at| [at[slow], at[middle], at[fast]]));
+            if least < bottom {
+                split::<0>(&cut.slab, bottom, &mut cut.rest, &mut cut.spare);
+                std::mem::swap(&mut cut.slab, &mut cut.spare);
+            }
+            if most > bottom + 1.0 {
+                split::<0>(&cut.slab, bottom + 1.0, &mut cut.spare, &mut cut.rest);
+                std::mem::swap(&mut cut.slab, &mut cut.spare);
+            }
+            self.rows(&mut cut, 1_f64.copysign(sign));
+        }
+        self.cut = cut;
+    }
+
+    /// Cuts the part of a face in the layer into rows.
+    fn rows(&mut self, cut: &mut Cut, sign: f64) {
+        let (least, most) = range(cut.slab.iter().map(|at| at[1]));
+        let mut row = floor_i32(least);
+        while most > f64::from(row + 1) {
+            split::<1>(&cut.slab, f64::from(row + 1), &mut cut.row, &mut cut.spare);
+            std::mem::swap(&mut cut.slab, &mut cut.spare);
+            self.pieces(cut, row, sign);
+            row += 1;
+        }
+        std::mem::swap(&mut cut.slab, &mut cut.row);
+        self.pieces(cut, row, sign);
+    }
+
+    /// Cuts the part of a face in a row into cells and adds up the pieces.
+    fn pieces(&mut self, cut: &mut Cut, row: i32, sign: f64) {
+        let row = row - self.lower[1];
+        let Some(row) = usize::try_from(row).ok().filter(|&row| row < self.cells[1]) else {
+            return;
+        };
+        let length = self.cells[2] + 1;
+        let within = &mut self.within[row * length..][..length];
+        let from = &mut self.from[row * length..][..length];
+        let mut add = |cell: i32, polygon: &[Point]| {
+            let (area, behind) = integrals(polygon, f64::from(cell));
+            let first = usize::try_from(cell - self.lower[2]);
+            if let Some(first) = first.ok().filter(|&first| first + 1 < length) {
+                within[first] += sign * behind;
+                from[first + 1] += sign * area;
+            }
+        };
+        let (least, most) = range(cut.row.iter().map(|at| at[2]));
+        let mut cell = floor_i32(least);
+        while most > f64::from(cell + 1) {
+            split::<2>(&cut.row, f64::from(cell + 1), &mut cut.cell, &mut cut.rest);
+            std::mem::swap(&mut cut.row, &mut cut.rest);
+            add(cell, &cut.cell);
+            cell += 1;
+        }
+        add(cell, &cut.row);
+    }
+
+    /// The filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row has no meaning: up to
+    /// [`WIDEST`] numbers.
+    pub fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
+        let length = self.cells[2] + 1;
+        let within = &self.within[row * length..][..length];
+        let from = &self.from[row * length..][..length];
+        let mut sum = 0.0;
+        for (fraction, (within, from)) in self.fractions.iter_mut().zip(within.iter().zip(from)) {
+            sum += from;
+            let part = sum + within;
+            *fraction = if part < NOTHING { 0.0 } else { part.min(1.0) };
+        }
+        &self.fractions[self.before + first..][..count]
+    }
+}
+
+/// The smallest and the largest of some coordinates.
+#[inline(always)]
+fn range(coordinates: impl Iterator<Item = f64>) -> (f64, f64) {
+    coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| {
+        (least.min(x), most.max(x))
+    })
+}
+
+/// Parts of a convex polygon below and above a coordinate. It must reach to both sides of it.
+#[inline(always)]
+fn split<const AXIS: usize>(
+    polygon: &[Point],
+    at: f64,
+    below: &mut Vec<Point>,
+    above: &mut Vec<Point>,
+) {
+    below.clear();
+    above.clear();
+    let Some(&last) = polygon.last() else { return };
+    let mut from = last;
+    let mut height = from[AXIS] - at;
+    for &to in polygon {
+        let next = to[AXIS] - at;
+        if height * next < 0.0 {
+            let part = height / (height - next);
+            let mut cut: Point = std::array::from_fn(|a| from[a] + (to[a] - from[a]) * part);
+            cut[AXIS] = at;
+            below.push(cut);
+            above.push(cut);
+        }
+        if next <= 0.0 {
+            below.push(to);
+        }
+        if next >= 0.0 {
+            above.push(to);
+        }
+        (from, height) = (to, next);
+    }
+}
+
+/// The area of a polygon projected along the fast axis, and that times the mean distance from it to the upper end of a cell.
+#[inline(always)]
+fn integrals(polygon: &[Point], cell: f64) -> (f64, f64) {
+    let [first, rest @ ..] = polygon else {
+        return (0.0, 0.0);
+    };
+    let (mut area, mut moment) = (0.0, 0.0);
+    for pair in rest.windows(2) {
+        let [a, b] = [0, 1].map(|k: usize| [pair[k][0] - first[0], pair[k][1] - first[1]]);
+        let twice = a[0] * b[1] - a[1] * b[0];
+        area += twice;
+        moment += twice * ((first[2] - cell) + (pair[0][2] - cell) + (pair[1][2] - cell));
+    }
+    let side = 1_f64.copysign(area);
+    let area = 0.5 * area.abs();
+    (area, area - side * moment / 6.0)
+}

@@ -1,0 +1,100 @@
+//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer in one loop.
+//!
+//! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
+//! one row alone.
+
+use super::Row;
+use base::ball::{Beside, around, chord, within};
+
+/// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RowCells {
+    /// Those that the body reaches.
+    pub(crate) outer: [i32; 2],
+    /// Those that it fills.
+    pub(crate) full: [i32; 2],
+    /// Those that it fills with all cells around them.
+    pub(crate) deep: [i32; 2],
+}
+
+impl RowCells {
+    /// Of a row of any body; `frame` from its raw frame to the cells.
+    #[inline(always)]
+    pub(crate) fn of(row: &Row, frame: i32) -> Self {
+        Self {
+            outer: if row.misses() {
+                [0; 2]
+            } else {
+                around(row.outer, frame)
+            },
+            full: within(row.inner, 0, frame),
+            deep: within(row.deep, 1, frame),
+        }
+    }
+}
+
+/// The rows of the layers of a ball or disc; buffers reused.
+#[derive(Debug, Default)]
+pub(crate) struct RoundRows {
+    /// How far each row lies beside the centre along the axis between the slowest and the fastest: nearest, farthest, beyond.
+    beside: [Vec<f64>; 3],
+    /// Ends of the cells of each row: outer, full, deep.
+    low: [Vec<i32>; 3],
+    high: [Vec<i32>; 3],
+}
+
+impl RoundRows {
+    /// Takes the rows of a body from coordinate `first` on: how far each lies beside the centre.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, count: usize, beside: impl Fn(usize) -> Beside) {
+        for n in 0..3 {
+            self.beside[n].clear();
+            self.low[n].resize(count, 0);
+            self.high[n].resize(count, 0);
+        }
+        for k in 0..count {
+            let Beside {
+                nearest,
+                farthest,
+                beyond,
+            } = beside(k);
+            self.beside[0].push(nearest);
+            self.beside[1].push(farthest);
+            self.beside[2].push(beyond);
+        }
+    }
+
+    /// Goes to a layer.
+    #[inline(always)]
+    pub(crate) fn layer(&mut self, layer: Beside, centre: f64, radius: f64, frame: i32) {
+        self.ends::<0>(layer.nearest, centre, radius, frame);
+        self.ends::<1>(layer.farthest, centre, radius, frame);
+        self.ends::<2>(layer.beyond, centre, radius, frame);
+    }
+
+    #[inline(always)]
+    fn ends<const N: usize>(&mut self, layer: f64, centre: f64, radius: f64, frame: i32) {
+        let beside = &self.beside[N][..];
+        let count = beside.len();
+        let (low, high) = (&mut self.low[N][..count], &mut self.high[N][..count]);
+        for k in 0..count {
+            let [from, to] = chord(centre, radius, layer + beside[k]);
+            [low[k], high[k]] = match N {
+                0 => around([from, to], frame),
+                1 => within([from, to], 0, frame),
+                _ => within([from, to], 1, frame),
+            };
+        }
+    }
+
+    /// The cells of a row of the layer.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> RowCells {
+        let ends = |n: usize| [self.low[n][row], self.high[n][row]];
+        RowCells {
+            outer: ends(0),
+            full: ends(1),
+            deep: ends(2),
+        }
+    }
+}

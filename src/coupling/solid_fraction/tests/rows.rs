@@ -1,0 +1,66 @@
+//! One row of cells alone: what the rows of a layer are compared with.
+
+use super::super::{Form, LEVEL, Row};
+use base::ball::{Beside, EMPTY, chord};
+use lbm::links::Plane;
+
+/// The row of cells along `axis` through the cell with this lower corner.
+pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> Row {
+    match form {
+        Form::Disc { centre, radius } => {
+            let beside = Beside::of(centre[1 - axis], lower[1 - axis]);
+            round_row(centre[axis], *radius, beside)
+        }
+        Form::Ball { centre, radius } => {
+            let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+            let beside = Beside::of(centre[b], lower[b]) + Beside::of(centre[c], lower[c]);
+            round_row(centre[axis], *radius, beside)
+        }
+        Form::Block { surface, .. } => block_row(surface.planes(), axis, lower),
+    }
+}
+
+/// The row of a ball or disc; `centre` along the row.
+fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
+    let reach = |squared: f64| chord(centre, radius, squared);
+    Row {
+        outer: reach(beside.nearest),
+        inner: reach(beside.farthest),
+        deep: reach(beside.beyond),
+    }
+}
+
+fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
+    let mut row = Row {
+        outer: Row::ALL,
+        inner: Row::ALL,
+        deep: Row::ALL,
+    };
+    for plane in planes {
+        let n = plane.normal;
+        let mut least = 0.0;
+        let mut most = 0.0;
+        let mut beside = 0.0;
+        for b in (0..3).filter(|&b| b != axis) {
+            let (p, q) = (n[b] * lower[b], n[b] * (lower[b] + 1.0));
+            least += p.min(q);
+            most += p.max(q);
+            beside += n[b].abs();
+        }
+        narrow(&mut row.outer, n[axis], plane.offset - least);
+        narrow(&mut row.inner, n[axis], plane.offset - most);
+        narrow(&mut row.deep, n[axis], plane.offset - most - beside);
+    }
+    row
+}
+
+/// Keeps of an interval what obeys `slope * x <= room`.
+fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
+    if slope > LEVEL {
+        interval[1] = interval[1].min(room / slope);
+    } else if slope < -LEVEL {
+        interval[0] = interval[0].max(room / slope);
+    } else if room < 0.0 {
+        *interval = EMPTY;
+    }
+}

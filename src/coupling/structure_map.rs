@@ -1,0 +1,534 @@
+//! Structures on a lattice: their solid cells, and the links that their surfaces cut.
+//!
+//! A cell is solid if its centre is. A link from a cell of water that a surface cuts bounces at the place where it does
+//! ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than a cell holds water back.
+//! The map is made once. It is a function of the shapes alone: it is the same on any number of ranks.
+//!
+//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives it faster and faster.
+
+use super::body_map::{BodyMap, GHOSTS, Grid};
+use lbm::fluid::Fluid;
+use lbm::lanes::Stored;
+use lbm::links::Load;
+use lbm::links::fixed::{FixedLink, bounce_fixed};
+use lbm::populations::Populations;
+use structure::Images;
+use base::units::LatticeUnits;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Steps after which the inside of the solids is set to rest.
+const CLEARED: u64 = 64;
+/// Links of one group.
+const GROUP: usize = 2048;
+/// Water.
+const WATER: u16 = 0;
+/// Cuts this near to the middle of a link are half-way: the error is that of rounding.
+const HALF: f64 = 1e-9;
+
+/// A group of links: those of one structure.
+#[derive(Clone, Debug)]
+struct Group {
+    structure: usize,
+    places: Vec<Ends>,
+}
+
+/// Where the ends of a link and the cells behind them lie in maps of the slab, and what they are without moving bodies.
+#[derive(Clone, Copy, Debug)]
+struct Ends {
+    cells: [u32; 2],
+    behind: [u32; 2],
+    wet: [bool; 2],
+    kappa: [f64; 2],
+}
+
+/// A link that a surface cuts: from a cell of water along a direction.
+#[derive(Clone, Copy, Debug)]
+struct Cut {
+    cells: [[i32; 3]; 2],
+    direction: usize,
+    structure: usize,
+    /// Distances of the surface from both ends as parts of the link.
+    parts: [f64; 2],
+}
+
+/// The structures of one slab.
+#[derive(Debug)]
+pub struct StructureMap {
+    solids: Vec<Arc<Images>>,
+    grid: Grid,
+    interpolated: bool,
+    local: [i32; 3],
+    dimension: usize,
+    /// One more than the structure of each cell of the slab and of [`GHOSTS`] layers round it, x fastest; 0 for water.
+    owner: Vec<u16>,
+    groups: Vec<Group>,
+    links: Vec<Vec<FixedLink>>,
+    group_loads: Vec<Load>,
+    loads: Vec<Load>,
+    /// Positions in the lattice of the solid cells of the slab.
+    inside: Vec<u32>,
+    /// Links between two cells of water that a sheet cuts: place of the cell and direction.
+    sheets: HashSet<(usize, u8)>,
+}
+
+impl StructureMap {
+    /// The map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not half-way.
+    #[must_use]
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        grid: Grid,
+        solids: Vec<Arc<Images>>,
+        interpolated: bool,
+    ) -> Self {
+        let dimension = populations.velocities().dimension;
+        let local = populations
+            .cells()
+            .map(|n| i32::try_from(n).unwrap_or(i32::MAX));
+        let structures = solids.len();
+        let mut map = Self {
+            solids,
+            grid,
+            interpolated,
+            local,
+            dimension,
+            owner: Vec::new(),
+            groups: Vec::new(),
+            links: Vec::new(),
+            group_loads: Vec::new(),
+            loads: vec![[0; 6]; structures],
+            inside: Vec::new(),
+            sheets: HashSet::new(),
+        };
+        if local.contains(&0) {
+            return map;
+        }
+        let size = |a: usize| local[a] + 2 * map.ghosts(a);
+        let count: i32 = (0..3).map(size).product();
+        map.owner = vec![WATER; usize::try_from(count).unwrap_or(0)];
+        let near = map.classify();
+        map.cut(&near, populations);
+        for (at, position) in populations.interior() {
+            let cell = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+            if map.owner[map.at(cell)] != WATER {
+                map.inside.push(u32::try_from(position).unwrap_or(u32::MAX));
+            }
+        }
+        map.group_loads = vec![[0; 6]; map.links.len()];
+        log::debug!(
+            "{structures} structures: {} solid cells, {} links",
+            map.inside.len(),
+            map.links.iter().map(Vec::len).sum::<usize>()
+        );
+        map
+    }
+
+    /// The structures in a fluid, whose openings before them are closed; none where there are no structures.
+    pub fn in_fluid<S: Stored>(
+        fluid: &mut Fluid<S>,
+        units: &LatticeUnits,
+        solids: Vec<Arc<Images>>,
+        interpolated: bool,
+    ) -> Option<Box<Self>> {
+        if solids.is_empty() {
+            return None;
+        }
+        let grid = Grid {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin: [0.0; 3],
+            spacing: units.spacing,
+        };
+        let map = Self::new(fluid.populations(), grid, solids, interpolated);
+        let closed: Vec<usize> = map.inside.iter().map(|&cell| cell as usize).collect();
+        fluid.close(closed.into_iter());
+        Some(Box::new(map))
+    }
+
+    /// Names the surfaces to the gradients of the eddy viscosity, beside what they know.
+    pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
+        if self.dimension == 2 {
+            fluid.know_fixed_links::<2>(&self.links);
+        } else {
+            fluid.know_fixed_links::<3>(&self.links);
+        }
+    }
+
+    /// Makes the solid cells and the cut links bounds of the free surface, if there is one.
+    pub fn bound_surface<S: Stored>(&self, fluid: &mut Fluid<S>) {
+        let solid: Vec<usize> = self.positions(fluid.populations()).collect();
+        let populations = fluid.populations();
+        let opposite = populations.velocities().opposite.clone();
+        let mut cut = Vec::new();
+        for link in self.links.iter().flatten() {
+            let forth = usize::from(link.direction);
+            let back = opposite[forth];
+            let near = link.link.near as usize - populations.slot(0, back);
+            let far = link.link.far as usize - populations.slot(0, forth);
+            cut.extend([(near, forth), (far, back)]);
+        }
+        if let Some(surface) = fluid.surface_mut() {
+            surface.stand_in(solid.into_iter());
+            for (cell, direction) in cut {
+                surface.cut(cell, direction);
+            }
+        }
+    }
+
+    /// Positions in the lattice of the solid cells of the slab and of its ghost cells.
+    pub fn positions<'a, S: Stored>(
+        &'a self,
+        populations: &'a Populations<S>,
+    ) -> impl Iterator<Item = usize> + 'a {
+        let beside = |cell: &[i32; 3]| (0..3).all(|a| (-1..=self.local[a]).contains(&cell[a]));
+        let cells = self.cells().filter(beside);
+        cells.map(|cell| populations.cell(cell.map(|v| v as isize)))
+    }
+
+    fn ghosts(&self, axis: usize) -> i32 {
+        if axis < self.dimension { GHOSTS } else { 0 }
+    }
+
+    /// Place of a cell in the map, the same as in that of bodies.
+    fn at(&self, cell: [i32; 3]) -> usize {
+        let size = |a: usize| self.local[a] + 2 * self.ghosts(a);
+        let k = |a: usize| cell[a] + self.ghosts(a);
+        usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
+    }
+
+    fn held(&self, cell: [i32; 3]) -> bool {
+        (0..3).all(|a| (-self.ghosts(a)..self.local[a] + self.ghosts(a)).contains(&cell[a]))
+    }
+
+    fn interior(&self, cell: [i32; 3]) -> bool {
+        (0..3).all(|a| (0..self.local[a]).contains(&cell[a]))
+    }
+
+    fn in_domain(&self, cell: [i32; 3]) -> bool {
+        (0..self.dimension).all(|a| {
+            let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+            let cells = i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX);
+            self.grid.periodic[a] || (0..cells).contains(&(cell[a] + start))
+        })
+    }
+
+    /// Centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its lower corner.
+    fn centre(&self, cell: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if a < self.dimension {
+                let start = base::number::real(self.grid.start[a]);
+                let cells = base::number::real(self.grid.cells[a]);
+                let mut place = cell[a] + start + 0.5;
+                if self.grid.periodic[a] {
+                    place -= cells * (place / cells).floor();
+                }
+                self.grid.origin[a] + place * self.grid.spacing
+            } else {
+                0.0
+            }
+        })
+    }
+
+    /// Marks solid cells; gives the cells that a surface is so near to that it may cut their links, by rising place.
+    fn classify(&mut self) -> Vec<[i32; 3]> {
+        let far = 1.01 * 3.0_f64.sqrt() * self.grid.spacing;
+        let mut near = HashSet::new();
+        let low: [i32; 3] = std::array::from_fn(|a| -self.ghosts(a));
+        let high: [i32; 3] = std::array::from_fn(|a| self.local[a] + self.ghosts(a));
+        for (n, solid) in self.solids.clone().iter().enumerate() {
+            let tag = u16::try_from(n + 1).unwrap_or(u16::MAX);
+            let mut boxes = vec![(low, high)];
+            while let Some((low, high)) = boxes.pop() {
+                let size: [i32; 3] = std::array::from_fn(|a| high[a] - low[a]);
+                let one = size == [1; 3];
+                // Boxes across a periodic face have no one centre.
+                let middle = self.centre(std::array::from_fn(|a| {
+                    0.5 * f64::from(low[a] + high[a] - 1)
+                }));
+                let across = (0..self.dimension).any(|a| {
+                    let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+                    let cells = i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX);
+                    self.grid.periodic[a]
+                        && (low[a] + start).div_euclid(cells)
+                            != (high[a] - 1 + start).div_euclid(cells)
+                });
+                let distance = solid.distance(middle);
+                let reach = (0..self.dimension)
+                    .map(|a| (0.5 * f64::from(size[a]) * self.grid.spacing).powi(2))
+                    .sum::<f64>()
+                    .sqrt();
+                let uniform = !across && distance.abs() > reach + far;
+                if uniform && distance > 0.0 {
+                    continue;
+                }
+                if uniform || one {
+                    if one && distance.abs() <= far {
+                        near.insert(low);
+                    }
+                    if distance < 0.0 {
+                        self.fill(low, high, tag);
+                    }
+                    continue;
+                }
+                let axis = (0..3).max_by_key(|&a| size[a]).unwrap_or(0);
+                let mut half = low[axis] + size[axis] / 2;
+                if across {
+                    // Cut at a periodic face.
+                    let a = axis;
+                    let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+                    for face in [
+                        -start,
+                        i32::try_from(self.grid.cells[a]).unwrap_or(i32::MAX) - start,
+                    ] {
+                        if low[a] < face && face < high[a] {
+                            half = face;
+                        }
+                    }
+                }
+                let (mut upper, mut lower) = (low, high);
+                upper[axis] = half;
+                lower[axis] = half;
+                boxes.push((low, lower));
+                boxes.push((upper, high));
+            }
+        }
+        let mut near: Vec<[i32; 3]> = near.into_iter().collect();
+        near.sort_unstable_by_key(|cell| self.at(*cell));
+        near
+    }
+
+    /// Gives the cells of a box that no structure has to one.
+    fn fill(&mut self, low: [i32; 3], high: [i32; 3], tag: u16) {
+        for z in low[2]..high[2] {
+            for y in low[1]..high[1] {
+                for x in low[0]..high[0] {
+                    let place = self.at([x, y, z]);
+                    if self.owner[place] == WATER {
+                        self.owner[place] = tag;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where the surfaces cut the way from the centre of a cell along a link: the structure, and the distances from both ends as parts of
+    /// the link.
+    fn crossing(
+        &self,
+        cell: [i32; 3],
+        c: [i32; 3],
+        found: &mut Vec<[f64; 2]>,
+    ) -> Option<(usize, [f64; 2])> {
+        let from = self.centre(cell.map(f64::from));
+        let along = c.map(|c| f64::from(c) * self.grid.spacing);
+        let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut best: Option<(usize, [f64; 2])> = None;
+        for (n, solid) in self.solids.iter().enumerate() {
+            if solid.distance(from) > length {
+                continue;
+            }
+            solid.chords(from, along, found);
+            if let (Some(first), Some(last)) = (found.first(), found.last()) {
+                let ends = [first[0], 1.0 - last[1]];
+                best = Some(match best {
+                    None => (n, ends),
+                    Some((other, known)) => {
+                        let who = if ends[0] < known[0] { n } else { other };
+                        (who, [known[0].min(ends[0]), known[1].min(ends[1])])
+                    }
+                });
+            }
+        }
+        best
+    }
+
+    /// The links that surfaces cut, each once; notes those between two cells of water.
+    fn cuts<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) -> Vec<Cut> {
+        let velocities = populations.velocities();
+        let mut found = Vec::new();
+        let mut cuts = Vec::new();
+        for &cell in near {
+            if self.owner[self.at(cell)] != WATER || !self.in_domain(cell) {
+                continue;
+            }
+            for i in 1..velocities.q() {
+                let c = velocities.c[i].map(i32::from);
+                let next: [i32; 3] = std::array::from_fn(|a| cell[a] + c[a]);
+                if !self.held(next) || !self.in_domain(next) {
+                    continue;
+                }
+                let there = self.owner[self.at(next)];
+                // The bits of a cut do not depend on the end from which it is looked at.
+                let crossing = if there != WATER || i < velocities.opposite[i] {
+                    self.crossing(cell, c, &mut found)
+                } else {
+                    self.crossing(next, c.map(|c| -c), &mut found)
+                        .map(|(n, [a, b])| (n, [b, a]))
+                };
+                let (structure, parts) = match (there, crossing) {
+                    (WATER, None) => continue,
+                    (WATER, Some(crossing)) => {
+                        let direction = u8::try_from(i).unwrap_or(0);
+                        self.sheets.insert((self.at(cell), direction));
+                        if velocities.opposite[i] < i {
+                            continue;
+                        }
+                        crossing
+                    }
+                    (tag, crossing) => (
+                        usize::from(tag) - 1,
+                        crossing.map_or([0.5; 2], |(_, parts)| parts),
+                    ),
+                };
+                if self.interior(cell) || self.interior(next) {
+                    cuts.push(Cut {
+                        cells: [cell, next],
+                        direction: i,
+                        structure,
+                        parts,
+                    });
+                }
+            }
+        }
+        cuts
+    }
+
+    /// Lists the links that surfaces cut.
+    fn cut<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) {
+        let velocities = populations.velocities();
+        // All sheets are known before: what is behind a link must not be cut off.
+        let cuts = self.cuts(near, populations);
+        let mut by_structure: Vec<(Vec<FixedLink>, Vec<Ends>)> =
+            self.solids.iter().map(|_| Default::default()).collect();
+        for cut in cuts {
+            let i = cut.direction;
+            let c = velocities.c[i].map(i32::from);
+            let directions = [velocities.opposite[i], i];
+            let mut ends = Ends {
+                cells: (cut.cells).map(|cell| u32::try_from(self.at(cell)).unwrap_or(u32::MAX)),
+                behind: [0; 2],
+                wet: [false; 2],
+                kappa: [0.0; 2],
+            };
+            for end in 0..2 {
+                let own = cut.cells[end];
+                if self.owner[self.at(own)] != WATER || !self.interior(own) {
+                    continue;
+                }
+                ends.wet[end] = true;
+                let away = if end == 0 { -1 } else { 1 };
+                let behind: [i32; 3] = std::array::from_fn(|a| own[a] + away * c[a]);
+                let direction = u8::try_from(directions[end]).unwrap_or(0);
+                let open = self.held(behind)
+                    && self.in_domain(behind)
+                    && self.owner[self.at(behind)] == WATER
+                    && !self.sheets.contains(&(self.at(own), direction));
+                let q = cut.parts[end].clamp(0.0, 1.0);
+                if self.interpolated && open && (q - 0.5).abs() > HALF {
+                    ends.kappa[end] = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
+                    ends.behind[end] = u32::try_from(self.at(behind)).unwrap_or(u32::MAX);
+                }
+            }
+            let cell = cut.cells[0];
+            let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+            let link = FixedLink {
+                link: populations.link(populations.cell(cell.map(|v| v as isize)), i),
+                middle: std::array::from_fn(|a| {
+                    if a < self.dimension {
+                        2 * (cell[a] + start(a)) + 1 + c[a]
+                    } else {
+                        0
+                    }
+                }),
+                direction: u8::try_from(i).unwrap_or(0),
+                wet: ends.wet,
+                kappa: ends.kappa,
+            };
+            by_structure[cut.structure].0.push(link);
+            by_structure[cut.structure].1.push(ends);
+        }
+        for (structure, (links, ends)) in by_structure.iter().enumerate() {
+            for (links, ends) in links.chunks(GROUP).zip(ends.chunks(GROUP)) {
+                self.links.push(links.to_vec());
+                self.groups.push(Group {
+                    structure,
+                    places: ends.to_vec(),
+                });
+            }
+        }
+    }
+
+    /// Whether the centre of a cell of the slab is in a structure (local coordinates).
+    #[must_use]
+    pub fn holds(&self, cell: [usize; 3]) -> bool {
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        self.owner[self.at(cell)] != WATER
+    }
+
+    /// The solid cells of the slab and of the layers round it that are known.
+    pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
+        let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
+        let all = range(2)
+            .flat_map(move |z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])));
+        all.filter(|cell| !self.owner.is_empty() && self.owner[self.at(*cell)] != WATER)
+    }
+
+    /// The links between two cells of water that a sheet cuts, by the place of a cell in the map and the direction.
+    #[must_use]
+    pub fn sheets(&self) -> &HashSet<(usize, u8)> {
+        &self.sheets
+    }
+
+    /// Links that bounce.
+    #[must_use]
+    pub fn links(&self) -> &[Vec<FixedLink>] {
+        &self.links
+    }
+
+    /// Bounces on all links and sums the loads of this step.
+    pub fn bounce<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.group_loads.fill([0; 6]);
+        if self.dimension == 2 {
+            bounce_fixed::<S, 2>(populations, &self.links, &mut self.group_loads);
+        } else {
+            bounce_fixed::<S, 3>(populations, &self.links, &mut self.group_loads);
+        }
+        self.loads.fill([0; 6]);
+        for (group, load) in self.groups.iter().zip(&self.group_loads) {
+            for (sum, part) in self.loads[group.structure].iter_mut().zip(load) {
+                *sum += part;
+            }
+        }
+    }
+
+    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower corner of the
+    /// domain. The sum over ranks is exact.
+    #[must_use]
+    pub fn loads(&self) -> &[Load] {
+        &self.loads
+    }
+
+    /// Takes note of which ends moving bodies cover now.
+    pub fn see_bodies(&mut self, bodies: &BodyMap) {
+        for (links, group) in self.links.iter_mut().zip(&self.groups) {
+            for (link, ends) in links.iter_mut().zip(&group.places) {
+                for end in 0..2 {
+                    let wet = ends.wet[end] && bodies.is_water(ends.cells[end]);
+                    let backed = ends.behind[end] > 0 && bodies.is_water(ends.behind[end]);
+                    link.wet[end] = wet;
+                    link.kappa[end] = if wet && backed { ends.kappa[end] } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// Sets what is inside the solids to rest, from time to time.
+    pub fn clear<S: Stored>(&self, fluid: &mut Fluid<S>) {
+        if fluid.steps().is_multiple_of(CLEARED) {
+            for &cell in &self.inside {
+                fluid.set_equilibrium(cell as usize, 0.0, [0.0; 3]);
+            }
+        }
+    }
+}

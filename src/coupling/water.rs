@@ -1,0 +1,124 @@
+//! The fluid of a run with its coupling: one of the combinations, chosen at the start and dispatched once per step.
+
+use super::Flow;
+use super::bounce_back::BounceBack;
+use super::lattice::LatticeFlow;
+use super::partially_saturated::PartiallySaturated;
+use super::seepage::Seepage;
+use dem::particles::Particles;
+use dem::space::Space;
+use base::error::Error;
+use lbm::lanes::Stored;
+use decomposition::Domain;
+
+/// A fluid with its coupling.
+pub enum Water<Sp: Space, S: Stored> {
+    /// Lattice Boltzmann with moving bounce-back.
+    BounceBack(Box<BounceBack<Sp, S>>),
+    /// Lattice Boltzmann with partially saturated cells.
+    Saturated(Box<PartiallySaturated<Sp, S>>),
+    /// Darcy seepage with drag.
+    Seepage(Box<Seepage<Sp>>),
+}
+
+impl<Sp: Space, S: Stored> Water<Sp, S> {
+    /// The lattice, if it is one.
+    #[must_use]
+    #[inline(never)]
+    pub fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
+        match self {
+            Self::BounceBack(flow) => Some(flow.as_ref()),
+            Self::Saturated(flow) => Some(flow.as_ref()),
+            Self::Seepage(_) => None,
+        }
+    }
+
+    /// The lattice, to set its state.
+    #[inline(never)]
+    pub fn lattice_mut(&mut self) -> Option<&mut dyn LatticeFlow<Sp, S>> {
+        match self {
+            Self::BounceBack(flow) => Some(flow.as_mut()),
+            Self::Saturated(flow) => Some(flow.as_mut()),
+            Self::Seepage(_) => None,
+        }
+    }
+
+    /// How many steps of water without grains may be made at once ([`lbm::fluid::Fluid::at_once`]). The same on every rank.
+    #[must_use]
+    pub fn at_once(&self) -> u64 {
+        match self {
+            Self::BounceBack(flow) => flow.at_once(),
+            Self::Saturated(_) | Self::Seepage(_) => 1,
+        }
+    }
+
+    /// Steps of water without grains, at most [`Self::at_once`]. Collective.
+    ///
+    /// # Errors
+    /// When a GPU fails.
+    #[inline(never)]
+    pub fn advance_many(&mut self, steps: u64) -> Result<(), Error> {
+        match self.lattice_mut() {
+            Some(flow) => flow
+                .fluid_mut()
+                .advance_many(steps)
+                .map_err(Error::Internal),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings the state of the water back from a GPU, if it is there ([`LatticeFlow::fetch`]).
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    #[inline(never)]
+    pub fn fetch(&mut self) -> Result<(), Error> {
+        match self.lattice_mut() {
+            Some(flow) => flow.fetch(),
+            None => Ok(()),
+        }
+    }
+
+    /// The seepage, if it is one.
+    #[must_use]
+    #[inline(never)]
+    pub fn seepage(&self) -> Option<&Seepage<Sp>> {
+        match self {
+            Self::BounceBack(_) | Self::Saturated(_) => None,
+            Self::Seepage(flow) => Some(flow),
+        }
+    }
+
+    /// The seepage, to set its state.
+    #[inline(never)]
+    pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
+        match self {
+            Self::BounceBack(_) | Self::Saturated(_) => None,
+            Self::Seepage(flow) => Some(flow),
+        }
+    }
+}
+
+impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
+    #[inline(never)]
+    fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+        match self {
+            Self::BounceBack(flow) => flow.advance(particles, domain),
+            Self::Saturated(flow) => flow.advance(particles, domain),
+            Self::Seepage(flow) => flow.advance(particles, domain),
+        }
+    }
+
+    #[inline(never)]
+    fn update_bodies(
+        &mut self,
+        particles: &mut Particles<Sp>,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        match self {
+            Self::BounceBack(flow) => flow.update_bodies(particles, domain),
+            Self::Saturated(flow) => flow.update_bodies(particles, domain),
+            Self::Seepage(flow) => flow.update_bodies(particles, domain),
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! Drag of seeping water on grains.
+//!
+//! A law gives the force on a grain of a bed over the superficial velocity of the water past it, [`Law::coefficient`] `b`. The water
+//! of a bed of n grains per volume at rest then loses the pressure
+//!
+//! ```text
+//! eps |grad phi| = n b(q) q
+//! ```
+//!
+//! which turns a drag law into a law of resistance ([`permeability`]). [`reaction`] goes the other way: it is the drag that a law
+//! of resistance implies.
+//!
+//! A drag law is one file below this module and one line of the list.
+
+pub mod dallavalle;
+pub mod di_felice;
+pub mod gidaspow;
+pub mod reaction;
+
+use super::Liquid;
+use base::family::family;
+use dallavalle::Dallavalle;
+use di_felice::DiFelice;
+use gidaspow::Gidaspow;
+use reaction::Reaction;
+
+family! {
+    /// The drag laws. A line here makes a law known to cases, to their schema, to `plan` and to runs.
+    #[derive(Default)]
+    pub enum DragLaw: Law {
+        #[default]
+        Reaction,
+        DiFelice,
+        Gidaspow,
+        Dallavalle,
+    }
+}
+
+/// A drag law.
+pub trait Law: Sync {
+    /// The law in the schema of the case: one line.
+    fn summary() -> &'static str
+    where
+        Self: Sized;
+
+    /// The law with its parameters in the tables of `plan`.
+    fn description(&self) -> String;
+
+    /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
+    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
+
+    /// The time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\]. `measure` is the factor of
+    /// the grain's velocity beside the flux. Explicit drag is unstable where the coupling interval exceeds twice this time.
+    fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
+        mass / (measure * self.coefficient(bed, grain, 0.0))
+    }
+
+    /// Whether the forces on grains at rest balance the loss of pressure of every law of resistance.
+    fn balances(&self) -> bool {
+        false
+    }
+}
+
+/// The water and the bed around a grain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bed {
+    /// Density of the water \[kg/m3\].
+    pub density: f64,
+    /// Dynamic viscosity \[Pa s\].
+    pub viscosity: f64,
+    /// Porosity, within the limits of the permeability.
+    pub porosity: f64,
+    /// Volume of grains per volume inside the walls, without limits.
+    pub solid: f64,
+    /// Permeability \[m2\].
+    pub permeability: f64,
+}
+
+/// Size of a grain; in 2-D per metre of depth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grain {
+    /// Diameter \[m\].
+    pub diameter: f64,
+    /// Area across the flow \[m2\].
+    pub area: f64,
+    /// Volume \[m3\].
+    pub volume: f64,
+}
+
+impl Grain {
+    /// A sphere, or a disc in 2-D.
+    #[must_use]
+    pub fn new(dimension: usize, radius: f64) -> Self {
+        Self {
+            diameter: 2.0 * radius,
+            area: if dimension == 2 {
+                2.0 * radius
+            } else {
+                std::f64::consts::PI * radius * radius
+            },
+            volume: super::porosity::measure(dimension, radius),
+        }
+    }
+}
+
+/// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the
+/// drag is that of a law.
+pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
+    let grain = Grain::new(3, 0.5 * diameter);
+    let bed = Bed {
+        density: liquid.density,
+        viscosity: liquid.viscosity,
+        porosity,
+        solid: 1.0 - porosity,
+        permeability: f64::NAN,
+    };
+    bed.solid / (grain.volume * porosity) * law.coefficient(&bed, &grain, speed)
+}
+
+/// The permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of the reduced pressure
+/// \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
+///
+/// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
+/// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
+pub fn permeability(
+    law: &impl Law,
+    porosity: f64,
+    diameter: f64,
+    liquid: Liquid,
+    gradient: f64,
+) -> f64 {
+    let loss = |q: f64| resistance(law, porosity, diameter, liquid, q);
+    let at_rest = loss(0.0);
+    let mut q = gradient / at_rest;
+    // Water at rest, or so slow that no inertia shows.
+    if q < f64::EPSILON * liquid.viscosity / (liquid.density * diameter) {
+        return liquid.viscosity / at_rest;
+    }
+    for _ in 0..MOST_STEPS {
+        let here = loss(q);
+        let above = loss(q * (1.0 + NEARBY));
+        let power = 1.0 + (above / here - 1.0) / NEARBY;
+        let step = (gradient / (here * q)).powf(1.0 / power);
+        q *= step;
+        if (step - 1.0).abs() < 1e-13 {
+            break;
+        }
+    }
+    liquid.viscosity * q / gradient
+}
+
+/// Relative distance of two speeds between which the slope of a law is taken.
+const NEARBY: f64 = 1e-4;
+/// Steps of the iteration of [`permeability`], at most: five are usual.
+const MOST_STEPS: usize = 30;
+
+#[cfg(test)]
+pub(super) mod testing {
+    use super::*;
+    use crate::permeability::kozeny_carman;
+
+    /// Water in a bed of this porosity.
+    pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
+        Bed {
+            density: 1000.0,
+            viscosity,
+            porosity,
+            solid: 1.0 - porosity,
+            permeability: kozeny_carman(porosity, 1e-3),
+        }
+    }
+
+    /// Loss of pressure in a bed at rest from the sum of drags: eps |grad p| = n f.
+    pub(in crate::drag) fn gradient(law: &dyn Law, bed: &Bed, d: f64, speed: f64) -> f64 {
+        let grain = Grain::new(3, 0.5 * d);
+        let per_volume = bed.solid / grain.volume;
+        per_volume * law.coefficient(bed, &grain, speed) * speed / bed.porosity
+    }
+}
+
+/// A new drag law is one file, here the module `stokes`, and one line in the list.
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    mod stokes {
+        use crate::drag::{Bed, Grain, Law};
+
+        /// Drag of a single grain in creeping flow: 3 pi mu d U.
+        #[derive(
+            Clone,
+            Copy,
+            Debug,
+            PartialEq,
+            serde::Serialize,
+            serde::Deserialize,
+            schemars::JsonSchema,
+        )]
+        #[serde(deny_unknown_fields)]
+        pub(super) struct Stokes {
+            /// Multiplies the drag, without unit.
+            #[schemars(extend("exclusiveMinimum" = 0))]
+            factor: f64,
+        }
+
+        impl Law for Stokes {
+            fn summary() -> &'static str {
+                "Stokes 1851."
+            }
+
+            fn description(&self) -> String {
+                format!("Stokes times {}", self.factor)
+            }
+
+            fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
+                3.0 * std::f64::consts::PI * bed.viscosity * grain.diameter * self.factor
+            }
+        }
+    }
+    use stokes::Stokes;
+
+    family! {
+        /// The real list with one line more.
+        enum Longer: Law {
+            DiFelice,
+            Stokes(Stokes),
+        }
+    }
+
+    #[test]
+    fn a_new_law_is_one_file_and_one_line() {
+        let written = json!({"stokes": {"factor": 2.0}});
+        let law: Longer = serde_json::from_value(written.clone()).unwrap();
+        assert_eq!(serde_json::to_value(law).unwrap(), written);
+        assert_eq!(law.model().description(), "Stokes times 2");
+        let (bed, grain) = (testing::bed(0.4, 1e-3), Grain::new(3, 5e-4));
+        let exact = 3.0 * std::f64::consts::PI * 1e-3 * 1e-3 * 2.0;
+        assert!((law.model().coefficient(&bed, &grain, 0.1) / exact - 1.0).abs() < 1e-15);
+        let time = law.model().stopping_time(&bed, &grain, 3e-6, 0.4);
+        assert!((time / (3e-6 / (0.4 * exact)) - 1.0).abs() < 1e-15);
+        let schema = serde_json::to_string(&schemars::schema_for!(Longer)).unwrap();
+        for text in [
+            "Stokes 1851.",
+            "exclusiveMinimum",
+            "Multiplies the drag",
+            "di_felice",
+        ] {
+            assert!(schema.contains(text), "{text}: {schema}");
+        }
+        assert!(serde_json::from_value::<Longer>(json!({"stokes": {}})).is_err());
+    }
+
+    #[test]
+    fn laws_without_parameters_stand_in_the_case_as_their_names() {
+        for (law, name) in [
+            (DragLaw::DiFelice, "di_felice"),
+            (DragLaw::Gidaspow, "gidaspow"),
+            (DragLaw::Dallavalle, "dallavalle"),
+            (DragLaw::Reaction, "reaction"),
+        ] {
+            assert_eq!(serde_json::to_value(law).unwrap(), json!(name));
+            assert_eq!(serde_json::from_value::<DragLaw>(json!(name)).unwrap(), law);
+        }
+        assert_eq!(DragLaw::default(), DragLaw::Reaction);
+    }
+}

@@ -1,0 +1,450 @@
+//! The walls around the water: the part of each cell, and of each face between cells, that lies inside them.
+//!
+//! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is proportional to its
+//! open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the divergence theorem) and a convex
+//! polygon. A closed surface of triangles is sampled with `samples` lines along x per edge of a cell; a point on a line is inside if the
+//! number of crossings before it is odd.
+
+use super::grid::Grid;
+use base::number::real;
+
+type Point = [f64; 3];
+
+/// What the water may fill.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Enclosure {
+    /// The whole grid.
+    Everything,
+    /// The points with n·x ≤ d for every (n, d), n of unit length: a convex region. Cut exactly.
+    HalfSpaces(Vec<(Point, f64)>),
+    /// The inside of a closed surface of triangles, by sub-samples. In 3-D.
+    Surface {
+        /// Corners of the triangles \[m\].
+        triangles: Vec<[Point; 3]>,
+        /// Samples along an edge of a cell.
+        samples: usize,
+    },
+}
+
+/// Cells with less of their volume inside the walls are blocked: slivers conduct nothing and would hold a grain's whole
+/// volume by its centre. Faces that are open by less are closed, as what they pass would be lost in rounding.
+pub const LEAST_OPEN: f64 = 0.01;
+
+/// The open fractions of cells and faces; the same on every rank.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Openness {
+    /// Fraction of a cell's volume inside the walls; 0 for a blocked cell.
+    pub inside: Vec<f64>,
+    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 beside a blocked cell; index
+    /// as for cells of a grid with one more cell along that axis.
+    pub faces: [Vec<f64>; 3],
+    /// The grid.
+    pub grid: Grid,
+}
+
+impl Openness {
+    /// Measures an enclosure on a grid.
+    #[must_use]
+    pub fn measure(grid: &Grid, enclosure: &Enclosure) -> Self {
+        let mut all = Self {
+            inside: vec![1.0; grid.count()],
+            faces: std::array::from_fn(|axis| vec![1.0; with_one_more(grid, axis).count()]),
+            grid: *grid,
+        };
+        match enclosure {
+            Enclosure::Everything => {}
+            Enclosure::HalfSpaces(planes) => all.clip(planes),
+            Enclosure::Surface { triangles, samples } => all.sample(triangles, (*samples).max(1)),
+        }
+        for fraction in &mut all.inside {
+            if *fraction < LEAST_OPEN {
+                *fraction = 0.0;
+            }
+        }
+        all.close_faces();
+        all
+    }
+
+    /// Position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
+    #[must_use]
+    pub fn face(&self, axis: usize, cell: [usize; 3]) -> usize {
+        with_one_more(&self.grid, axis).index(cell)
+    }
+
+    /// Volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
+    #[must_use]
+    pub fn volume(&self, index: usize) -> f64 {
+        self.inside[index] * self.grid.volume()
+    }
+
+    /// Whether no water can be in a cell.
+    #[must_use]
+    pub fn blocked(&self, index: usize) -> bool {
+        self.inside[index] <= 0.0
+    }
+
+    fn clip(&mut self, planes: &[(Point, f64)]) {
+        let grid = self.grid;
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            let lower = grid.corner(cell);
+            let upper = std::array::from_fn(|a| lower[a] + grid.spacing[a]);
+            self.inside[index] = clipped_volume(lower, upper, planes) / grid.volume();
+        }
+        for axis in 0..3 {
+            let faces = with_one_more(&grid, axis);
+            for index in 0..faces.count() {
+                let corner = faces.corner(faces.cell(index));
+                let polygon = rectangle(corner, grid.spacing, axis);
+                let area = area(&clip_polygon(polygon, planes));
+                self.faces[axis][index] = (area / grid.area(axis)).min(1.0);
+            }
+        }
+    }
+
+    fn sample(&mut self, triangles: &[[Point; 3]], samples: usize) {
+        let grid = self.grid;
+        let [nx, ny, nz] = grid.cells;
+        let step = |axis: usize| grid.spacing[axis] / real(samples);
+        let at = |axis: usize, k: usize| grid.origin[axis] + (real(k) + 0.5) * step(axis);
+        let plane = |axis: usize, k: usize| grid.origin[axis] + real(k) * grid.spacing[axis];
+        let mut volume = vec![0_u32; grid.count()];
+        let mut areas: [Vec<u32>; 3] = std::array::from_fn(|a| vec![0; self.faces[a].len()]);
+        let mut crossings = Vec::new();
+        // Lines through the middles of the sub-cells: cells, and faces across x.
+        for j in 0..ny * samples {
+            for k in 0..nz * samples {
+                cross(triangles, at(1, j), at(2, k), &mut crossings);
+                let (y, z) = (j / samples, k / samples);
+                for i in 0..nx * samples {
+                    let hit = u32::from(odd_before(&crossings, at(0, i)));
+                    volume[grid.index([i / samples, y, z])] += hit;
+                }
+                for x in 0..=nx {
+                    let hit = u32::from(odd_before(&crossings, plane(0, x)));
+                    areas[0][self.face(0, [x, y, z])] += hit;
+                }
+            }
+        }
+        for (axis, other) in [(1, 2), (2, 1)] {
+            for face in 0..=grid.cells[axis] {
+                for k in 0..grid.cells[other] * samples {
+                    let mut line = [0.0; 3];
+                    line[axis] = plane(axis, face);
+                    line[other] = at(other, k);
+                    cross(triangles, line[1], line[2], &mut crossings);
+                    for i in 0..nx * samples {
+                        let mut cell = [i / samples, 0, 0];
+                        cell[axis] = face;
+                        cell[other] = k / samples;
+                        let hit = u32::from(odd_before(&crossings, at(0, i)));
+                        areas[axis][self.face(axis, cell)] += hit;
+                    }
+                }
+            }
+        }
+        let per_face = real(samples * samples);
+        for (fraction, hits) in self.inside.iter_mut().zip(volume) {
+            *fraction = f64::from(hits) / (per_face * real(samples));
+        }
+        for (fractions, hits) in self.faces.iter_mut().zip(areas) {
+            for (fraction, hits) in fractions.iter_mut().zip(hits) {
+                *fraction = f64::from(hits) / per_face;
+            }
+        }
+    }
+
+    /// Closes faces beside blocked cells, and slivers.
+    pub(super) fn close_faces(&mut self) {
+        for axis in 0..3 {
+            let faces = with_one_more(&self.grid, axis);
+            for index in 0..faces.count() {
+                let upper = faces.cell(index);
+                let mut lower = upper;
+                let open = |cell: [usize; 3]| self.inside[self.grid.index(cell)] > 0.0;
+                let mut either = upper[axis] < self.grid.cells[axis] && !open(upper);
+                if upper[axis] > 0 {
+                    lower[axis] -= 1;
+                    either |= !open(lower);
+                }
+                if either || self.faces[axis][index] < LEAST_OPEN {
+                    self.faces[axis][index] = 0.0;
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn with_one_more(grid: &Grid, axis: usize) -> Grid {
+    let mut faces = *grid;
+    faces.cells[axis] += 1;
+    faces
+}
+
+fn rectangle(corner: Point, spacing: Point, axis: usize) -> Vec<Point> {
+    let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+    let at = |p: f64, q: f64| {
+        let mut x = corner;
+        x[a] += p * spacing[a];
+        x[b] += q * spacing[b];
+        x
+    };
+    vec![at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross_product(a: Point, b: Point) -> Point {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// Twice the area of a convex polygon as a vector along its normal.
+fn double_area(polygon: &[Point]) -> Point {
+    let mut sum = [0.0; 3];
+    for k in 2..polygon.len() {
+        let part = cross_product(
+            minus(polygon[k - 1], polygon[0]),
+            minus(polygon[k], polygon[0]),
+        );
+        for a in 0..3 {
+            sum[a] += part[a];
+        }
+    }
+    sum
+}
+
+fn area(polygon: &[Point]) -> f64 {
+    let twice = double_area(polygon);
+    0.5 * dot(twice, twice).sqrt()
+}
+
+/// A polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to `cut`.
+fn cut_polygon(polygon: &[Point], plane: &(Point, f64), cut: &mut Vec<Point>) -> Vec<Point> {
+    let side = |x: &Point| dot(plane.0, *x) - plane.1;
+    let mut kept = Vec::new();
+    for (k, from) in polygon.iter().enumerate() {
+        let to = &polygon[(k + 1) % polygon.len()];
+        let (s, t) = (side(from), side(to));
+        if s <= 0.0 {
+            kept.push(*from);
+        }
+        if (s <= 0.0) != (t <= 0.0) {
+            let u = s / (s - t);
+            let x = std::array::from_fn(|a| from[a] + u * (to[a] - from[a]));
+            kept.push(x);
+            cut.push(x);
+        }
+    }
+    kept
+}
+
+fn clip_polygon(mut polygon: Vec<Point>, planes: &[(Point, f64)]) -> Vec<Point> {
+    for plane in planes {
+        polygon = cut_polygon(&polygon, plane, &mut Vec::new());
+    }
+    polygon
+}
+
+/// Volume of a box cut by half-spaces.
+fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
+    let size = minus(upper, lower);
+    let whole: f64 = size.iter().product();
+    let mut faces: Vec<Vec<Point>> = Vec::with_capacity(6 + planes.len());
+    for axis in 0..3 {
+        let mut low = rectangle(lower, size, axis);
+        low.reverse();
+        faces.push(low);
+        let mut corner = lower;
+        corner[axis] = upper[axis];
+        faces.push(rectangle(corner, size, axis));
+    }
+    let mut touched = false;
+    for plane in planes {
+        let furthest = (0..3).fold(-plane.1, |sum, a| {
+            sum + (plane.0[a] * lower[a]).max(plane.0[a] * upper[a])
+        });
+        if furthest <= 0.0 {
+            continue;
+        }
+        touched = true;
+        let mut cut = Vec::new();
+        faces = faces
+            .iter()
+            .map(|face| cut_polygon(face, plane, &mut cut))
+            .filter(|face| face.len() > 2)
+            .collect();
+        if cut.len() > 2 {
+            faces.push(around(cut, plane.0));
+        }
+    }
+    if !touched {
+        return whole;
+    }
+    // Divergence theorem about a corner of the box, to keep numbers small.
+    let six_times: f64 = faces
+        .iter()
+        .map(|face| dot(double_area(face), minus(face[0], lower)))
+        .sum();
+    (six_times / 6.0).clamp(0.0, whole)
+}
+
+/// Points of a plane in order round their mean, so that the polygon faces along the normal.
+fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
+    let n = real(points.len());
+    let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);
+    let axis = (0..3)
+        .min_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()))
+        .unwrap_or(0);
+    let mut unit = [0.0; 3];
+    unit[axis] = 1.0;
+    let u = cross_product(normal, unit);
+    let v = cross_product(normal, u);
+    let angle = |x: &Point| dot(minus(*x, mean), v).atan2(dot(minus(*x, mean), u));
+    let mut sorted = points;
+    sorted.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    sorted
+}
+
+/// Where the line along x through (y, z) crosses the triangles, in rising order. A line through a corner or an edge
+/// counts it for one of its triangles only: edges are half open in y.
+fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
+    found.clear();
+    for triangle in triangles {
+        let mut inside = false;
+        for k in 0..3 {
+            let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+            if (a[1] > y) == (b[1] > y) {
+                continue;
+            }
+            // The same end first for both triangles of an edge, so that both find the same number.
+            let (a, b) = if a[1] < b[1] { (a, b) } else { (b, a) };
+            let crossing = a[2] + (y - a[1]) / (b[1] - a[1]) * (b[2] - a[2]);
+            inside ^= crossing > z;
+        }
+        if inside {
+            let normal = double_area(triangle);
+            if normal[0].abs() > 0.0 {
+                let first = triangle[0];
+                found.push(
+                    first[0]
+                        - (normal[1] * (y - first[1]) + normal[2] * (z - first[2])) / normal[0],
+                );
+            }
+        }
+    }
+    found.sort_by(f64::total_cmp);
+}
+
+fn odd_before(crossings: &[f64], x: f64) -> bool {
+    crossings.partition_point(|&c| c <= x) % 2 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(n: usize) -> Grid {
+        Grid {
+            cells: [n; 3],
+            origin: [0.0; 3],
+            spacing: [1.0 / real(n); 3],
+            dimension: 3,
+        }
+    }
+
+    fn total(openness: &Openness) -> f64 {
+        (0..openness.grid.count()).map(|k| openness.volume(k)).sum()
+    }
+
+    fn tetrahedron() -> Vec<(Point, f64)> {
+        let n = 1.0 / 3.0_f64.sqrt();
+        vec![
+            ([-1.0, 0.0, 0.0], -0.1),
+            ([0.0, -1.0, 0.0], -0.1),
+            ([0.0, 0.0, -1.0], -0.1),
+            ([n, n, n], n),
+        ]
+    }
+
+    #[test]
+    fn clipping_keeps_the_volume_of_a_tetrahedron() {
+        // Legs of length 0.7: 0.7^3/6. Slivers below the least fraction are left out: bounded by their number.
+        let exact = 0.7_f64.powi(3) / 6.0;
+        for n in [1, 2, 5, 8] {
+            let grid = grid(n);
+            let planes = tetrahedron();
+            let mut sum = 0.0;
+            for index in 0..grid.count() {
+                let lower = grid.corner(grid.cell(index));
+                let upper = lower.map(|x| x + grid.spacing[0]);
+                sum += clipped_volume(lower, upper, &planes);
+            }
+            assert!((sum / exact - 1.0).abs() < 1e-12, "{n}: {sum}");
+            let open = Openness::measure(&grid, &Enclosure::HalfSpaces(planes));
+            assert!(total(&open) <= exact * (1.0 + 1e-12));
+            assert!(total(&open) > 0.98 * exact);
+        }
+    }
+
+    #[test]
+    fn a_surface_of_triangles_agrees_with_its_half_spaces() {
+        let at = 0.1;
+        let (o, x, y, z) = ([at; 3], [0.8, at, at], [at, 0.8, at], [at, at, 0.8]);
+        let triangles = vec![[o, y, x], [o, x, z], [o, z, y], [x, y, z]];
+        let grid = grid(4);
+        let exact = Openness::measure(&grid, &Enclosure::HalfSpaces(tetrahedron()));
+        let sampled = Openness::measure(
+            &grid,
+            &Enclosure::Surface {
+                triangles,
+                samples: 40,
+            },
+        );
+        for (a, b) in exact.inside.iter().zip(&sampled.inside) {
+            assert!((a - b).abs() < 0.02, "{a} {b}");
+        }
+        for axis in 0..3 {
+            for (a, b) in exact.faces[axis].iter().zip(&sampled.faces[axis]) {
+                assert!((a - b).abs() < 0.04, "{axis}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_wedge_opens_faces_by_their_area() {
+        // x ≤ z in a unit cube of one cell: half the volume, half of the faces across y, none of that at x = 1.
+        let s = 0.5_f64.sqrt();
+        let wedge = Enclosure::HalfSpaces(vec![([s, 0.0, -s], 0.0)]);
+        let open = Openness::measure(&grid(1), &wedge);
+        assert!((open.inside[0] - 0.5).abs() < 1e-15);
+        assert!((open.faces[1][0] - 0.5).abs() < 1e-15);
+        assert!((open.faces[0][0] - 1.0).abs() < 1e-15);
+        assert!(open.faces[0][1] < 1e-15);
+        assert!((open.faces[2][1] - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn cells_outside_are_blocked_and_their_faces_closed() {
+        let open = Openness::measure(
+            &grid(4),
+            &Enclosure::HalfSpaces(vec![([1.0, 0.0, 0.0], 0.5)]),
+        );
+        for index in 0..64 {
+            let [x, ..] = open.grid.cell(index);
+            assert_eq!(open.blocked(index), x >= 2);
+        }
+        assert!(open.faces[0][open.face(0, [2, 0, 0])] <= 0.0);
+        assert!(open.faces[0][open.face(0, [1, 0, 0])] >= 1.0);
+        assert!(open.faces[1][open.face(1, [3, 2, 0])] <= 0.0);
+    }
+}

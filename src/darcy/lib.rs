@@ -1,0 +1,94 @@
+//! Seepage through the pores of a bed of grains: porosity, permeability, pressure.
+//!
+//! ```text
+//! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
+//! ```
+//!
+//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the pressure of the whole
+//! grid, because its grains may be anywhere on it. The linear solver takes most of the time and is therefore parallel. It works on slabs of its
+//! own, cut along the longest axis of the coarse grid, independently of the decomposition of the grains. Sums over grains and cells are exact
+//! or in a fixed order, so that the bits are the same on any number of ranks.
+//!
+//! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod cut_cells;
+pub mod drag;
+pub mod enclosure;
+pub mod grid;
+mod layout;
+pub mod mean_diameter;
+mod multigrid;
+pub mod neighbourhood;
+pub mod open_water;
+pub mod overlap;
+pub mod permeability;
+pub mod porosity;
+pub mod pressure;
+mod reproducible;
+pub mod zones;
+
+pub use drag::DragLaw;
+pub use enclosure::{Enclosure, Openness};
+pub use grid::Grid;
+pub use mean_diameter::MeanDiameter;
+pub use permeability::{Permeability, Resistance};
+pub use porosity::{Pores, PorosityMethod};
+pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
+pub use zones::Zones;
+
+pub use reproducible::power_above;
+
+/// Why the water could not be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
+    #[error(
+        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected to no \
+         face with an imposed pressure or head: the water there has no outlet and its pressure is undetermined",
+        .at[0], .at[1], .at[2]
+    )]
+    Pocket {
+        /// Cells of the pocket.
+        cells: usize,
+        /// Centre of its first cell \[m\].
+        at: [f64; 3],
+    },
+    /// Every cell lies outside the walls.
+    #[error("no cell of the seepage grid is open to water")]
+    NoOpenCell,
+    /// The iteration did not reach its tolerance.
+    #[error(
+        "the seepage pressure did not converge: residual {residual:.3e} of the first after {iterations} iterations, \
+         {tolerance:.1e} wanted"
+    )]
+    NotConverged {
+        /// Iterations done.
+        iterations: u32,
+        /// Residual relative to the driving terms.
+        residual: f64,
+        /// The requested value.
+        tolerance: f64,
+    },
+    /// A porosity, source or pressure is not a finite number.
+    #[error("the seepage pressure is not finite ({0})")]
+    NotFinite(&'static str),
+    /// The messages between ranks could not be set up.
+    #[error("seepage: {0}")]
+    Messages(String),
+}

@@ -1,0 +1,200 @@
+//! Permeability of a bed of grains from its porosity and a mean diameter.
+//!
+//! Cells without grains would conduct without bound: the porosity is capped.
+//!
+//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line of the list.
+
+pub mod ergun;
+pub mod kozeny_carman;
+
+pub use kozeny_carman::kozeny_carman;
+
+use super::drag::di_felice::DiFelice;
+use super::drag::gidaspow::{Gidaspow, wen_yu};
+use super::drag::{Bed, Grain};
+use super::mean_diameter::MeanDiameter;
+use super::{Equations, Liquid};
+use base::family::family;
+use ergun::Ergun;
+use kozeny_carman::KozenyCarman;
+
+family! {
+    /// The laws of resistance. A line here makes a law known to cases, to their schema, to `plan` and to runs.
+    #[derive(Default)]
+    pub enum Resistance: Law {
+        #[default]
+        Gidaspow,
+        KozenyCarman,
+        Ergun,
+        DiFelice,
+    }
+}
+
+/// A law of resistance: the permeability K \[m2\] of a bed.
+pub trait Law: Sync {
+    /// The law in the schema of the case: one line.
+    fn summary() -> &'static str
+    where
+        Self: Sized;
+
+    /// The law with its parameters in the tables of `plan`.
+    fn description(&self) -> String;
+
+    /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced pressure
+    /// \[Pa/m\].
+    fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
+
+    /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed
+    /// \[m/s\]: `mu/K` there.
+    fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64;
+
+    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of
+    /// beds that vanishes on a lone grain
+    /// passes over to the law of Wen and Yu there.
+    fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+        wen_yu(bed, grain, speed)
+    }
+
+    /// Whether K depends on the gradient: pressure and permeability are then computed in turn until both stay.
+    fn depends_on_the_gradient(&self) -> bool {
+        false
+    }
+
+    /// Whether the law may be used with these equations.
+    fn goes_with(&self, _equations: Equations) -> bool {
+        true
+    }
+
+    /// K \[m2\] of every cell.
+    fn fill(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &mut [f64]) {
+        for (cell, permeability) in permeability.iter_mut().enumerate() {
+            *permeability = self.permeability(
+                bed.porosity[cell],
+                bed.diameter[cell],
+                liquid,
+                bed.gradient[cell],
+            );
+        }
+    }
+
+    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient of the cell over the
+    /// largest: the error of the gradient that it makes. In free water, whose gradient is rounding, nothing depends on it.
+    fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
+        let mut change = 0.0_f64;
+        let steepest = bed.steepest();
+        for (cell, before) in permeability.iter().enumerate() {
+            let next = self.permeability(
+                bed.porosity[cell],
+                bed.diameter[cell],
+                liquid,
+                bed.gradient[cell],
+            );
+            change = larger(
+                change,
+                bed.weight(cell, steepest) * (next / before - 1.0).abs(),
+            );
+        }
+        change
+    }
+}
+
+/// The larger of two numbers; NaN where one is.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
+/// What the permeability of every cell depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct BedOfCells<'a> {
+    /// Porosity, within its limits.
+    pub porosity: &'a [f64],
+    /// Mean diameter of the grains \[m\].
+    pub diameter: &'a [f64],
+    /// Size of the gradient of the reduced pressure \[Pa/m\].
+    pub gradient: &'a [f64],
+}
+
+impl BedOfCells<'_> {
+    /// The largest gradient \[Pa/m\].
+    pub(super) fn steepest(&self) -> f64 {
+        self.gradient.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Gradient of a cell over the largest; 1 where there is none.
+    pub(super) fn weight(&self, cell: usize, steepest: f64) -> f64 {
+        if steepest > 0.0 {
+            self.gradient[cell] / steepest
+        } else {
+            1.0
+        }
+    }
+}
+
+/// A law of resistance with the limits of the porosity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Permeability {
+    /// Which law.
+    pub law: Resistance,
+    /// Which diameter.
+    pub diameter: MeanDiameter,
+    /// Larger porosities count as this one.
+    pub porosity_cap: f64,
+    /// Smaller porosities, of overlapping grains, count as this one.
+    pub least_porosity: f64,
+}
+
+impl Permeability {
+    /// The porosity that counts.
+    #[must_use]
+    pub fn limited(&self, porosity: f64) -> f64 {
+        porosity.clamp(self.least_porosity, self.porosity_cap)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cap_holds() {
+        let permeability = Permeability {
+            law: Resistance::KozenyCarman,
+            diameter: MeanDiameter::Sauter,
+            porosity_cap: 0.7,
+            least_porosity: 0.05,
+        };
+        assert_eq!(permeability.limited(1.0), 0.7);
+        assert_eq!(permeability.limited(-0.2), 0.05);
+    }
+
+    #[test]
+    fn cells_have_the_permeability_of_the_law() {
+        let liquid = Liquid {
+            density: 1000.0,
+            viscosity: 1e-3,
+        };
+        for law in [
+            Resistance::Gidaspow,
+            Resistance::KozenyCarman,
+            Resistance::Ergun,
+            Resistance::DiFelice,
+        ] {
+            let law = law.model();
+            let bed = BedOfCells {
+                porosity: &[0.4, 0.5],
+                diameter: &[1e-3, 2e-3],
+                gradient: &[10.0, 1e4],
+            };
+            let mut permeability = [0.0; 2];
+            law.fill(bed, liquid, &mut permeability);
+            assert_eq!(permeability[1], law.permeability(0.5, 2e-3, liquid, 1e4));
+            assert_eq!(law.change(bed, liquid, &permeability), 0.0);
+            let steeper = BedOfCells {
+                gradient: &[20.0, 2e4],
+                ..bed
+            };
+            let change = law.change(steeper, liquid, &permeability);
+            assert_eq!(change > 0.0, law.depends_on_the_gradient());
+        }
+    }
+}

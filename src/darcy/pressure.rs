@@ -1,0 +1,895 @@
+//! Pressure and flux of water in the pores: Darcy's law and the mass balance.
+//!
+//! ```text
+//! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
+//! ```
+//!
+//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses cell-centred finite
+//! volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area. The layers of a column
+//! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
+//! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
+//!
+//! Moving grains and their water keep their volume together. The flux through a cell is a linear
+//! function of the gradient
+//! ([`Medium`]; [`coupling::seepage`] derives it):
+//!
+//! ```text
+//! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
+//! ```
+//!
+//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of
+//! its two cells, weighted by
+//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever
+//! the bed beside it does.
+//!
+//! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
+//! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
+//!
+//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
+//! pressures; the closure of momentum relies on this.
+
+mod boundary;
+mod iteration;
+pub mod section;
+
+use super::Error;
+use super::enclosure::Openness;
+use super::grid::Grid;
+use super::layout::{Gather, Halo, Layout, Part};
+use super::multigrid::{Ground, Matrix, Multigrid};
+use super::reproducible::power_above;
+use boundary::{Boundary, boundary, head_pressure, slabs};
+use decomposition::{Communicator, Domain, ExactSum};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Form of the equations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Equations {
+    /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
+    #[default]
+    Corrected,
+    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
+    /// follow Darcy's law.
+    Paper,
+}
+
+/// The water.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Liquid {
+    /// Density \[kg/m3\].
+    pub density: f64,
+    /// Dynamic viscosity \[Pa s\].
+    pub viscosity: f64,
+}
+
+/// Boundary condition of the seepage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "SeepageCondition")]
+pub enum Condition {
+    /// Imposed pressure.
+    Pressure {
+        /// Pressure \[Pa\].
+        value: f64,
+    },
+    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
+    Head {
+        /// Head \[m\].
+        value: f64,
+    },
+    /// Imposed flux through the face.
+    Flux {
+        /// Volume per area and time into the grid [m/s].
+        value: f64,
+    },
+    /// Rainfall on the face.
+    Rain {
+        /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
+        rate: f64,
+    },
+    /// Impermeable.
+    NoFlow {},
+}
+
+/// A part of a face of the grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Axis of the normal.
+    pub axis: usize,
+    /// At the upper end of the axis.
+    pub upper: bool,
+    /// First cell along each axis; of no matter along the normal.
+    pub from: [usize; 3],
+    /// One past the last cell along each axis; of no matter along the normal.
+    pub to: [usize; 3],
+    /// The condition.
+    pub condition: Condition,
+}
+
+impl Patch {
+    /// Returns whether the patch covers the face of a cell.
+    fn holds(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
+        let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
+        self.axis == axis && self.upper == upper && (0..3).all(covers)
+    }
+}
+
+/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced
+/// pressure, flux of the water, resistance
+/// of open water.
+pub const NUMBERS: usize = 9;
+
+/// How the pressure is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Form of the equations.
+    pub equations: Equations,
+    /// Gravity \[m/s2\].
+    pub gravity: [f64; 3],
+    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    pub tolerance: f64,
+    /// Iterations after which it is an error.
+    pub iterations: u32,
+}
+
+/// Water and grains of all cells as the pressure meets them: in a cell they move together with `carried -
+/// conductivity grad phi`.
+#[derive(Clone, Copy, Debug)]
+pub struct Medium<'a> {
+    /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
+    pub conductivity: &'a [f64],
+    /// Volume flux without a gradient \[m/s\], for each cell; none where all grains are at rest.
+    pub carried: Option<&'a [[f64; 3]]>,
+    /// Volume of water that appears per volume inside the walls \[1/s\], for each cell.
+    pub source: Option<&'a [f64]>,
+}
+
+/// What a solution cost and how good it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Iterations.
+    pub iterations: u32,
+    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    pub residual: f64,
+    /// Volume that enters in a second \[m3/s\].
+    pub inflow: f64,
+    /// Volume that leaves in a second \[m3/s\].
+    pub outflow: f64,
+}
+
+/// Cells that conduct differently along each axis.
+struct Directions {
+    /// Conductivity along each axis over that of the cell.
+    ratios: Vec<[f64; 3]>,
+    /// Conductivity along each axis.
+    conductivity: [Vec<f64>; 3],
+}
+
+/// Cells of a rank, and its exchange with others.
+struct Slab {
+    grid: Grid,
+    layout: Layout,
+    part: Part,
+    communicator: Communicator,
+    halo: Halo,
+    gather: Option<Gather>,
+}
+
+/// Fluxes from cell to cell: faces, conductivities, and what grains carry.
+struct Conduction {
+    /// Per axis, open area of a face times 2/spacing; 0 for a closed face.
+    factor: [Vec<f64>; 3],
+    /// Per axis, one over the open area of a face, 0 for a closed one.
+    per_area: [Vec<f64>; 3],
+    /// Of water and grains together.
+    conductivity: Vec<f64>,
+    /// Where cells conduct differently along each axis.
+    directions: Option<Box<Directions>>,
+    /// Flux that the grains carry along each axis \[m/s\].
+    carried: [Vec<f64>; 3],
+    /// `true` if they carry anything.
+    carries: bool,
+    /// Flux that the gradient drives through each cell \[m/s\].
+    driven: Vec<[f64; 3]>,
+    conducts: Vec<bool>,
+}
+
+impl Conduction {
+    /// Returns the faces of a grid, which conduct nothing yet.
+    fn new(openness: &Openness, layout: &Layout) -> Self {
+        let (grid, n) = (openness.grid, layout.len());
+        let mut all = Self {
+            factor: std::array::from_fn(|_| vec![0.0; n]),
+            per_area: std::array::from_fn(|_| vec![0.0; n]),
+            conductivity: vec![0.0; n],
+            directions: None,
+            carried: std::array::from_fn(|_| vec![0.0; n]),
+            carries: false,
+            driven: vec![[0.0; 3]; grid.count()],
+            conducts: (0..grid.count()).map(|c| !openness.blocked(c)).collect(),
+        };
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            for axis in 0..grid.dimension {
+                let open = openness.faces[axis][openness.face(axis, cell)];
+                if cell[axis] > 0 && open > 0.0 {
+                    let area = open * grid.area(axis);
+                    all.factor[axis][layout.at(cell)] = 2.0 * area / grid.spacing[axis];
+                    all.per_area[axis][layout.at(cell)] = 1.0 / area;
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Linear system of a solution, and the vectors of conjugate gradients.
+struct System {
+    matrix: Matrix<f64>,
+    multigrid: Multigrid,
+    right: Vec<f64>,
+    residual: Vec<f64>,
+    direction: Vec<f64>,
+    product: Vec<f64>,
+}
+
+/// The pressure of a grid, and the way to it.
+pub struct Pressure {
+    slab: Slab,
+    conduction: Conduction,
+    system: System,
+    liquid: Liquid,
+    settings: Settings,
+    patches: Vec<Patch>,
+    boundary: Vec<Boundary>,
+    ground: Vec<Ground>,
+    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
+    phi: Vec<f64>,
+    /// The middle of the imposed reduced pressures \[Pa\].
+    level: f64,
+    /// No pressure has been found or restored yet.
+    fresh: bool,
+}
+
+impl Pressure {
+    /// Sets up the solver: at rest, without conductivity. Collective.
+    ///
+    /// # Errors
+    /// [`Error::Pocket`] if connected cells have no face with imposed pressure, [`Error::NoOpenCell`] if none is open.
+    pub fn new(
+        openness: &Openness,
+        patches: Vec<Patch>,
+        liquid: Liquid,
+        settings: Settings,
+        communicator: &Communicator,
+    ) -> Result<Self, Error> {
+        let grid = openness.grid;
+        let layout = Layout::new(grid.cells);
+        let message = |e: decomposition::Disagreement| Error::Messages(e.to_string());
+        let domain = Domain::new(communicator.clone(), slabs(&grid, communicator.size()))
+            .map_err(|e| Error::Messages(e.to_string()))?;
+        let part = Part {
+            axis: domain.axis().index(),
+            planes: domain.range(),
+        };
+        let ranges: Vec<_> = (0..communicator.size())
+            .map(|rank| domain.slabs().range(rank))
+            .collect();
+        let multigrid = Multigrid::new(
+            grid.cells,
+            grid.spacing,
+            part.clone(),
+            Halo::new::<f32>(layout, &domain, 41).map_err(message)?,
+            &ranges,
+            communicator,
+            42,
+        )?;
+        let gather = if communicator.size() > 1 {
+            Some(Gather::new::<f64>(
+                layout,
+                part.axis,
+                &ranges,
+                communicator,
+                43,
+            )?)
+        } else {
+            None
+        };
+        let n = layout.len();
+        let conduction = Conduction::new(openness, &layout);
+        let all = Self {
+            boundary: boundary(openness, &layout, &patches, &liquid, &settings),
+            slab: Slab {
+                grid,
+                layout,
+                halo: Halo::new::<f64>(layout, &domain, 40).map_err(message)?,
+                part,
+                communicator: communicator.clone(),
+                gather,
+            },
+            conduction,
+            system: System {
+                matrix: Matrix::new(&layout),
+                multigrid,
+                right: vec![0.0; n],
+                residual: vec![0.0; n],
+                direction: vec![0.0; n],
+                product: vec![0.0; n],
+            },
+            liquid,
+            settings,
+            patches,
+            ground: Vec::new(),
+            phi: vec![0.0; n],
+            level: 0.0,
+            fresh: true,
+        };
+        all.check_outlets()?;
+        Ok(all)
+    }
+
+    /// Labels connected cells; each set needs a face where the pressure is imposed.
+    fn check_outlets(&self) -> Result<(), Error> {
+        let mut held = vec![false; self.slab.layout.len()];
+        for face in &self.boundary {
+            if matches!(
+                self.patches[face.patch].condition,
+                Condition::Pressure { .. } | Condition::Head { .. }
+            ) {
+                held[face.at] = true;
+            }
+        }
+        let mut seen = vec![false; self.slab.layout.len()];
+        let mut stack = Vec::new();
+        let mut open = false;
+        for index in 0..self.slab.grid.count() {
+            let first = self.slab.layout.at(self.slab.grid.cell(index));
+            if !self.conduction.conducts[index] || seen[first] {
+                continue;
+            }
+            open = true;
+            let (mut cells, mut outlet) = (0, false);
+            seen[first] = true;
+            stack.push(first);
+            while let Some(at) = stack.pop() {
+                cells += 1;
+                outlet |= held[at];
+                for axis in 0..3 {
+                    let step = self.slab.layout.stride[axis];
+                    for (face, next) in [(at, at - step), (at + step, at + step)] {
+                        if self.conduction.factor[axis][face] > 0.0 && !seen[next] {
+                            seen[next] = true;
+                            stack.push(next);
+                        }
+                    }
+                }
+            }
+            if !outlet {
+                return Err(Error::Pocket {
+                    cells,
+                    at: self.slab.grid.centre(self.slab.grid.cell(index)),
+                });
+            }
+        }
+        if open { Ok(()) } else { Err(Error::NoOpenCell) }
+    }
+
+    /// The grid.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.slab.grid
+    }
+
+    /// The relative tolerance of a solution.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
+    /// Changes what holds on a patch; its kind has to stay.
+    pub fn set_condition(&mut self, patch: usize, condition: Condition) {
+        self.patches[patch].condition = condition;
+    }
+
+    /// Returns the condition that is stated for a face of a cell on the boundary of the grid.
+    #[must_use]
+    pub fn condition(&self, cell: usize, axis: usize, upper: bool) -> Option<Condition> {
+        let place = self.slab.grid.cell(cell);
+        let last = place[axis] + 1 == self.slab.grid.cells[axis];
+        let on_face = if upper { last } else { place[axis] == 0 };
+        let holds = |p: &&Patch| p.holds(axis, upper, place);
+        let patch = self.patches.iter().rev().find(holds);
+        patch.filter(|_| on_face).map(|p| p.condition)
+    }
+
+    /// States the conductivity of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
+    pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
+        let n = self.slab.layout.len();
+        let directions = self.conduction.directions.get_or_insert_with(|| {
+            Box::new(Directions {
+                ratios: ratios.to_vec(),
+                conductivity: std::array::from_fn(|_| vec![0.0; n]),
+            })
+        });
+        directions.ratios.copy_from_slice(ratios);
+    }
+
+    /// Conductivity of a cell along each axis over the one that was given.
+    #[must_use]
+    pub fn direction(&self, cell: usize) -> [f64; 3] {
+        let directions = self.conduction.directions.as_ref();
+        directions.map_or([1.0; 3], |directions| directions.ratios[cell])
+    }
+
+    /// Conductivity along an axis, of water and grains together.
+    fn along(&self, axis: usize) -> &[f64] {
+        let directions = self.conduction.directions.as_ref();
+        directions.map_or(&self.conduction.conductivity, |directions| {
+            &directions.conductivity[axis]
+        })
+    }
+
+    /// Finds the pressure in a medium, starting from the last pressure. Where nothing is carried and there
+    /// is no source the flow is
+    /// quasi-steady. Collective.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
+    pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+        self.assemble(medium)?;
+        let (iterations, residual) = self.iterate()?;
+        if let Some(gather) = &mut self.slab.gather {
+            gather.fill(&mut self.phi);
+        }
+        let (inflow, outflow) = self.fluxes();
+        Ok(Report {
+            iterations,
+            residual,
+            inflow,
+            outflow,
+        })
+    }
+
+    fn assemble(&mut self, medium: Medium<'_>) -> Result<(), Error> {
+        let mut bad = self.take(medium);
+        bad |= self.direct();
+        if bad {
+            return Err(Error::NotFinite("the permeability"));
+        }
+        self.join_cells();
+        self.centre();
+        self.impose();
+        if let Some(source) = medium.source {
+            self.add_source(source);
+        }
+        self.carry();
+        self.sum_faces();
+        let (mut largest, mut bad) = (0.0_f64, false);
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+            for i in row {
+                largest = largest.max(self.system.matrix.diagonal[i]);
+                bad |= !self.system.right[i].is_finite() || !self.phi[i].is_finite();
+                // A blocked cell takes no part: a coarse correction there has no effect.
+                if self.system.matrix.diagonal[i] <= 0.0 {
+                    self.system.right[i] = 0.0;
+                    self.phi[i] = 0.0;
+                }
+            }
+        }
+        if bad {
+            return Err(Error::NotFinite("the source or the boundary"));
+        }
+        self.system.multigrid.set(
+            &self.system.matrix,
+            &self.ground,
+            1.0 / power_above(largest),
+        );
+        Ok(())
+    }
+
+    /// Takes conductivities and what the grains carry; returns whether one is not a number.
+    fn take(&mut self, medium: Medium<'_>) -> bool {
+        let nx = self.slab.grid.cells[0];
+        let whole = self.slab.layout.whole();
+        let mut bad = false;
+        for (row, first) in self.slab.layout.rows(&whole).zip((0..).step_by(nx)) {
+            for (at, cell) in row.zip(first..) {
+                let k = if self.conduction.conducts[cell] {
+                    medium.conductivity[cell]
+                } else {
+                    0.0
+                };
+                bad |= !(0.0..f64::MAX).contains(&k);
+                self.conduction.conductivity[at] = k;
+            }
+        }
+        self.conduction.carries = medium.carried.is_some();
+        if let Some(carried) = medium.carried {
+            for (row, first) in self.slab.layout.rows(&whole).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    for (a, carried) in carried[cell].iter().enumerate() {
+                        self.conduction.carried[a][at] = if self.conduction.conducts[cell] {
+                            *carried
+                        } else {
+                            0.0
+                        };
+                        bad |= !carried.is_finite();
+                    }
+                }
+            }
+        }
+        bad
+    }
+
+    /// Makes the matrix of the faces: the harmonic mean of the two cells times the open area.
+    fn join_cells(&mut self) {
+        let whole = self.slab.layout.whole();
+        for axis in 0..3 {
+            let stride = self.slab.layout.stride[axis];
+            let k = match &self.conduction.directions {
+                Some(directions) => &directions.conductivity[axis],
+                None => &self.conduction.conductivity,
+            };
+            let factor = &self.conduction.factor[axis];
+            self.slab
+                .layout
+                .sweep(&whole, &mut self.system.matrix.t[axis], |start, out| {
+                    let n = out.len();
+                    let lower = &k[start - stride..start - stride + n];
+                    let upper = &k[start..start + n];
+                    let factor = &factor[start..start + n];
+                    for i in 0..n {
+                        let product = factor[i] * lower[i] * upper[i];
+                        out[i] = product / (lower[i] + upper[i] + f64::MIN_POSITIVE);
+                    }
+                });
+        }
+    }
+
+    /// Shifts the unknowns to the level in the middle of the imposed pressures.
+    fn centre(&mut self) {
+        let level = self.middle();
+        if level.total_cmp(&self.level).is_ne() {
+            for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+                self.phi[row]
+                    .iter_mut()
+                    .for_each(|phi| *phi += self.level - level);
+            }
+            self.level = level;
+        }
+    }
+
+    /// Imposes the conditions of the boundary on ground and right sides.
+    fn impose(&mut self) {
+        let level = self.level;
+        self.ground.clear();
+        self.system.right.fill(0.0);
+        for face in &mut self.boundary {
+            let k = match &self.conduction.directions {
+                Some(directions) => directions.conductivity[face.axis][face.at],
+                None => self.conduction.conductivity[face.at],
+            };
+            face.conductance = 2.0 * k * face.area / self.slab.grid.spacing[face.axis];
+            match self.patches[face.patch].condition {
+                Condition::Pressure { value: p } => {
+                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.system.right[face.at] += face.conductance * (p + face.lift - level);
+                }
+                Condition::Head { value: h } => {
+                    let phi = head_pressure(&self.liquid, &self.settings, h);
+                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.system.right[face.at] += face.conductance * (phi - level);
+                }
+                Condition::Flux { value: q } => self.system.right[face.at] += q * face.area,
+                Condition::Rain { rate: q } => {
+                    self.system.right[face.at] += q * face.area * face.up
+                }
+                Condition::NoFlow {} => {}
+            }
+        }
+    }
+
+    /// Adds the water that appears in the cells to the right sides.
+    fn add_source(&mut self, source: &[f64]) {
+        let nx = self.slab.grid.cells[0];
+        let volume = self.slab.grid.volume();
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
+        for (row, first) in rows.zip((0..).step_by(nx)) {
+            for (at, cell) in row.zip(first..) {
+                if self.conduction.conducts[cell] {
+                    self.system.right[at] += source[cell] * volume;
+                }
+            }
+        }
+    }
+
+    /// Sums the faces of each cell to the diagonal.
+    fn sum_faces(&mut self) {
+        let [sx, sy, sz] = self.slab.layout.stride;
+        let t = &self.system.matrix.t;
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+            for i in row {
+                self.system.matrix.diagonal[i] = ((t[0][i] + t[0][i + sx])
+                    + (t[1][i] + t[1][i + sy]))
+                    + (t[2][i] + t[2][i + sz]);
+            }
+        }
+        self.system.matrix.leak.fill(0.0);
+        for &(at, _, g) in &self.ground {
+            self.system.matrix.diagonal[at] += g;
+            self.system.matrix.leak[at] += g;
+        }
+    }
+
+    /// Conductivities along each axis, where cells differ in them; whether one is not a number.
+    fn direct(&mut self) -> bool {
+        let Some(directions) = &mut self.conduction.directions else {
+            return false;
+        };
+        let mut bad = false;
+        for (axis, along) in directions.conductivity.iter_mut().enumerate() {
+            along.copy_from_slice(&self.conduction.conductivity);
+            for (cell, ratios) in directions.ratios.iter().enumerate() {
+                let at = self.slab.layout.at(self.slab.grid.cell(cell));
+                along[at] *= ratios[axis];
+                bad |= !(0.0..f64::MAX).contains(&along[at]);
+            }
+        }
+        bad
+    }
+
+    /// Adds what the grains displace to the right sides.
+    fn carry(&mut self) {
+        if !self.conduction.carries {
+            return;
+        }
+        for axis in 0..self.slab.grid.dimension {
+            let stride = self.slab.layout.stride[axis];
+            for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+                for at in row {
+                    let through = self.area(axis, at) * self.face_velocity(axis, at);
+                    self.system.right[at] += through;
+                    self.system.right[at - stride] -= through;
+                }
+            }
+        }
+        for face in &self.boundary {
+            if self.imposed(face).is_some() {
+                let outward = if face.upper { 1.0 } else { -1.0 };
+                self.system.right[face.at] -=
+                    outward * face.area * self.conduction.carried[face.axis][face.at];
+            }
+        }
+    }
+
+    /// Open area of the face below a cell \[m2\].
+    fn area(&self, axis: usize, at: usize) -> f64 {
+        0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
+    }
+
+    /// Returns the flux that is carried through the face below a cell \[m/s\]: that of the two cells,
+    /// weighted by their resistances; 0 at a closed face.
+    fn face_velocity(&self, axis: usize, at: usize) -> f64 {
+        let below = at - self.slab.layout.stride[axis];
+        let (k, v) = (self.along(axis), &self.conduction.carried[axis]);
+        if self.conduction.factor[axis][at] > 0.0 {
+            (v[below] * k[at] + v[at] * k[below]) / (k[below] + k[at] + f64::MIN_POSITIVE)
+        } else {
+            0.0
+        }
+    }
+
+    /// The middle of the imposed reduced pressures.
+    fn middle(&self) -> f64 {
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for face in &self.boundary {
+            if let Some(phi) = self.imposed(face) {
+                least = least.min(phi);
+                most = most.max(phi);
+            }
+        }
+        0.5 * (least + most)
+    }
+
+    /// The reduced pressure that is imposed on a face.
+    fn imposed(&self, face: &Boundary) -> Option<f64> {
+        match self.patches[face.patch].condition {
+            Condition::Pressure { value: p } => Some(p + face.lift),
+            Condition::Head { value: h } => Some(head_pressure(&self.liquid, &self.settings, h)),
+            _ => None,
+        }
+    }
+
+    /// What crosses a boundary face, into the grid \[m3/s\].
+    fn inflow(&self, face: &Boundary) -> f64 {
+        match self.patches[face.patch].condition {
+            Condition::Flux { value: q } => q * face.area,
+            Condition::Rain { rate: q } => q * face.area * face.up,
+            Condition::NoFlow {} => 0.0,
+            Condition::Pressure { .. } | Condition::Head { .. } => {
+                let inward = if face.upper { -1.0 } else { 1.0 };
+                let carried = inward * face.area * self.conduction.carried[face.axis][face.at];
+                self.imposed(face).map_or(0.0, |phi| {
+                    face.conductance * (phi - self.level - self.phi[face.at]) + carried
+                })
+            }
+        }
+    }
+
+    /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
+    fn fluxes(&mut self) -> (f64, f64) {
+        let layout = self.slab.layout;
+        let [_, sy, sz] = layout.stride;
+        let nx = self.slab.grid.cells[0];
+        let (t, w, phi) = (&self.system.matrix.t, &self.conduction.per_area, &self.phi);
+        for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
+            let mut west = 0.0;
+            for (at, driven) in row.zip(&mut self.conduction.driven[first..first + nx]) {
+                let face = |axis: usize, at: usize, stride: usize| {
+                    (t[axis][at] * w[axis][at]) * (phi[at - stride] - phi[at])
+                };
+                let east = face(0, at + 1, 1);
+                *driven = [
+                    0.5 * (west + east),
+                    0.5 * (face(1, at, sy) + face(1, at + sy, sy)),
+                    0.5 * (face(2, at, sz) + face(2, at + sz, sz)),
+                ];
+                west = east;
+            }
+        }
+        if self.conduction.carries {
+            for (row, first) in layout.rows(&layout.whole()).zip((0..).step_by(nx)) {
+                for (at, cell) in row.zip(first..) {
+                    for axis in 0..self.slab.grid.dimension {
+                        let faces = self.face_velocity(axis, at)
+                            + self.face_velocity(axis, at + layout.stride[axis]);
+                        self.conduction.driven[cell][axis] +=
+                            0.5 * faces - self.conduction.carried[axis][at];
+                    }
+                }
+            }
+        }
+        let (mut inflow, mut outflow) = (ExactSum::new(), ExactSum::new());
+        for k in 0..self.boundary.len() {
+            let face = self.boundary[k];
+            let rate = self.inflow(&face);
+            if rate > 0.0 {
+                inflow.add(rate);
+            } else {
+                outflow.add(-rate);
+            }
+            let along = if face.upper { -rate } else { rate };
+            self.conduction.driven[face.cell][face.axis] += 0.5 * along / face.area;
+        }
+        (inflow.value(), outflow.value())
+    }
+
+    /// Volume flux of water and grains through a cell \[m/s\].
+    #[must_use]
+    pub fn flux(&self, cell: usize) -> [f64; 3] {
+        if self.conduction.carries {
+            let at = self.slab.layout.at(self.slab.grid.cell(cell));
+            std::array::from_fn(|a| {
+                self.conduction.driven[cell][a] + self.conduction.carried[a][at]
+            })
+        } else {
+            self.conduction.driven[cell]
+        }
+    }
+
+    /// Flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
+    #[must_use]
+    pub fn conductivity(&self, cell: usize) -> f64 {
+        self.conduction.conductivity[self.slab.layout.at(self.slab.grid.cell(cell))]
+    }
+
+    /// Gradient of the reduced pressure in a cell \[Pa/m\].
+    #[must_use]
+    pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
+        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        std::array::from_fn(|a| {
+            let k = self.along(a)[at];
+            if k > 0.0 {
+                -self.conduction.driven[cell][a] / k
+            } else {
+                0.0
+            }
+        })
+    }
+
+    /// rho g in the water \[N/m3\]; 0 in the equations as printed.
+    #[must_use]
+    pub fn weight(&self) -> [f64; 3] {
+        match self.settings.equations {
+            Equations::Corrected => self.settings.gravity.map(|g| g * self.liquid.density),
+            Equations::Paper => [0.0; 3],
+        }
+    }
+
+    /// Gradient of the pressure in a cell \[Pa/m\].
+    #[must_use]
+    pub fn gradient(&self, cell: usize) -> [f64; 3] {
+        let (gradient, weight) = (self.reduced_gradient(cell), self.weight());
+        std::array::from_fn(|a| gradient[a] + weight[a])
+    }
+
+    /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
+    #[must_use]
+    pub fn reduced(&self, cell: usize) -> f64 {
+        if !self.conduction.conducts[cell] {
+            return 0.0;
+        }
+        self.level + self.phi[self.slab.layout.at(self.slab.grid.cell(cell))]
+    }
+
+    /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the
+    /// imposed ones \[Pa\].
+    pub fn saved(&self) -> impl Iterator<Item = f64> {
+        (0..self.slab.grid.count())
+            .map(|index| self.phi[self.slab.layout.at(self.slab.grid.cell(index))])
+    }
+
+    /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
+    #[must_use]
+    pub fn largest_difference(&self) -> f64 {
+        let cells = (0..self.slab.grid.count()).filter(|cell| self.conduction.conducts[*cell]);
+        let imposed = self.boundary.iter().filter_map(|face| self.imposed(face));
+        let (low, high) = cells
+            .map(|cell| self.reduced(cell))
+            .chain(imposed)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+        (high - low).max(0.0)
+    }
+
+    /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
+    #[must_use]
+    pub fn pressure(&self, cell: usize) -> f64 {
+        if !self.conduction.conducts[cell] {
+            return 0.0;
+        }
+        let (x, weight) = (
+            self.slab.grid.centre(self.slab.grid.cell(cell)),
+            self.weight(),
+        );
+        self.reduced(cell) + (weight[0] * x[0] + weight[1] * x[1] + weight[2] * x[2])
+    }
+
+    /// Takes over what [`Self::saved`] gave as the start of the next iteration.
+    ///
+    /// # Errors
+    /// If there is not one for each cell.
+    pub fn restore(&mut self, saved: &[f64]) -> Result<(), Error> {
+        if saved.len() != self.slab.grid.count() {
+            return Err(Error::Messages(format!(
+                "{} pressures for {} cells",
+                saved.len(),
+                self.slab.grid.count()
+            )));
+        }
+        for (index, phi) in saved.iter().enumerate() {
+            self.phi[self.slab.layout.at(self.slab.grid.cell(index))] = *phi;
+        }
+        self.level = self.middle();
+        self.fresh = false;
+        Ok(())
+    }
+
+    /// Volume that enters through each patch \[m3/s\].
+    #[must_use]
+    pub fn patch_inflows(&self) -> Vec<f64> {
+        let mut sums: Vec<ExactSum> = self.patches.iter().map(|_| ExactSum::new()).collect();
+        for face in &self.boundary {
+            sums[face.patch].add(self.inflow(face));
+        }
+        sums.iter().map(ExactSum::value).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

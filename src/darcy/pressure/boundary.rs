@@ -1,0 +1,109 @@
+//! Faces of the grid that water crosses, and the slabs of the solver.
+
+use super::{Condition, Equations, Liquid, Patch, Settings};
+use crate::enclosure::Openness;
+use crate::grid::Grid;
+use crate::layout::Layout;
+use crate::multigrid::first_joined;
+use decomposition::{Axis, Slabs};
+
+/// A face on the boundary of the grid that something crosses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Boundary {
+    /// Place of the cell among the cells and in the layout.
+    pub(super) cell: usize,
+    pub(super) at: usize,
+    pub(super) axis: usize,
+    pub(super) upper: bool,
+    /// Open area \[m2\].
+    pub(super) area: f64,
+    /// Which patch.
+    pub(super) patch: usize,
+    /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
+    pub(super) lift: f64,
+    /// Part of the area that faces up.
+    pub(super) up: f64,
+    /// Conductance from the centre of the cell.
+    pub(super) conductance: f64,
+}
+
+/// Reduced pressure of a head: rho g h \[Pa\].
+pub(super) fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
+    let g = settings.gravity;
+    liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
+}
+
+/// Slabs along the longest axis, cut between cells that the coarser grid joins.
+pub(super) fn slabs(grid: &Grid, size: usize) -> Slabs {
+    let axis = Axis::longest(grid.cells);
+    let a = axis.index();
+    let step = first_joined(grid.cells, grid.spacing)[a];
+    let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
+    let bounds = pairs
+        .bounds()
+        .iter()
+        .map(|b| (b * step).min(grid.cells[a]))
+        .collect();
+    Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
+}
+
+/// The faces of the boundary that belong to a patch, by rising position of their cell.
+pub(super) fn boundary(
+    openness: &Openness,
+    layout: &Layout,
+    patches: &[Patch],
+    liquid: &Liquid,
+    settings: &Settings,
+) -> Vec<Boundary> {
+    let grid = openness.grid;
+    let gravity = settings.gravity;
+    let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
+    let mut all = Vec::new();
+    for index in 0..grid.count() {
+        let cell = grid.cell(index);
+        for axis in 0..grid.dimension {
+            for upper in [false, true] {
+                let edge = if upper { grid.cells[axis] - 1 } else { 0 };
+                if cell[axis] != edge || openness.blocked(index) {
+                    continue;
+                }
+                let holds = |p: &Patch| p.holds(axis, upper, cell);
+                let Some(patch) = patches.iter().rposition(holds) else {
+                    continue;
+                };
+                let mut place = cell;
+                place[axis] += usize::from(upper);
+                let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
+                if area <= 0.0 || patches[patch].condition == (Condition::NoFlow {}) {
+                    continue;
+                }
+                let mut centre = grid.centre(cell);
+                centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+                let lift = match settings.equations {
+                    Equations::Corrected => {
+                        -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
+                    }
+                    Equations::Paper => 0.0,
+                };
+                let outward = if upper { 1.0 } else { -1.0 };
+                let up = if strength > 0.0 {
+                    (-gravity[axis] * outward / strength).max(0.0)
+                } else {
+                    0.0
+                };
+                all.push(Boundary {
+                    cell: index,
+                    at: layout.at(cell),
+                    axis,
+                    upper,
+                    area,
+                    patch,
+                    lift,
+                    up,
+                    conductance: 0.0,
+                });
+            }
+        }
+    }
+    all
+}

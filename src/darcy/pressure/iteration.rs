@@ -1,0 +1,192 @@
+//! The linear solver: conjugate gradients with a multigrid cycle, from the last pressure.
+//!
+//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed pressure, or the largest
+//! source.
+
+use super::Pressure;
+use crate::Error;
+use crate::multigrid::inflow;
+use crate::reproducible::{dot, power_above};
+use base::number::single;
+
+impl Pressure {
+    /// Conjugate gradients: iterations and relative residual.
+    pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
+        if self.fresh {
+            // So that water that nothing drives is at rest exactly.
+            self.phi.fill(0.0);
+            self.fresh = false;
+        }
+        let drive = self.size();
+        let mut largest = self.first_residual();
+        if !largest.is_finite() || !drive.is_finite() {
+            return Err(Error::NotFinite("the first residual"));
+        }
+        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
+        let least = 1e-12 * drive.max(self.largest_term());
+        let mut scale = drive.max(least);
+        let mut iterations = 0;
+        let mut last = 0.0;
+        loop {
+            if largest <= self.settings.tolerance * scale {
+                // Beside free water the imbalance at uniform pressure is far larger than what flows in the end.
+                let flowing = self.flowing().max(least);
+                if flowing >= scale || largest <= self.settings.tolerance * flowing {
+                    break;
+                }
+                scale = flowing;
+            }
+            if iterations >= self.settings.iterations {
+                return Err(Error::NotConverged {
+                    iterations,
+                    residual: largest / scale,
+                    tolerance: self.settings.tolerance,
+                });
+            }
+            let here = (self.slab.layout, self.slab.part.clone());
+            let here = (&here.0, &here.1);
+            // The cycle works in single precision: on a residual near 1.
+            let unit = 1.0 / power_above(largest);
+            let residual = &self.system.residual;
+            here.0
+                .sweep(here.1, self.system.multigrid.right_side(), |start, out| {
+                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
+                        *b = single(r * unit);
+                    }
+                });
+            self.system.multigrid.cycle();
+            let z = self.system.multigrid.result();
+            let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
+            let beta = if iterations == 0 { 0.0 } else { rz / last };
+            last = rz;
+            here.0
+                .sweep(here.1, &mut self.system.direction, |start, out| {
+                    let z = &z[start..start + out.len()];
+                    for (p, z) in out.iter_mut().zip(z) {
+                        *p = f64::from(*z) / unit + beta * *p;
+                    }
+                });
+            self.slab.halo.fill(&mut self.system.direction);
+            let (layout, matrix, p) = (
+                &self.slab.layout,
+                &self.system.matrix,
+                &self.system.direction,
+            );
+            layout.sweep(here.1, &mut self.system.product, |start, out| {
+                let n = out.len();
+                let (leak, row) = (&matrix.leak[start..start + n], &p[start..start + n]);
+                inflow(matrix, layout, p, start, n, |i, sum| {
+                    out[i] = leak[i] * row[i] - sum;
+                });
+            });
+            let energy = dot(
+                here,
+                &self.system.direction,
+                &self.system.product,
+                &self.slab.communicator,
+            );
+            let alpha = rz / energy;
+            if !alpha.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            let mut most = 0.0_f64;
+            let mut bad = 0.0_f64;
+            for row in self.slab.layout.rows(here.1) {
+                let (p, q) = (
+                    &self.system.direction[row.clone()],
+                    &self.system.product[row.clone()],
+                );
+                let (x, r) = (&mut self.phi[row.clone()], &mut self.system.residual[row]);
+                for i in 0..x.len() {
+                    x[i] += alpha * p[i];
+                    r[i] -= alpha * q[i];
+                    let size = r[i].abs();
+                    most = if size > most { size } else { most };
+                    bad += size * 0.0;
+                }
+            }
+            largest = self.slab.communicator.all_reduce_max_f64(if bad.is_nan() {
+                f64::INFINITY
+            } else {
+                most
+            });
+            if !largest.is_finite() {
+                return Err(Error::NotFinite("the iteration"));
+            }
+            iterations += 1;
+        }
+        Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
+    }
+
+    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration. Collective.
+    fn flowing(&self) -> f64 {
+        let mut most = 0.0_f64;
+        for face in &self.boundary {
+            let along = self.slab.grid.cell(face.cell)[self.slab.part.axis];
+            if self.slab.part.planes.contains(&along) {
+                most = most.max(self.inflow(face).abs());
+            }
+        }
+        for row in self.slab.layout.rows(&self.slab.part) {
+            for at in row {
+                if self.system.right[at].abs() > 0.0 && !self.is_ground(at) {
+                    most = most.max(self.system.right[at].abs());
+                }
+            }
+        }
+        self.slab.communicator.all_reduce_max_f64(most)
+    }
+
+    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
+    /// drives the flow. Over the whole
+    /// grid, so that no message is needed.
+    fn size(&self) -> f64 {
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
+        rows.flatten()
+            .fold(0.0, |most, at| self.system.right[at].abs().max(most))
+    }
+
+    /// The largest term of the left sides at the pressure where the iteration starts.
+    fn largest_term(&self) -> f64 {
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
+        rows.flatten().fold(0.0, |most, at| {
+            (self.system.matrix.diagonal[at] * self.phi[at])
+                .abs()
+                .max(most)
+        })
+    }
+
+    fn is_ground(&self, at: usize) -> bool {
+        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
+    }
+
+    /// `residual = right - A phi`, and its largest size on any rank.
+    fn first_residual(&mut self) -> f64 {
+        self.slab.halo.fill(&mut self.phi);
+        let (layout, matrix, phi, right) = (
+            &self.slab.layout,
+            &self.system.matrix,
+            &self.phi,
+            &self.system.right,
+        );
+        layout.sweep(&self.slab.part, &mut self.system.residual, |start, out| {
+            let n = out.len();
+            let (leak, row) = (&matrix.leak[start..start + n], &phi[start..start + n]);
+            let right = &right[start..start + n];
+            inflow(matrix, layout, phi, start, n, |i, sum| {
+                out[i] = (right[i] - leak[i] * row[i]) + sum;
+            });
+        });
+        let mut most = 0.0_f64;
+        for row in self.slab.layout.rows(&self.slab.part) {
+            for r in &self.system.residual[row] {
+                most = if r.is_finite() {
+                    most.max(r.abs())
+                } else {
+                    f64::INFINITY
+                };
+            }
+        }
+        self.slab.communicator.all_reduce_max_f64(most)
+    }
+}

@@ -1,0 +1,612 @@
+//! Permeability and porosity by region: layers, boxes and rasters of values beside those that follow from the grains.
+//!
+//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The cell then has one
+//! permeability along each axis:
+//!
+//! ```text
+//! harmonic   along a: sum over columns w_bc / (sum_a w_a/K)         lower bound: no flow from column to column
+//! arithmetic along a: 1 / sum_a [w_a / (sum over slices w_bc K)]    upper bound: no loss within a slice
+//! K_a = sqrt(harmonic arithmetic)
+//! ```
+//!
+//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P. Renard and
+//! G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds are one: the harmonic mean
+//! across the layers and the arithmetic mean along them. With the harmonic mean of two cells at their face the flow across and along
+//! layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972), section 5.8, wherever the boundaries lie:
+//!
+//! ```text
+//! across: H/K = sum H_i/K_i          along: H K = sum H_i K_i
+//! ```
+
+use super::Liquid;
+use super::grid::Grid;
+use super::permeability::{BedOfCells, Law, Resistance, larger};
+use std::collections::BTreeMap;
+
+/// The permeability of a zone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rule {
+    /// This one \[m2\].
+    Value(f64),
+    /// That of the grains times a factor.
+    Factor(f64),
+    /// That of the grains by another law.
+    Law(Resistance),
+}
+
+/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other along each axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster {
+    /// Coordinates of the nodes along each axis, rising \[m\]; one along z in 2-D.
+    pub nodes: [Vec<f64>; 3],
+    /// Permeability of each node \[m2\] or its factor, x fastest; empty where the raster has none.
+    pub permeability: Vec<Rule>,
+    /// Porosity of each node, x fastest; empty where the raster has none.
+    pub porosity: Vec<f64>,
+}
+
+impl Raster {
+    /// The planes half way between nodes along an axis.
+    fn planes(&self, axis: usize) -> impl Iterator<Item = f64> {
+        let pairs = self.nodes[axis].windows(2);
+        pairs.map(|pair| pair[0] + 0.5 * (pair[1] - pair[0]))
+    }
+
+    /// The node that stands for a point.
+    fn node(&self, point: [f64; 3]) -> usize {
+        let place = |a: usize| {
+            let nodes = &self.nodes[a];
+            let middle = |n: usize| nodes[n] + 0.5 * (nodes[n + 1] - nodes[n]);
+            // Planes at or below the point, of the planes between nodes.
+            let (mut low, mut high) = (0, nodes.len() - 1);
+            while low < high {
+                let n = usize::midpoint(low, high);
+                if middle(n) <= point[a] {
+                    low = n + 1;
+                } else {
+                    high = n;
+                }
+            }
+            low
+        };
+        (place(2) * self.nodes[1].len() + place(1)) * self.nodes[0].len() + place(0)
+    }
+}
+
+/// A region with its own permeability or porosity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zone {
+    /// Lower corner \[m\]; infinite where the region has no end.
+    pub from: [f64; 3],
+    /// Upper corner \[m\].
+    pub to: [f64; 3],
+    /// Its permeability; none where it remains that of the grains.
+    pub permeability: Option<Rule>,
+    /// Its porosity; none where it remains that of the grains.
+    pub porosity: Option<f64>,
+    /// Values that vary.
+    pub raster: Option<Raster>,
+    /// Whether it holds in cells without grains as well.
+    pub without_grains: bool,
+}
+
+impl Zone {
+    fn contains(&self, point: [f64; 3]) -> bool {
+        (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
+    }
+
+    fn rule(&self, node: Option<usize>) -> Option<Rule> {
+        let varies = self.raster.as_ref().zip(node);
+        let there = varies.and_then(|(raster, node)| raster.permeability.get(node).copied());
+        there.or(self.permeability)
+    }
+
+    fn pores(&self, node: Option<usize>) -> Option<f64> {
+        let varies = self.raster.as_ref().zip(node);
+        let there = varies.and_then(|(raster, node)| raster.porosity.get(node).copied());
+        there.or(self.porosity)
+    }
+}
+
+/// What zones state for a point. With each the answer whether it holds without grains.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Medium {
+    permeability: Option<(Rule, bool)>,
+    porosity: Option<(f64, bool)>,
+}
+
+impl Medium {
+    /// The porosity that a zone states; `grains`: whether there are any.
+    #[must_use]
+    pub fn porosity(&self, grains: bool) -> Option<f64> {
+        let stated = self.porosity.filter(|(_, without)| grains || *without);
+        stated.map(|(porosity, _)| porosity)
+    }
+
+    /// Whether it states a permeability that needs no grains.
+    fn fills(&self) -> bool {
+        matches!(self.permeability, Some((Rule::Value(_), true)))
+    }
+
+    /// Whether it holds without grains.
+    fn stands(&self) -> bool {
+        self.permeability.is_some_and(|(_, without)| without)
+            || self.porosity.is_some_and(|(_, without)| without)
+    }
+
+    /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under a gradient
+    /// \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
+    #[must_use]
+    pub fn permeability(
+        &self,
+        law: &dyn Law,
+        (porosity, diameter): (f64, f64),
+        liquid: Liquid,
+        gradient: f64,
+        grains: bool,
+    ) -> f64 {
+        let porosity = self.porosity(grains).unwrap_or(porosity);
+        let rule = self.permeability.filter(|(_, without)| grains || *without);
+        let by = |law: &dyn Law| law.permeability(porosity, diameter, liquid, gradient);
+        match rule.map(|(rule, _)| rule) {
+            Some(Rule::Value(value)) => value,
+            Some(Rule::Factor(factor)) => factor * by(law),
+            Some(Rule::Law(own)) => by(own.model()),
+            None => by(law),
+        }
+    }
+}
+
+/// A cell that zones reach, divided into boxes.
+#[derive(Clone, Debug, PartialEq)]
+struct Divided {
+    cell: usize,
+    /// Boxes along each axis.
+    counts: [usize; 3],
+    /// Lengths of the boxes along x, then y, then z, each over that of the cell: in [`Zones::lengths`] from here on.
+    lengths: usize,
+    /// Media of the boxes, x fastest: in [`Zones::media_of`] from here on.
+    media: usize,
+}
+
+/// The zones on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zones {
+    dimension: usize,
+    cells: Vec<Divided>,
+    lengths: Vec<f64>,
+    media_of: Vec<u32>,
+    /// The first one is that of the grains.
+    media: Vec<Medium>,
+    cut: usize,
+    /// Cells each zone holds a part of.
+    reached: Vec<usize>,
+}
+
+impl Zones {
+    /// Divides the cells of a grid. A later zone takes precedence in what it states.
+    #[must_use]
+    pub fn new(grid: &Grid, zones: &[Zone]) -> Self {
+        let mut all = Self {
+            dimension: grid.dimension,
+            cells: Vec::new(),
+            lengths: Vec::new(),
+            media_of: Vec::new(),
+            media: vec![Medium::default()],
+            cut: 0,
+            reached: vec![0; zones.len()],
+        };
+        let planes: [Vec<f64>; 3] = std::array::from_fn(|a| planes(grid, zones, a));
+        let mut known = BTreeMap::new();
+        let mut edges: [Vec<f64>; 3] = Default::default();
+        let mut boxes = Vec::new();
+        let mut seen = vec![usize::MAX; zones.len()];
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            for (a, edges) in edges.iter_mut().enumerate() {
+                divide(grid, a, cell[a], &planes[a], edges);
+            }
+            let counts: [usize; 3] = std::array::from_fn(|a| edges[a].len() - 1);
+            boxes.clear();
+            for n in 0..counts.iter().product() {
+                let place = [
+                    n % counts[0],
+                    n / counts[0] % counts[1],
+                    n / (counts[0] * counts[1]),
+                ];
+                let mut centre: [f64; 3] = std::array::from_fn(|a| {
+                    edges[a][place[a]] + 0.5 * (edges[a][place[a] + 1] - edges[a][place[a]])
+                });
+                if grid.dimension == 2 {
+                    centre[2] = 0.0;
+                }
+                boxes.push(all.medium(zones, centre, &mut known, (&mut seen, index)));
+            }
+            if boxes.iter().all(|medium| *medium == 0) {
+                continue;
+            }
+            let whole = boxes.iter().all(|medium| *medium == boxes[0]);
+            all.cut += usize::from(!whole);
+            let (lengths, media) = (all.lengths.len(), all.media_of.len());
+            let counts = if whole { [1; 3] } else { counts };
+            if whole {
+                all.lengths.extend([1.0; 3]);
+                all.media_of.push(boxes[0]);
+            } else {
+                for edges in &edges {
+                    let length = edges[edges.len() - 1] - edges[0];
+                    let parts = edges.windows(2).map(|pair| (pair[1] - pair[0]) / length);
+                    all.lengths.extend(parts);
+                }
+                all.media_of.extend(&boxes);
+            }
+            all.cells.push(Divided {
+                cell: index,
+                counts,
+                lengths,
+                media,
+            });
+        }
+        all
+    }
+
+    /// The medium of a point.
+    fn medium(
+        &mut self,
+        zones: &[Zone],
+        point: [f64; 3],
+        known: &mut BTreeMap<[u64; 2], u32>,
+        (seen, cell): (&mut [usize], usize),
+    ) -> u32 {
+        let mut medium = Medium::default();
+        // Who states what, as key: the zone and the node of its raster, from 1.
+        let mut from = [0; 2];
+        for (n, zone) in zones.iter().enumerate() {
+            if !zone.contains(point) {
+                continue;
+            }
+            if seen[n] != cell {
+                seen[n] = cell;
+                self.reached[n] += 1;
+            }
+            let node = zone.raster.as_ref().map(|raster| raster.node(point));
+            let key = ((n as u64 + 1) << 40) + node.map_or(0, |node| node as u64 + 1);
+            if let Some(rule) = zone.rule(node) {
+                medium.permeability = Some((rule, zone.without_grains));
+                from[0] = key;
+            }
+            if let Some(porosity) = zone.pores(node) {
+                medium.porosity = Some((porosity, zone.without_grains));
+                from[1] = key;
+            }
+        }
+        if from == [0; 2] {
+            return 0;
+        }
+        *known.entry(from).or_insert_with(|| {
+            self.media.push(medium);
+            base::number::to_u32(self.media.len() - 1)
+        })
+    }
+
+    /// Cells that a boundary of zones cuts.
+    #[must_use]
+    pub fn cut(&self) -> usize {
+        self.cut
+    }
+
+    /// Cells that each zone holds a part of.
+    #[must_use]
+    pub fn reached(&self) -> &[usize] {
+        &self.reached
+    }
+
+    /// The part of each of so many cells that zones fill without grains.
+    #[must_use]
+    pub fn filled(&self, cells: usize) -> Vec<f64> {
+        let mut filled = vec![0.0; cells];
+        for divided in &self.cells {
+            filled[divided.cell] = self.part(divided, Medium::fills);
+        }
+        filled
+    }
+
+    /// Returns the part of a cell whose medium is of a kind.
+    fn part(&self, divided: &Divided, kind: impl Fn(&Medium) -> bool) -> f64 {
+        let ([x, y, z], media) = self.boxes(divided);
+        let mut media = media.iter();
+        let mut part = 0.0;
+        for c in z {
+            for b in y {
+                for a in x {
+                    let is = media.next().is_some_and(|m| kind(&self.media[*m as usize]));
+                    part += if is { a * b * c } else { 0.0 };
+                }
+            }
+        }
+        part
+    }
+
+    /// Whether all that the zones state of the grid is a permeability that needs no grains.
+    #[must_use]
+    pub fn stand_alone(&self) -> bool {
+        self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
+    }
+
+    /// Everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all zones.
+    pub fn media(&self, cells: usize) -> impl Iterator<Item = &Medium> {
+        let outside = self.cells.len() < cells || self.media_of.contains(&0);
+        self.media[usize::from(!outside)..].iter()
+    }
+
+    /// Whether a zone has a law that depends on the gradient.
+    #[must_use]
+    pub fn depend_on_the_gradient(&self) -> bool {
+        self.media.iter().any(|medium| {
+            matches!(medium.permeability, Some((Rule::Law(law), _)) if law.model().depends_on_the_gradient())
+        })
+    }
+
+    /// Boxes of a cell: its lengths along each axis and their media.
+    fn boxes(&self, cell: &Divided) -> ([&[f64]; 3], &[u32]) {
+        let [x, y, z] = cell.counts;
+        let lengths = &self.lengths[cell.lengths..cell.lengths + x + y + z];
+        let media = &self.media_of[cell.media..cell.media + x * y * z];
+        let (along_x, rest) = lengths.split_at(x);
+        let (along_y, along_z) = rest.split_at(y);
+        ([along_x, along_y, along_z], media)
+    }
+}
+
+/// Planes across an axis at which a zone or a node may end, rising.
+fn planes(grid: &Grid, zones: &[Zone], axis: usize) -> Vec<f64> {
+    let mut all = Vec::new();
+    if axis < grid.dimension {
+        for zone in zones {
+            all.extend([zone.from[axis], zone.to[axis]]);
+            if let Some(raster) = &zone.raster {
+                all.extend(raster.planes(axis));
+            }
+        }
+    }
+    all.retain(|x| x.is_finite());
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// Part of the edge of a cell by which a plane misses the edge and still lies on it.
+const ON_THE_EDGE: f64 = 1e-9;
+
+/// The edges of a cell along an axis with the planes between them.
+fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
+    let edge = |n: usize| grid.origin[axis] + base::number::real(n) * grid.spacing[axis];
+    let (low, high) = (edge(cell), edge(cell + 1));
+    let slack = ON_THE_EDGE * (high - low);
+    edges.clear();
+    edges.push(low);
+    let first = planes.partition_point(|x| *x <= low + slack);
+    let within = planes[first..].iter().take_while(|x| **x < high - slack);
+    edges.extend(within.copied());
+    edges.push(high);
+}
+
+/// The permeabilities of cells with zones: room for each round.
+#[derive(Clone, Debug)]
+pub struct Conduct {
+    /// Porosity by the grains in the cells that zones reach.
+    porosity: Vec<f64>,
+    /// Whether these cells hold grains.
+    grains: Vec<bool>,
+    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
+    bodies: Vec<bool>,
+    /// `true` if zones reach a cell that holds grains.
+    ground: Vec<bool>,
+    /// Part of each cell that zones without grains leave to open water.
+    free: Vec<f64>,
+    /// Permeability along each axis over that of the cell; empty where no boundary cuts a cell.
+    ratios: Vec<[f64; 3]>,
+    /// Permeability of the boxes of a cell \[m2\].
+    boxes: Vec<f64>,
+    /// Permeabilities and ratios of another round.
+    next: Vec<f64>,
+    next_ratios: Vec<[f64; 3]>,
+}
+
+impl Conduct {
+    /// Room for the zones of a grid with so many cells.
+    #[must_use]
+    pub fn new(zones: &Zones, cells: usize) -> Self {
+        let cut = if zones.cut > 0 { cells } else { 0 };
+        let most = zones.cells.iter().map(|c| c.counts.iter().product());
+        Self {
+            porosity: vec![1.0; zones.cells.len()],
+            grains: vec![false; zones.cells.len()],
+            bodies: vec![false; cells],
+            ground: vec![false; cells],
+            free: vec![1.0; cells],
+            ratios: vec![[1.0; 3]; cut],
+            boxes: Vec::with_capacity(most.max().unwrap_or(0)),
+            next: vec![0.0; cells],
+            next_ratios: vec![[1.0; 3]; cut],
+        }
+    }
+
+    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`: whether a cell holds
+    /// grains.
+    pub fn replace_porosity(
+        &mut self,
+        zones: &Zones,
+        porosity: &mut [f64],
+        grains: impl Fn(usize) -> bool,
+    ) {
+        for (n, divided) in zones.cells.iter().enumerate() {
+            let cell = divided.cell;
+            (self.porosity[n], self.grains[n]) = (porosity[cell], grains(cell));
+            let (_, here) = zones.boxes(divided);
+            let stands = |medium: &u32| zones.media[*medium as usize].stands();
+            self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
+            self.ground[cell] = self.grains[n];
+            self.free[cell] = 1.0 - zones.part(divided, Medium::stands);
+            let own = |medium: u32| {
+                let stated = zones.media[medium as usize].porosity(self.grains[n]);
+                stated.unwrap_or(self.porosity[n])
+            };
+            let ([x, y, z], media) = zones.boxes(divided);
+            if let [medium] = media {
+                porosity[cell] = own(*medium);
+                continue;
+            }
+            let mut mean = 0.0;
+            let mut media = media.iter();
+            for z in z {
+                for y in y {
+                    for (x, medium) in x.iter().zip(&mut media) {
+                        mean += x * y * z * own(*medium);
+                    }
+                }
+            }
+            porosity[cell] = mean;
+        }
+    }
+
+    /// Whether a body that the case does not resolve fills a cell or a part of it.
+    #[must_use]
+    pub fn is_body(&self, cell: usize) -> bool {
+        self.bodies[cell]
+    }
+
+    /// Returns whether zones state the permeability of the grains of a cell.
+    #[must_use]
+    pub fn is_ground(&self, cell: usize) -> bool {
+        self.ground[cell]
+    }
+
+    /// Returns the part of a cell that zones without grains leave to open water.
+    #[must_use]
+    pub fn free(&self, cell: usize) -> f64 {
+        self.free[cell]
+    }
+
+    /// Replaces the permeability of the cells by that of the zones, and forms the ratios. `open`:
+    /// permeability of open water along each axis
+    /// of each cell \[m2\].
+    pub fn replace(
+        &mut self,
+        zones: &Zones,
+        law: &dyn Law,
+        (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
+        liquid: Liquid,
+        permeability: &mut [f64],
+    ) {
+        for (n, divided) in zones.cells.iter().enumerate() {
+            let cell = divided.cell;
+            let (diameter, gradient) = (bed.diameter[cell], bed.gradient[cell]);
+            let of_grains = (self.porosity[n], diameter);
+            let own = |medium: u32| {
+                let medium = &zones.media[medium as usize];
+                medium.permeability(law, of_grains, liquid, gradient, self.grains[n])
+            };
+            let (lengths, media) = zones.boxes(divided);
+            if let [medium] = media {
+                permeability[cell] = own(*medium);
+                continue;
+            }
+            self.boxes.clear();
+            self.boxes.extend(media.iter().map(|medium| own(*medium)));
+            let mut along = [0.0; 3];
+            let mut mean = 1.0;
+            for (axis, along) in along.iter_mut().enumerate().take(zones.dimension) {
+                if !self.grains[n] {
+                    // What no zone holds is open water.
+                    for (own, medium) in self.boxes.iter_mut().zip(media) {
+                        if !zones.media[*medium as usize].stands() {
+                            *own = open[cell][axis];
+                        }
+                    }
+                }
+                *along = effective(axis, lengths, &self.boxes);
+                mean *= *along;
+            }
+            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
+            let mean = match zones.dimension {
+                2 => mean.sqrt(),
+                _ => mean.cbrt(),
+            };
+            permeability[cell] = mean;
+            for (ratio, along) in self.ratios[cell]
+                .iter_mut()
+                .zip(along)
+                .take(zones.dimension)
+            {
+                *ratio = along / mean;
+            }
+        }
+    }
+
+    /// Permeability along each axis over that of the cell; none where no boundary cuts a cell.
+    #[must_use]
+    pub fn ratios(&self) -> Option<&[[f64; 3]]> {
+        Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
+    }
+
+    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed, weighted as in [`Law::change`].
+    pub fn change(
+        &mut self,
+        zones: &Zones,
+        law: &dyn Law,
+        (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
+        liquid: Liquid,
+        permeability: &[f64],
+    ) -> f64 {
+        let mut next = std::mem::take(&mut self.next);
+        self.next_ratios.copy_from_slice(&self.ratios);
+        law.fill(bed, liquid, &mut next);
+        self.replace(zones, law, (bed, open), liquid, &mut next);
+        std::mem::swap(&mut self.ratios, &mut self.next_ratios);
+        let mut change = 0.0_f64;
+        let steepest = bed.steepest();
+        for (cell, (next, before)) in next.iter().zip(permeability).enumerate() {
+            let weight = bed.weight(cell, steepest);
+            change = larger(change, weight * (next / before - 1.0).abs());
+        }
+        let ratios = self.next_ratios.iter().zip(&self.ratios);
+        for (next, before) in ratios.flat_map(|(next, before)| next.iter().zip(before)) {
+            change = larger(change, (next / before - 1.0).abs());
+        }
+        self.next = next;
+        change
+    }
+}
+
+/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the edges.
+fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
+    let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
+    let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut lower = 0.0;
+    for (k, wc) in lengths[c].iter().enumerate() {
+        for (j, wb) in lengths[b].iter().enumerate() {
+            let first = j * strides[b] + k * strides[c];
+            let resistances = lengths[axis].iter().enumerate();
+            let sum: f64 = resistances
+                .map(|(i, wa)| wa / permeability[first + i * strides[axis]])
+                .sum();
+            lower += wb * wc / sum;
+        }
+    }
+    let mut resistance = 0.0;
+    for (i, wa) in lengths[axis].iter().enumerate() {
+        let mut slice = 0.0;
+        for (k, wc) in lengths[c].iter().enumerate() {
+            for (j, wb) in lengths[b].iter().enumerate() {
+                let at = i * strides[axis] + j * strides[b] + k * strides[c];
+                slice += wb * wc * permeability[at];
+            }
+        }
+        resistance += wa / slice;
+    }
+    (lower / resistance).sqrt()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,232 @@
+//! Blocks among the grains: the shape of each entry and the state of its rotation.
+//!
+//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of a
+//! block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
+//! computed from the state of the rotation.
+
+use std::sync::Arc;
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::columns::{Entry, joined};
+use super::message::{Reader, Writer};
+use super::particles::{Body, Kind, Motion, Particles, SPHERE, View};
+use super::polyhedron::{Polyhedron, RotationState};
+use super::space::{Components, Space};
+use super::table::{Columns, Table};
+use base::error::Error;
+
+/// Numbers in the state of a rotation.
+const NUMBERS: usize = 7;
+
+/// The columns of the state of a rotation: quaternion, then angular momentum.
+const COLUMNS: [&str; NUMBERS] = [
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+    "orientation_w",
+    "angular_momentum_x",
+    "angular_momentum_y",
+    "angular_momentum_z",
+];
+
+/// The state of a rotation as numbers in the order of [`COLUMNS`].
+fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
+    let (q, l) = (rotation.orientation.coords, rotation.angular_momentum);
+    [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
+}
+
+/// Back from [`numbers`]. The quaternion is not normalised: the bits stay the same.
+fn from_numbers(n: [f64; NUMBERS]) -> RotationState {
+    RotationState {
+        orientation: UnitQuaternion::new_unchecked(Quaternion::new(n[3], n[0], n[1], n[2])),
+        angular_momentum: Vector3::new(n[4], n[5], n[6]),
+    }
+}
+
+impl<S: Space> Entry<S> for RotationState {
+    const BYTES: usize = 8 * NUMBERS;
+
+    #[inline]
+    fn pack(&self, to: &mut Writer) {
+        Entry::<S>::pack(&numbers(self), to);
+    }
+    #[inline]
+    fn unpack(from: &mut Reader<'_>) -> Result<Self, Error> {
+        Ok(from_numbers(Entry::<S>::unpack(from)?))
+    }
+    fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>) {
+        for (k, column) in COLUMNS.iter().enumerate() {
+            let values = values.clone().map(|rotation| numbers(&rotation)[k]);
+            to.real(joined(name, column), values);
+        }
+    }
+    fn first_column(name: &str) -> String {
+        joined(name, COLUMNS[0])
+    }
+    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+        let mut columns = [&[][..]; NUMBERS];
+        for (values, column) in columns.iter_mut().zip(COLUMNS) {
+            *values = from.get_real(&joined(name, column))?;
+        }
+        let row = |row: usize| from_numbers(columns.map(|values| values[row]));
+        Ok((0..from.rows()).map(row).collect())
+    }
+}
+
+/// A spin or moment in space.
+#[inline(always)]
+pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
+    Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
+}
+
+/// Back from space; what has fewer components takes the first.
+#[inline(always)]
+pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
+    let mut spin = C::default();
+    for k in 0..C::COUNT {
+        spin.set(k, vector[k]);
+    }
+    spin
+}
+
+impl Body {
+    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who want one
+    /// number; the engine uses all three.
+    #[must_use]
+    pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
+        Self {
+            id,
+            radius: shape.radius(),
+            mass: density * shape.volume(),
+            inertia: shape.inertia(density).mean(),
+            material,
+            kind: Kind::Free,
+        }
+    }
+}
+
+impl<S: Space> Particles<S> {
+    /// The scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
+    /// [`Self::add_block`], and after [`Self::from_table`] where the rows hold blocks.
+    ///
+    /// # Errors
+    /// In the plane.
+    pub fn set_shapes(&mut self, shapes: Arc<[Polyhedron]>) -> Result<(), Error> {
+        if S::DIMENSION != 3 {
+            return Err(Error::Numerical("blocks require three dimensions".into()));
+        }
+        self.shapes = shapes;
+        if !self.has_blocks() {
+            let entries = self.body.len();
+            self.shape.allocate(std::iter::repeat_n(SPHERE, entries));
+            let rotations = std::iter::repeat_n(RotationState::default(), entries);
+            self.rotation.allocate(rotations);
+        }
+        self.listed = false;
+        Ok(())
+    }
+
+    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is its
+    /// centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space. `body.radius` is
+    /// set to the shape's; see [`Body::of_block`] for the rest.
+    ///
+    /// # Errors
+    /// Where the table of shapes has no such number.
+    pub fn add_block(
+        &mut self,
+        mut body: Body,
+        motion: Motion<S>,
+        shape: u32,
+        orientation: UnitQuaternion<f64>,
+    ) -> Result<(), Error> {
+        let Some(solid) = self.shapes.get(shape as usize) else {
+            let count = self.shapes.len();
+            return Err(Error::Internal(format!(
+                "block {} has shape {shape} of a table of {count}",
+                body.id
+            )));
+        };
+        body.radius = solid.radius();
+        let inertia = body.moments(solid);
+        let rotation = RotationState::new(orientation, &in_space(&motion.spin), &inertia);
+        self.insert(body, motion);
+        let last = self.owned - 1;
+        self.shape[last] = shape;
+        self.rotation[last] = rotation;
+        Ok(())
+    }
+
+    /// The shape of entry `k` and how it stands; none for a sphere or disc.
+    #[must_use]
+    #[inline]
+    pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
+        shape_of(&self.shapes, &self.shape, &self.rotation, k)
+    }
+
+    /// Whether any entry may be a polyhedron.
+    #[must_use]
+    pub fn has_blocks(&self) -> bool {
+        self.shape.is_allocated()
+    }
+
+    /// Volume of entry `k` [m³; m² per m of depth in two dimensions].
+    #[must_use]
+    pub fn volume(&self, k: usize) -> f64 {
+        self.view().volume(k)
+    }
+
+    /// An error that names the first owned entry whose shape is not in the table.
+    pub(super) fn check_shapes(&self) -> Result<(), Error> {
+        let count = self.shapes.len();
+        let unknown = |shape: u32| shape != SPHERE && shape as usize >= count;
+        let mut entries = self.body[..self.owned].iter().zip(self.shape.iter());
+        match entries.find(|(_, shape)| unknown(**shape)) {
+            None => Ok(()),
+            Some((body, shape)) => Err(Error::Internal(format!(
+                "block {} has shape {shape} of a table of {count}",
+                body.id
+            ))),
+        }
+    }
+
+    /// Makes the angular momentum of entry `k` that of its spin.
+    pub(super) fn update_angular_momentum(&mut self, k: usize) {
+        let Some((shape, rotation)) = self.polyhedron(k) else {
+            return;
+        };
+        let inertia = self.body[k].moments(shape);
+        let spin = in_space(&self.motion[k].spin);
+        self.rotation[k] = RotationState::new(rotation.orientation, &spin, &inertia);
+    }
+}
+
+impl<'a, S: Space> View<'a, S> {
+    /// As [`Particles::polyhedron`].
+    #[must_use]
+    #[inline]
+    pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a RotationState)> {
+        shape_of(self.shapes, self.shape, self.rotation, k)
+    }
+
+    /// As [`Particles::volume`].
+    #[must_use]
+    #[inline]
+    pub fn volume(&self, k: usize) -> f64 {
+        self.polyhedron(k).map_or_else(
+            || S::measure(self.body[k].radius),
+            |(shape, _)| shape.volume(),
+        )
+    }
+}
+
+#[inline]
+fn shape_of<'a>(
+    shapes: &'a [Polyhedron],
+    shape: &[u32],
+    rotation: &'a [RotationState],
+    k: usize,
+) -> Option<(&'a Polyhedron, &'a RotationState)> {
+    let solid = shapes.get(*shape.get(k)? as usize)?;
+    Some((solid, &rotation[k]))
+}

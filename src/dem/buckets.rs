@@ -1,0 +1,117 @@
+//! Counting sort by threads: numbers into buckets, those of each bucket in the order in which they are given.
+//!
+//! Each thread has a range of buckets and looks at all items, of which it takes its own: the order is that of one thread, and looking is
+//! short beside sorting.
+
+use base::thread_pool;
+use std::ops::Range;
+
+/// What is sorted into buckets.
+pub(super) trait Items: Sync {
+    /// Calls `put` with bucket and number of all items whose buckets are in a range, in their order.
+    fn each(&self, buckets: &Range<usize>, put: impl FnMut(usize, u32));
+}
+
+/// Numbers by buckets.
+#[derive(Debug, Default)]
+pub(super) struct Buckets {
+    /// Where the numbers of each bucket begin, and the end.
+    start: Vec<u32>,
+    numbers: Vec<u32>,
+}
+
+impl Buckets {
+    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its number on.
+    pub(super) fn fill(
+        &mut self,
+        count: usize,
+        threads: usize,
+        bound: impl Fn(usize) -> usize + Sync,
+        items: &impl Items,
+    ) {
+        self.start.clear();
+        self.start.resize(count + 1, 0);
+        let mut ends = [0; thread_pool::MOST + 1];
+        let shared = (
+            thread_pool::cut(&mut self.start[1..], threads, &bound),
+            thread_pool::evenly(&mut ends[1..=threads], threads),
+        );
+        thread_pool::each_of(threads, shared, |t, (start, end)| {
+            let own = bound(t)..bound(t + 1);
+            items.each(&own, |bucket, _| start[bucket - own.start] += 1);
+            let mut before = 0;
+            for start in start {
+                before += std::mem::replace(start, before);
+            }
+            end[0] = before;
+        });
+        for t in 1..=threads {
+            ends[t] += ends[t - 1];
+        }
+        self.numbers.clear();
+        self.numbers.resize(ends[threads] as usize, 0);
+        let shared = (
+            thread_pool::cut(&mut self.start[1..], threads, &bound),
+            thread_pool::cut(&mut self.numbers, threads, |t| ends[t] as usize),
+        );
+        thread_pool::each_of(threads, shared, |t, (start, numbers)| {
+            let own = bound(t)..bound(t + 1);
+            // Where a bucket begins runs ahead to where it ends.
+            items.each(&own, |bucket, number| {
+                let at = &mut start[bucket - own.start];
+                numbers[*at as usize] = number;
+                *at += 1;
+            });
+            for end in start {
+                *end += ends[t];
+            }
+        });
+    }
+
+    /// Forgets all buckets.
+    pub(super) fn clear(&mut self) {
+        self.start.clear();
+        self.numbers.clear();
+    }
+
+    /// Sorts the numbers within each bucket.
+    pub(super) fn sort_each(&mut self, threads: usize) {
+        let count = self.start.len().saturating_sub(1);
+        let bound = |t: usize| count * t / threads;
+        let start = &self.start;
+        let numbers = thread_pool::cut(&mut self.numbers, threads, |t| start[bound(t)] as usize);
+        thread_pool::each_of(threads, numbers, |t, mut numbers| {
+            for bucket in bound(t)..bound(t + 1) {
+                let length = (start[bucket + 1] - start[bucket]) as usize;
+                let (own, rest) = numbers.split_at_mut(length);
+                own.sort_unstable();
+                numbers = rest;
+            }
+        });
+    }
+
+    /// The numbers of a bucket.
+    pub(super) fn of(&self, bucket: usize) -> &[u32] {
+        &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
+    }
+
+    /// Numbers in all buckets.
+    pub(super) fn len(&self) -> usize {
+        self.numbers.len()
+    }
+
+    /// Numbers before a bucket.
+    pub(super) fn before(&self, bucket: usize) -> usize {
+        self.start[bucket] as usize
+    }
+
+    /// The bucket where the share of a thread begins, so that all have about as many numbers.
+    pub(super) fn bound(&self, thread: usize, threads: usize) -> usize {
+        if thread == threads {
+            return self.start.len().saturating_sub(1);
+        }
+        let wanted = self.numbers.len() * thread / threads;
+        self.start
+            .partition_point(|&before| (before as usize) < wanted)
+    }
+}

@@ -1,0 +1,394 @@
+//! Linear springs with friction and brittle cohesion: the cohesive-frictional law.
+//!
+//! ```text
+//! F_n = k_n overlap,                        while bonded also in tension, down to -C
+//! F_s = F_s' - k_s slip dt,                 |F_s| <= F_n tan(phi) + C while bonded, else F_n tan(phi)
+//! ```
+//!
+//! A bond fails in tension above the force C, and the contact ends. A bond that is sheared beyond its limit permanently loses both
+//! cohesions. The shear force drops at once to the friction limit, or to zero if the contact was in tension. Bonds are made once, at the
+//! existing contacts with their present forces; broken bonds do not heal. With k_n and C proportional to the pair's mean diameter d, the bond
+//! opens by C/k_n for any d. Optional dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do
+//! not contribute to failure; without a bond they never pull.
+//!
+//! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
+//! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::engine::bodies::Bodies;
+use super::super::space::{Components, Space};
+use super::input::{coefficient, default_ratio, pair_table, states_friction};
+use super::{
+    ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Failure, Pair,
+    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
+    load_tangent, save_tangent,
+};
+use crate::dashpot::{over_step, part_of_step};
+use base::error::Report;
+
+/// F_n = k_n δ down to -C; |F_s| <= F_n tan Φ + C; a contact that opens or slips loses C for good.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "CohesiveFrictional")]
+pub struct Input {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// Shear to normal stiffness k_s/k_n [1].
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Cohesion C = C_s = -C_n of a bonded contact [N]; per diameter [N/m].
+    #[serde(default)]
+    pub cohesion: Scaled,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Parameters of pairs of materials that differ from those above.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+impl<F: From<CohesiveFrictional>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        let path = "contact.cohesive_frictional";
+        let base = Parameters {
+            normal_stiffness: self.normal_stiffness,
+            stiffness_ratio: self.shear_to_normal_stiffness,
+            friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
+            cohesion: self.cohesion,
+            normal_damping: self.normal_damping_ratio,
+            shear_damping: self.shear_damping_ratio,
+        };
+        base.normal_stiffness
+            .check_stiffness(&format!("{path}.normal_stiffness"), report);
+        let parameters = pair_table(
+            (path, scene),
+            PairTable::uniform(scene.material_count(), base),
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |_, pair, path, report| {
+                pair.check_stiffness(path, report);
+                pair.refuse_strengths(path, report);
+                base.overridden(pair)
+            },
+        );
+        Some(CohesiveFrictional { parameters }.into())
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Parameters {
+    /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
+    pub normal_stiffness: Scaled,
+    /// Shear over normal stiffness.
+    pub stiffness_ratio: f64,
+    /// Coefficient of friction, the tangent of the friction angle.
+    pub friction: f64,
+    /// Cohesion C [N]; in the plane [N per m of depth].
+    pub cohesion: Scaled,
+    /// Normal dashpot as a fraction of critical damping.
+    pub normal_damping: f64,
+    /// Shear dashpot as a fraction of critical damping.
+    pub shear_damping: f64,
+}
+
+impl Parameters {
+    /// These parameters with the numbers of a pair.
+    fn overridden(&self, pair: &Pair) -> Self {
+        Self {
+            normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
+            stiffness_ratio: pair
+                .shear_to_normal_stiffness
+                .unwrap_or(self.stiffness_ratio),
+            friction: pair
+                .friction_angle_degrees
+                .map_or(self.friction, coefficient),
+            cohesion: pair.cohesion.unwrap_or(self.cohesion),
+            normal_damping: pair.normal_damping_ratio.unwrap_or(self.normal_damping),
+            shear_damping: pair.shear_damping_ratio.unwrap_or(self.shear_damping),
+        }
+    }
+}
+
+/// The law: see the module.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CohesiveFrictional {
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+impl ContactModel for CohesiveFrictional {
+    fn describe(&self) -> String {
+        "linear, cohesive-frictional".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        self.parameters.get(a, b).normal_stiffness.at(diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            if let Some(stiffness) = normal_stiffness {
+                pair.normal_stiffness = Scaled::Absolute(stiffness);
+                pair.cohesion = Scaled::ZERO;
+            }
+            pair.friction = friction.unwrap_or(pair.friction);
+        }
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        let pair = self.parameters.get(a, b);
+        let normal = pair.normal_stiffness.at(contact.diameter);
+        Springs::damped(
+            [normal, normal * pair.stiffness_ratio],
+            contact.bonded || pair.friction > 0.0,
+            ([pair.normal_damping, pair.shear_damping], 1.0),
+            contact.mass,
+        )
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = self.parameters.rows_of(material);
+        let stiffness =
+            |p: &Parameters| p.normal_stiffness.at(2.0 * radius) * p.stiffness_ratio.max(1.0);
+        TimeLimits::of_spring(mass, pairs.map(stiffness).fold(0.0, f64::max))
+    }
+
+    fn bonds(&self) -> bool {
+        true
+    }
+
+    fn cohesion(&self, [a, b]: [u32; 2]) -> Scaled {
+        self.parameters.get(a, b).cohesion
+    }
+}
+
+/// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the root of
+/// mass times stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    normal: [f64; 2],
+    ratio: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    cohesion: [f64; 2],
+}
+
+#[inline(always)]
+fn at([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
+    constant + per_diameter * diameter
+}
+
+/// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the cohesion of a new bond [N].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    normal: f64,
+    shear: f64,
+    normal_dashpot: f64,
+    shear_dashpot: f64,
+    friction: f64,
+    cohesion: f64,
+    /// Mass times normal stiffness [N² s²/m²].
+    square: f64,
+}
+
+impl Constants {
+    /// Returns the normal dashpot over a time step [N s/m].
+    #[inline(always)]
+    fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
+        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
+        over_step(self.normal_dashpot, step, self.normal, self.square)
+            * part_of_step(kinematics.overlap, rate, step)
+    }
+
+    /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
+    #[inline(always)]
+    fn bond_dashpot(&self, time_step: f64) -> f64 {
+        over_step(self.normal_dashpot, time_step, self.normal, self.square)
+    }
+}
+
+/// The force of the shear spring [N] on the second partner, and the cohesion [N], 0 without a bond.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct History<S: Space> {
+    shear: S::Tangent,
+    cohesion: f64,
+}
+
+impl<S: Space> ContactLaw<S> for CohesiveFrictional {
+    type Row = Row;
+    type Scale = f64;
+    type Constants = Constants;
+    type History = History<S>;
+    const NUMBERS: usize = S::Tangent::COUNT + 1;
+
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(|p| Row {
+            normal: p.normal_stiffness.parts(),
+            ratio: p.stiffness_ratio,
+            normal_dashpot: 2.0 * p.normal_damping,
+            shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
+            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs go on to the same bits.
+            friction: coefficient(p.friction.atan().to_degrees()),
+            cohesion: p.cohesion.parts(),
+        })
+    }
+
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        (pair.mass * at(row.normal, pair.diameter)).sqrt()
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        let normal = at(row.normal, diameter);
+        Constants {
+            normal,
+            shear: normal * row.ratio,
+            normal_dashpot: row.normal_dashpot * root,
+            shear_dashpot: row.shear_dashpot * root,
+            friction: row.friction,
+            cohesion: at(row.cohesion, diameter),
+            square: root * root,
+        }
+    }
+
+    #[inline(always)]
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        let normal = c.normal * kinematics.overlap;
+        let shear = S::turn(&history.shear, &kinematics.normal)
+            - kinematics.slip * (c.shear * kinematics.time_step);
+        let length = shear.length();
+        let limit = normal * c.friction + history.cohesion;
+        if length <= limit && normal >= -history.cohesion {
+            history.shear = shear;
+            let bonded = history.cohesion > 0.0;
+            let (least, dashpot) = if bonded {
+                (f64::NEG_INFINITY, c.bond_dashpot(kinematics.time_step))
+            } else {
+                (0.0, c.normal_dashpot(kinematics))
+            };
+            return ContactForce {
+                normal: (normal - dashpot * kinematics.separation_rate).max(least),
+                tangent: shear - kinematics.slip * c.shear_dashpot,
+                moment: S::Spin::default(),
+                failure: None,
+            };
+        }
+        // Sliding, or the end of a bond: tension where it pulls more than the cohesion, else shear.
+        let failure = match history.cohesion > 0.0 {
+            false => None,
+            true if normal < -history.cohesion => Some(Failure::Tension),
+            true => Some(Failure::Shear),
+        };
+        let normal = normal.max(0.0);
+        let tangent = cut_to(shear, length, normal * c.friction);
+        *history = History {
+            shear: tangent,
+            cohesion: 0.0,
+        };
+        let dashpot = if kinematics.overlap > 0.0 {
+            c.normal_dashpot(kinematics)
+        } else {
+            0.0
+        };
+        ContactForce {
+            normal: (normal - dashpot * kinematics.separation_rate).max(0.0),
+            tangent,
+            moment: S::Spin::default(),
+            failure,
+        }
+    }
+
+    #[inline(always)]
+    fn bonded(history: &History<S>) -> bool {
+        history.cohesion > 0.0
+    }
+
+    fn bond(c: &Constants, history: &mut History<S>, _: f64) -> bool {
+        history.cohesion = c.cohesion;
+        c.cohesion > 0.0
+    }
+
+    fn unbond(history: &mut History<S>) {
+        history.cohesion = 0.0;
+    }
+
+    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
+        // C/k_n is monotone in the diameter, or does not depend on it.
+        let opening = |p: &Parameters, d: f64| p.cohesion.at(d) / p.normal_stiffness.at(d);
+        self.parameters
+            .rows()
+            .flat_map(|p| diameters.map(|d| opening(p, d)))
+            .fold(0.0, f64::max)
+    }
+
+    fn shear_spring(history: &History<S>) -> S::Tangent {
+        history.shear
+    }
+
+    fn stiffness(c: &Constants) -> [f64; 2] {
+        [c.normal, c.shear]
+    }
+
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.cohesion);
+    }
+
+    fn load(numbers: &[f64]) -> History<S> {
+        History {
+            shear: load_tangent(numbers),
+            cohesion: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
+        }
+    }
+}
+
+impl<S: Space> Bodies<S> for CohesiveFrictional {
+    type Scratch = ();
+}

@@ -1,0 +1,391 @@
+//! The linear contact-bond law: [`super::linear`] with bonds of given tensile and shear strength.
+//!
+//! ```text
+//! bonded:    F_n = k_n (overlap - rest) - c_n d(gap)/dt      also in tension, down to -T
+//!            F_s = F_s' - k_s slip dt - c_s slip             up to S, without sliding
+//! unbonded:  the linear law with Coulomb friction, pushing only
+//! ```
+//!
+//! A bond acts at a point: it transmits no moment and does not slip, independently of friction. It fails in tension if its normal spring
+//! pulls with more than the tensile strength T, otherwise in shear if its shear spring exceeds the shear strength S. A failed bond does not
+//! heal. From the same step on the contact is unbonded: its shear force is reduced to the friction limit, and to zero across a gap.
+//! Strengths are forces and apply to the springs alone, not to the dashpots, which are fractions of critical damping as in [`super::linear`].
+//!
+//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` is the reference of the normal
+//! spring of a bond across a gap. With 0 the spring pulls at once with k_n times the gap, and a gap beyond T/k_n fails in the first step.
+//! With `unstressed` it is the gap at which the bond was made, so that the bond starts without a force. After failure overlaps count from
+//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
+//!
+//! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::engine::bodies::Bodies;
+use super::super::space::{Components, Space};
+use super::input::{coefficient, default_ratio, pair_table, states_friction};
+use super::rolling::{self, Rolling};
+use super::{
+    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
+    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact,
+    TimeLimits, linear, load_tangent, save_tangent,
+};
+use base::error::Report;
+
+/// Bonded: F_n = k_n δ down to minus the tensile strength, |F_s| up to the shear strength, no sliding and no moment.
+/// A bond that fails is gone for good; without one the law is the linear one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "ContactBond")]
+pub struct Input {
+    /// Normal stiffness k_n [N/m]; per diameter [N/m2].
+    pub normal_stiffness: Scaled,
+    /// Shear to normal stiffness k_s/k_n [1].
+    #[serde(default = "default_ratio")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: f64,
+    /// Friction angle Φ of contacts without a bond [degrees]. Default: 0, no friction; a warning says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Tensile strength of a bond [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: f64,
+    /// Shear strength of a bond [N]; in 2-D per metre of depth.
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: f64,
+    /// Largest gap between two surfaces that `bond_at_start` bonds [m]; with 0 only bodies in contact are bonded.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub bonding_gap: f64,
+    /// Whether a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the gap, and fails in
+    /// the first step if this exceeds its strength.
+    #[serde(default)]
+    pub unstressed: bool,
+    /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: f64,
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: f64,
+    /// Rolling resistance. Default: none.
+    #[serde(default)]
+    pub rolling: Option<rolling::Parameters>,
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
+    pub local_damping: f64,
+    /// Parameters of pairs of materials that differ from those above.
+    #[serde(default)]
+    pub pairs: Vec<Pair>,
+}
+
+impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for Input {
+    fn states_friction(&self) -> bool {
+        states_friction(
+            self.friction_angle_degrees,
+            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
+        )
+    }
+
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
+        let path = "contact.contact_bond";
+        let base = Parameters {
+            linear: linear::Parameters {
+                normal_stiffness: self.normal_stiffness,
+                stiffness_ratio: self.shear_to_normal_stiffness,
+                friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
+                normal_damping: self.normal_damping_ratio,
+                shear_damping: self.shear_damping_ratio,
+                attraction: false,
+            },
+            tensile_strength: self.tensile_strength,
+            shear_strength: self.shear_strength,
+            bonding_gap: self.bonding_gap,
+            unstressed: self.unstressed,
+        };
+        base.linear.check(path, report);
+        let parameters = pair_table(
+            (path, scene),
+            PairTable::uniform(scene.material_count(), base),
+            (&self.pairs, |pair| &pair.materials),
+            report,
+            |_, pair, path, report| {
+                pair.check_stiffness(path, report);
+                pair.refuse_cohesion(path, report);
+                Parameters {
+                    linear: base.linear.overridden(pair),
+                    tensile_strength: pair.tensile_strength.unwrap_or(base.tensile_strength),
+                    shear_strength: pair.shear_strength.unwrap_or(base.shear_strength),
+                    ..base
+                }
+            },
+        );
+        let law = ContactBond { parameters };
+        Some(match self.rolling {
+            Some(rolling) => Rolling::everywhere(law, rolling).into(),
+            None => law.into(),
+        })
+    }
+
+    fn local_damping(&self) -> f64 {
+        self.local_damping
+    }
+}
+
+/// Parameters of one pair of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Parameters {
+    /// The springs, dashpots and friction.
+    pub linear: linear::Parameters,
+    /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
+    pub tensile_strength: f64,
+    /// Shear strength S of a bond [N]; in the plane [N per m of depth].
+    pub shear_strength: f64,
+    /// Surfaces at most so far apart [m] are bonded.
+    pub bonding_gap: f64,
+    /// Whether a bond made across a gap starts without a force.
+    pub unstressed: bool,
+}
+
+/// The law: see the module.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactBond {
+    /// Per pair of materials.
+    pub parameters: PairTable<Parameters>,
+}
+
+impl ContactModel for ContactBond {
+    fn describe(&self) -> String {
+        "linear with contact bonds".into()
+    }
+
+    fn materials(&self) -> u32 {
+        self.parameters.materials()
+    }
+
+    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+        self.parameters.get(a, b).linear.friction
+    }
+
+    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+        let pair = self.parameters.get(a, b);
+        pair.linear.normal_stiffness.at(diameter)
+    }
+
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
+        for pair in self.parameters.rows_mut() {
+            pair.linear.prepare(normal_stiffness, friction);
+            if normal_stiffness.is_some() {
+                (pair.tensile_strength, pair.shear_strength) = (0.0, 0.0);
+            }
+        }
+    }
+
+    fn springs(&self, contact: &StaticContact) -> Springs {
+        let [a, b] = contact.materials;
+        self.parameters.get(a, b).linear.springs(contact)
+    }
+
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+        let pairs = self.parameters.rows_of(material);
+        let stiffest = pairs.map(|p| p.linear.stiffest(2.0 * radius));
+        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
+    }
+
+    fn bonds(&self) -> bool {
+        true
+    }
+
+    fn bonding_gap(&self) -> f64 {
+        self.parameters.get(0, 0).bonding_gap
+    }
+
+    fn bond_opening(&self, [a, b]: [u32; 2], diameter: f64) -> Option<BondOpening> {
+        let pair = self.parameters.get(a, b);
+        Some(BondOpening {
+            gap: pair.bonding_gap,
+            strength: pair.tensile_strength,
+            stiffness: pair.linear.normal_stiffness.at(diameter),
+            path: "contact.contact_bond.tensile_strength",
+        })
+    }
+}
+
+/// Per pair of materials: the linear law's, strengths [N], bonding gap [m].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    linear: linear::Row,
+    tensile: f64,
+    shear: f64,
+    gap: f64,
+    unstressed: bool,
+}
+
+/// Per pair: the linear law's, strengths [N], bonding gap [m].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    linear: linear::Constants,
+    tensile: f64,
+    shear: f64,
+    gap: f64,
+    unstressed: bool,
+}
+
+/// The force of the shear spring [N] on the second partner, and of a bond the overlap [m] without a normal force.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct History<S: Space> {
+    shear: S::Tangent,
+    rest: f64,
+    bonded: bool,
+}
+
+impl<S: Space> ContactLaw<S> for ContactBond {
+    type Row = Row;
+    type Scale = f64;
+    type Constants = Constants;
+    type History = History<S>;
+    const NUMBERS: usize = S::Tangent::COUNT + 2;
+
+    fn table(&self) -> PairTable<Row> {
+        self.parameters.map(|p| Row {
+            linear: p.linear.row(),
+            tensile: p.tensile_strength,
+            shear: p.shear_strength,
+            gap: p.bonding_gap,
+            unstressed: p.unstressed,
+        })
+    }
+
+    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+        row.linear.scale(pair)
+    }
+
+    #[inline(always)]
+    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+        Constants {
+            linear: row.linear.constants(*root, diameter),
+            tensile: row.tensile,
+            shear: row.shear,
+            gap: row.gap,
+            unstressed: row.unstressed,
+        }
+    }
+
+    #[inline(always)]
+    fn force(
+        c: &Constants,
+        history: &mut History<S>,
+        kinematics: &ContactKinematics<S>,
+    ) -> ContactForce<S> {
+        if !history.bonded {
+            return c.linear.slide(&mut history.shear, kinematics);
+        }
+        let normal = c.linear.normal * (kinematics.overlap - history.rest);
+        let shear = S::turn(&history.shear, &kinematics.normal)
+            - kinematics.slip * (c.linear.shear * kinematics.time_step);
+        let failure = if normal < -c.tensile {
+            Failure::Tension
+        } else if shear.length() > c.shear {
+            Failure::Shear
+        } else {
+            history.shear = shear;
+            return ContactForce {
+                normal: normal
+                    - c.linear.bond_dashpot(kinematics.time_step) * kinematics.separation_rate,
+                tangent: shear - kinematics.slip * c.linear.shear_dashpot,
+                moment: S::Spin::default(),
+                failure: None,
+            };
+        };
+        let mut broken = History {
+            shear: history.shear,
+            ..History::default()
+        };
+        let force = if kinematics.overlap > 0.0 {
+            c.linear.slide(&mut broken.shear, kinematics)
+        } else {
+            broken = History::default();
+            ContactForce {
+                normal: 0.0,
+                tangent: S::Tangent::default(),
+                moment: S::Spin::default(),
+                failure: None,
+            }
+        };
+        *history = broken;
+        ContactForce {
+            failure: Some(failure),
+            ..force
+        }
+    }
+
+    #[inline(always)]
+    fn bonded(history: &History<S>) -> bool {
+        history.bonded
+    }
+
+    fn bonding_gap(c: &Constants) -> f64 {
+        c.gap
+    }
+
+    fn bond(c: &Constants, history: &mut History<S>, overlap: f64) -> bool {
+        history.bonded = c.tensile > 0.0 || c.shear > 0.0;
+        history.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
+        history.bonded
+    }
+
+    fn unbond(history: &mut History<S>) {
+        history.bonded = false;
+        history.rest = 0.0;
+    }
+
+    fn normal_spring(c: &Constants, history: &History<S>, overlap: f64) -> f64 {
+        c.linear.normal * (overlap - history.rest)
+    }
+
+    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
+        let opening = |p: &Parameters, d: f64| {
+            p.bonding_gap + p.tensile_strength / p.linear.normal_stiffness.at(d)
+        };
+        self.parameters
+            .rows()
+            .filter(|p| p.tensile_strength > 0.0 || p.shear_strength > 0.0)
+            .flat_map(|p| diameters.map(|d| opening(p, d)))
+            .fold(0.0, f64::max)
+    }
+
+    fn shear_spring(history: &History<S>) -> S::Tangent {
+        history.shear
+    }
+
+    fn stiffness(c: &Constants) -> [f64; 2] {
+        [c.linear.normal, c.linear.shear]
+    }
+
+    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+        save_tangent(&history.shear, numbers);
+        numbers.push(history.rest);
+        numbers.push(if history.bonded { 1.0 } else { 0.0 });
+    }
+
+    fn load(numbers: &[f64]) -> History<S> {
+        let number = |k| numbers.get(k).copied().unwrap_or(0.0);
+        History {
+            shear: load_tangent(numbers),
+            rest: number(S::Tangent::COUNT),
+            bonded: number(S::Tangent::COUNT + 1) > 0.5,
+        }
+    }
+}
+
+impl<S: Space> Bodies<S> for ContactBond {
+    type Scratch = ();
+}

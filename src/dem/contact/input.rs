@@ -1,0 +1,282 @@
+//! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials, and the facts of
+//! the scene that a law is resolved against.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::PairTable;
+use base::error::{Remedy, Report};
+
+/// The parameters of a law as they stand in a case. `F` is the family of resolved laws that the result belongs to.
+pub trait ContactParameters<F> {
+    /// The law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes back where no law can
+    /// be made.
+    fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
+
+    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    fn local_damping(&self) -> f64 {
+        0.0
+    }
+
+    /// Whether polyhedra can have the law.
+    fn of_polyhedra(&self) -> bool {
+        false
+    }
+
+    /// Whether the case states the friction, be it none, and does not just leave it out.
+    fn states_friction(&self) -> bool {
+        true
+    }
+}
+
+/// Whether a friction angle is stated, for all materials or for each of the pairs that are listed.
+pub(super) fn states_friction(
+    angle: Option<f64>,
+    mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
+) -> bool {
+    angle.is_some() || (pairs.len() > 0 && pairs.all(|angle| angle.is_some()))
+}
+
+/// The facts of a scene that contact laws are resolved against.
+#[derive(Clone, Debug)]
+pub struct SceneFacts<'a> {
+    /// Number of dimensions, 2 or 3.
+    pub dimension: usize,
+    /// The materials; pairs in laws name them.
+    pub materials: &'a [MaterialFacts],
+    /// Whether there are polyhedra.
+    pub polyhedra: bool,
+    /// How the grains come about.
+    pub grains: Preparation,
+    /// Whether contacts are bonded at the start.
+    pub bond_at_start: bool,
+    /// Upper bound of the speed at which two bodies approach each other [m/s].
+    pub fastest_approach: f64,
+}
+
+/// What a law may need of a material.
+#[derive(Clone, Debug, Default)]
+pub struct MaterialFacts {
+    /// Its name in the case.
+    pub name: String,
+    /// Young's modulus [Pa].
+    pub young_modulus: Option<f64>,
+    /// Poisson's ratio.
+    pub poisson_ratio: Option<f64>,
+}
+
+/// How the grains of a scene come about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preparation {
+    /// They are listed, or there are none.
+    Listed,
+    /// Their radii grow.
+    Growth,
+    /// They are deposited.
+    Deposition {
+        /// Whether the normal stiffness is lower during the deposition.
+        softened: bool,
+    },
+}
+
+impl SceneFacts<'_> {
+    /// The number of materials, at least one.
+    #[must_use]
+    pub fn material_count(&self) -> u32 {
+        u32::try_from(self.materials.len().max(1)).unwrap_or(u32::MAX)
+    }
+
+    /// The index of a material, or a finding.
+    fn material(&self, name: &str, path: &str, report: &mut dyn Report) -> Option<u32> {
+        let index = self.materials.iter().position(|known| known.name == name);
+        if index.is_none() {
+            let known: Vec<&str> = self.materials.iter().map(|m| m.name.as_str()).collect();
+            report.unknown_material(path, name, &known);
+        }
+        index.and_then(|index| u32::try_from(index).ok())
+    }
+}
+
+/// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an override at
+/// its path. Duplicate pairs and unknown materials are findings.
+pub(super) fn pair_table<P: Clone, O>(
+    (path, scene): (&str, &SceneFacts<'_>),
+    base: PairTable<P>,
+    (overrides, materials): (&[O], impl Fn(&O) -> &[String; 2]),
+    report: &mut dyn Report,
+    mut own: impl FnMut([u32; 2], &O, &str, &mut dyn Report) -> P,
+) -> PairTable<P> {
+    let mut table = base;
+    let mut seen: Vec<(u32, u32)> = Vec::new();
+    for (index, one) in overrides.iter().enumerate() {
+        let path = format!("{path}.pairs[{index}]");
+        let names = materials(one);
+        let found =
+            [0, 1].map(|i| scene.material(&names[i], &format!("{path}.materials[{i}]"), report));
+        let [Some(a), Some(b)] = found else { continue };
+        let pair = (a.min(b), a.max(b));
+        if seen.contains(&pair) {
+            report.error(
+                &format!("{path}.materials"),
+                "this pair is given twice".into(),
+                "keep one of the two".into(),
+            );
+        }
+        seen.push(pair);
+        let parameters = own([a, b], one, &path, report);
+        table.set(a, b, parameters);
+    }
+    table
+}
+
+/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter of the
+/// grain), as in k_n/d = 150e6 N/m2.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Scaled {
+    /// Value per mean diameter of the pair [unit per m].
+    PerDiameter(#[schemars(range(min = 0.0))] f64),
+    /// Value of every pair; in 2-D per metre of depth.
+    Absolute(#[schemars(range(min = 0.0))] f64),
+}
+
+impl Scaled {
+    /// Zero for every pair.
+    pub const ZERO: Self = Self::Absolute(0.0);
+
+    /// The value for a pair of mean diameter `diameter` [m].
+    #[must_use]
+    pub fn at(self, diameter: f64) -> f64 {
+        match self {
+            Self::PerDiameter(value) => value * diameter,
+            Self::Absolute(value) => value,
+        }
+    }
+
+    /// The number as written.
+    #[must_use]
+    pub fn number(self) -> f64 {
+        match self {
+            Self::PerDiameter(value) | Self::Absolute(value) => value,
+        }
+    }
+
+    /// The constant part and the part per diameter; one of them is zero.
+    #[must_use]
+    pub fn parts(self) -> [f64; 2] {
+        match self {
+            Self::PerDiameter(value) => [0.0, value],
+            Self::Absolute(value) => [value, 0.0],
+        }
+    }
+
+    /// Refuses a stiffness of zero.
+    pub(super) fn check_stiffness(self, path: &str, report: &mut dyn Report) {
+        if self.number() <= 0.0 {
+            report.error(
+                path,
+                "the stiffness must be above 0".into(),
+                Remedy::from("write for example {\"per_diameter\": 1e8}")
+                    .set(path, json!({"per_diameter": 1e8})),
+            );
+        }
+    }
+}
+
+impl Default for Scaled {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+/// Parameters of one pair of materials; fields that are left out keep the values of the law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pair {
+    /// The two materials, in either order.
+    pub materials: [String; 2],
+    /// Normal stiffness [N/m]; per diameter [N/m2].
+    #[serde(default)]
+    pub normal_stiffness: Option<Scaled>,
+    /// Shear to normal stiffness k_s/k_n [1].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub shear_to_normal_stiffness: Option<f64>,
+    /// Friction angle [degrees].
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 89.0))]
+    pub friction_angle_degrees: Option<f64>,
+    /// Cohesion [N]; per diameter [N/m]; only in the cohesive law.
+    #[serde(default)]
+    pub cohesion: Option<Scaled>,
+    /// Tensile strength of a bond [N]; only in the contact-bond law.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub tensile_strength: Option<f64>,
+    /// Shear strength of a bond [N]; only in the contact-bond law.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub shear_strength: Option<f64>,
+    /// Normal dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub normal_damping_ratio: Option<f64>,
+    /// Shear dashpot as a fraction of critical damping.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub shear_damping_ratio: Option<f64>,
+}
+
+impl Pair {
+    /// Reports a stiffness of zero.
+    pub(super) fn check_stiffness(&self, path: &str, report: &mut dyn Report) {
+        if let Some(value) = self.normal_stiffness {
+            value.check_stiffness(&format!("{path}.normal_stiffness"), report);
+        }
+    }
+
+    /// Reports a cohesion where the law has none.
+    pub(super) fn refuse_cohesion(&self, path: &str, report: &mut dyn Report) {
+        if self.cohesion.is_some() {
+            let path = format!("{path}.cohesion");
+            report.error(
+                &path,
+                "this law has no cohesion".into(),
+                Remedy::take_out("use cohesive_frictional, or remove it", &path),
+            );
+        }
+    }
+
+    /// Reports strengths of bonds where the law has none.
+    pub(super) fn refuse_strengths(&self, path: &str, report: &mut dyn Report) {
+        for (name, value) in [
+            ("tensile_strength", self.tensile_strength),
+            ("shear_strength", self.shear_strength),
+        ] {
+            if value.is_some() {
+                let path = format!("{path}.{name}");
+                report.error(
+                    &path,
+                    "this law has no bonds of given strength".into(),
+                    Remedy::take_out("use contact_bond, or remove it", &path),
+                );
+            }
+        }
+    }
+}
+
+/// The coefficient of friction of a friction angle [degrees].
+pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
+    friction_angle_degrees.to_radians().tan()
+}
+
+/// Default of k_s/k_n.
+pub(super) fn default_ratio() -> f64 {
+    0.4
+}

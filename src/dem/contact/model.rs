@@ -1,0 +1,176 @@
+//! The interface of a resolved contact law for plan, preparation and outputs.
+
+use serde::Serialize;
+
+use super::Scaled;
+use super::blocks::Blocks;
+use crate::polyhedron::Polyhedron;
+
+/// A resolved contact law as plan, preparation and outputs see it. Materials are indices in the order of the case.
+pub trait ContactModel {
+    /// One line for the plan.
+    fn describe(&self) -> String;
+
+    /// The number of materials of the law.
+    fn materials(&self) -> u32;
+
+    /// Coefficient of friction of a pair of materials.
+    fn friction(&self, materials: [u32; 2]) -> f64;
+
+    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4 of the diameter.
+    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
+
+    /// Normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
+    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
+        self.normal_stiffness([material; 2], diameter) / diameter
+    }
+
+    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction. Grains are bonded
+    /// once they are prepared. A law with another stiffness therefore has no bonds: bonds of full strength on soft springs would open so
+    /// wide that lists of neighbours held hundreds of pairs for each grain.
+    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>);
+
+    /// Springs and dashpots of a contact, for stability.
+    fn springs(&self, contact: &StaticContact) -> Springs;
+
+    /// What bounds the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] against anything.
+    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
+
+    /// What bounds the time step of a block of this material and mass \[kg\]; none where the law is not one of blocks.
+    fn time_limits_of_block(&self, _: u32, _: &Polyhedron, _mass: f64) -> Option<TimeLimits> {
+        None
+    }
+
+    /// The fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a case that sets it.
+    fn impact_speed(&self) -> Option<(f64, &'static str)> {
+        None
+    }
+
+    /// Whether contacts can be bonded.
+    fn bonds(&self) -> bool {
+        false
+    }
+
+    /// The widest gap \[m\] across which pairs are bonded.
+    fn bonding_gap(&self) -> f64 {
+        0.0
+    }
+
+    /// How far a bond of given strength opens before it breaks.
+    fn bond_opening(&self, _materials: [u32; 2], _diameter: f64) -> Option<BondOpening> {
+        None
+    }
+
+    /// Cohesion of bonded contacts \[N\].
+    fn cohesion(&self, _materials: [u32; 2]) -> Scaled {
+        Scaled::ZERO
+    }
+
+    /// The law itself where it is that of blocks.
+    fn blocks(&self) -> Option<&Blocks> {
+        None
+    }
+}
+
+/// What bounds the solid time step of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeLimits {
+    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is expected, shortened
+    /// by the dashpot.
+    pub spring: f64,
+    /// Rayleigh's time \[s\] of an elastic sphere.
+    pub rayleigh: Option<f64>,
+}
+
+impl TimeLimits {
+    /// 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
+    #[must_use]
+    pub fn of_spring(mass: f64, stiffness: f64) -> Self {
+        Self {
+            spring: 2.0 * (mass / stiffness).sqrt(),
+            rayleigh: None,
+        }
+    }
+
+    /// The shorter one \[s\].
+    #[must_use]
+    pub fn shorter(&self) -> f64 {
+        self.rayleigh
+            .map_or(self.spring, |time| time.min(self.spring))
+    }
+}
+
+/// A contact of two discs or spheres, or of one with a wall, as a stability analysis sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct StaticContact {
+    /// Both materials.
+    pub materials: [u32; 2],
+    /// Mean diameter \[m\].
+    pub diameter: f64,
+    /// Effective radius \[m\].
+    pub radius: f64,
+    /// Effective mass \[kg\].
+    pub mass: f64,
+    /// Overlap \[m\]; none for the deepest that is expected.
+    pub overlap: Option<f64>,
+    /// Which overlap decides.
+    pub depth: Depth,
+    /// Whether it is bonded.
+    pub bonded: bool,
+}
+
+/// Which overlap decides the stiffness of a contact whose springs harden.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Depth {
+    /// That of the start.
+    Start,
+    /// The deepest that is expected, if that is deeper.
+    Expected,
+}
+
+/// Springs [N/m] and dashpots [N s/m] of a contact: normal, shear.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Springs {
+    /// Stiffness [N/m].
+    pub stiffness: [f64; 2],
+    /// Dashpots [N s/m].
+    pub dashpots: [f64; 2],
+}
+
+impl Springs {
+    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that has neither
+    /// friction nor a bond does not stick: it has no shear spring.
+    pub(crate) fn damped(
+        stiffness: [f64; 2],
+        sticks: bool,
+        (fractions, factor): ([f64; 2], f64),
+        mass: f64,
+    ) -> Self {
+        let stiffness = [stiffness[0], if sticks { stiffness[1] } else { 0.0 }];
+        Self {
+            stiffness,
+            dashpots: [0, 1].map(|i| 2.0 * factor * fractions[i] * (mass * stiffness[i]).sqrt()),
+        }
+    }
+}
+
+/// How far a bond opens before it breaks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BondOpening {
+    /// The gap \[m\] across which it was made at most.
+    pub gap: f64,
+    /// Tensile strength \[N\].
+    pub strength: f64,
+    /// Stiffness [N/m] of its normal spring.
+    pub stiffness: f64,
+    /// Path of the strength in a case.
+    pub path: &'static str,
+}
+
+impl BondOpening {
+    /// The gap \[m\] at which it breaks.
+    #[must_use]
+    pub fn widest(&self) -> f64 {
+        self.gap + self.strength / self.stiffness
+    }
+}

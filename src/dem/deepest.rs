@@ -1,0 +1,148 @@
+//! The deepest contact of a run, as a meter: its overlap over the radius of the smaller body.
+//!
+//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest so far is looked at
+//! further. The meter is the largest of quotients that do not depend on their order, so that its bits do not depend on ranks and threads.
+//! Of a polyhedron the radius is that from its centroid to the nearest face.
+
+use super::polyhedron::Polyhedron;
+
+/// The deepest contact so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deepest {
+    /// Overlap over the smaller radius; 0 before the first contact.
+    pub part: f64,
+    /// Id of the body.
+    pub body: u64,
+    /// What it overlaps.
+    pub with: With,
+}
+
+/// The other side of a contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum With {
+    /// Nothing yet, or nothing known since a restart.
+    #[default]
+    Unknown,
+    /// The body of this id.
+    Body(u64),
+    /// The wall of this index.
+    Wall(u32),
+}
+
+/// What a part of a step has found: entries instead of ids.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Record {
+    /// A little below `part`: rounding hides no contact.
+    pub(super) filter: f64,
+    part: f64,
+    at: Option<(u32, Other)>,
+}
+
+/// The other side of a contact as entries know it.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Other {
+    Entry(u32),
+    Wall(u32),
+}
+
+/// Part of the largest quotient from which on a contact is looked at.
+const NEAR: f64 = 1.0 - 1e-12;
+
+impl Record {
+    /// Nothing deeper than what is known.
+    pub(super) fn beyond(part: f64) -> Self {
+        Self {
+            filter: NEAR * part,
+            part,
+            at: None,
+        }
+    }
+
+    /// A contact of entry `first`, whose smaller radius is `smaller` \[m\].
+    #[inline(always)]
+    pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
+        if overlap > self.filter * smaller {
+            self.keep(overlap / smaller, first, other);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn keep(&mut self, part: f64, first: u32, other: Other) {
+        if part > self.part {
+            *self = Self {
+                filter: NEAR * part,
+                part,
+                at: Some((first, other)),
+            };
+        }
+    }
+
+    /// Overlap over the smaller radius.
+    pub(super) fn part(&self) -> f64 {
+        self.part
+    }
+
+    /// The deeper of two.
+    pub(super) fn or(self, other: Self) -> Self {
+        if other.part > self.part { other } else { self }
+    }
+
+    /// What it says with the ids of the entries.
+    pub(super) fn named(&self, id: impl Fn(u32) -> u64) -> Option<Deepest> {
+        let (first, other) = self.at?;
+        let with = match other {
+            Other::Entry(entry) => With::Body(id(entry)),
+            Other::Wall(wall) => With::Wall(wall),
+        };
+        Some(Deepest {
+            part: self.part,
+            body: id(first),
+            with,
+        })
+    }
+}
+
+/// Radius from the centroid of a polyhedron to its nearest face \[m\].
+pub(super) fn inner_radius(shape: &Polyhedron) -> f64 {
+    let faces = shape.half_spaces().iter();
+    faces.map(|face| face.offset).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::number::to_u32;
+
+    #[test]
+    fn the_deepest_does_not_depend_on_the_order() {
+        let contacts = [
+            (1e-3, 0.3),
+            (2e-3, 0.7),
+            (1e-9, 1e-7),
+            (3e-3, 0.3),
+            (3e-3 + 1e-18, 0.3),
+        ];
+        let of = |order: &mut dyn Iterator<Item = usize>| {
+            let mut record = Record::beyond(0.0);
+            for n in order {
+                let (overlap, smaller) = contacts[n];
+                record.note(overlap, smaller, to_u32(n), Other::Wall(4));
+            }
+            record.named(|entry| 10 + u64::from(entry)).unwrap()
+        };
+        let (up, down) = (of(&mut (0..5)), of(&mut (0..5).rev()));
+        assert_eq!(up.part.to_bits(), down.part.to_bits());
+        let largest = contacts[4].0 / contacts[4].1;
+        assert_eq!((up.part, up.body, up.with), (largest, 14, With::Wall(4)));
+        let halves = [0..2, 2..5].map(|half| {
+            let mut record = Record::beyond(0.0);
+            for n in half {
+                record.note(contacts[n].0, contacts[n].1, 0, Other::Entry(1));
+            }
+            record
+        });
+        assert_eq!(halves[1].or(halves[0]).part, up.part);
+        assert_eq!(Record::beyond(0.5).named(u64::from), None);
+    }
+}

@@ -1,0 +1,447 @@
+//! The solid step, compiled once for each contact law. [`bodies`] states how a law treats bodies other than spheres.
+//!
+//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this happens:
+//!
+//! - Separations come from raw positions and whole box lengths.
+//! - Forces are added in the order of the other grain's id, walls after grains.
+//! - The history of a contact lives exactly as long as the surfaces overlap or the bond holds.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `lists` | listed and active pairs |
+//! | `pairs` | one pair: separation, action of the law |
+//! | `facets` | contacts with walls of facets |
+//! | `parts` | forces and motion of spheres, by threads |
+//! | `blocks` | bodies that are polyhedra |
+//! | `histories` | contact histories between lists and runs |
+//! | `migrate` | grains and histories sent to the owners of the grains |
+//! | `bond_events` | bonds made, failed and removed |
+//! | `report` | contacts and counts for output |
+
+mod any;
+mod blocks;
+pub(super) mod bodies;
+mod bond_events;
+mod facets;
+mod histories;
+mod lists;
+mod migrate;
+mod pairs;
+mod parts;
+mod report;
+
+use super::census::{agree, census};
+use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
+use super::deepest::{Deepest, Other, Record, inner_radius};
+use super::ghosts;
+use super::integrate::{self, Fastest, Kick, Phase};
+use super::message::{Reader, Writer};
+use super::migration::{self, pack_grains, unpack_grains};
+use super::neighbors::Search;
+use super::particles::{Body, Load, Motion, Particles, View};
+use super::region::Region;
+use super::space::{Components, Space};
+use super::surface::{Nearest, Surface};
+use super::walls::Wall;
+use super::{BondBreak, Settings, Statistics};
+use base::error::Error;
+use base::thread_pool;
+pub(super) use any::{AnyEngine, MakeEngine};
+use bodies::Bodies;
+use decomposition::{Domain, exchange};
+use facets::{AtFacets, Facets, Held, history_of};
+pub(super) use histories::{Key, WallKey};
+use lists::{Pair, WallPair};
+use pairs::*;
+use parts::Parts;
+use std::marker::PhantomData;
+
+/// A bond at a wall that failed.
+#[derive(Clone, Copy, Debug)]
+struct WallFailure<S: Space> {
+    grain: u32,
+    wall: u32,
+    /// From the grain's centre to the contact \[m\].
+    arm: S::Vector,
+    mode: Failure,
+}
+
+/// What a pair does in one step.
+#[derive(Clone, Copy, Debug)]
+struct Action<S: Space> {
+    /// On the second; the first feels the opposite.
+    force: S::Vector,
+    on_first: S::Spin,
+    on_second: S::Spin,
+    failure: Option<Failure>,
+}
+
+impl<S: Space> Default for Action<S> {
+    fn default() -> Self {
+        Self {
+            force: S::Vector::default(),
+            on_first: S::Spin::default(),
+            on_second: S::Spin::default(),
+            failure: None,
+        }
+    }
+}
+
+/// Pairs of grains near each other.
+#[derive(Debug)]
+struct Lists<S: Space, L: Bodies<S>> {
+    pairs: Vec<Pair<L::Scale, L::History>>,
+    /// Pairs that may be in contact.
+    active: Vec<u32>,
+    /// Active pairs that each thread found.
+    chosen: Vec<Vec<u32>>,
+    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
+    offsets: Vec<S::Vector>,
+    offset_shifts: Vec<[i32; 3]>,
+    /// Id and shift of each entry when the lists were made, and how many were owned.
+    names: Vec<(u64, [i32; 3])>,
+    named_owned: usize,
+    parts: Parts<S, L::Scale, L::History>,
+}
+
+/// Grains near walls.
+#[derive(Debug)]
+struct SolidLists<S: Space, L: Bodies<S>> {
+    wall_pairs: Vec<WallPair<L::Constants, L::History>>,
+    /// Room for those that each thread finds.
+    planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
+    /// Of each part; one where there are no parts.
+    facets: Vec<Facets<L::Constants, L::History>>,
+    space: PhantomData<S>,
+}
+
+/// How long the lists hold.
+#[derive(Debug, Default)]
+pub(super) struct Validity {
+    /// `true` if the lists are those of the present grains.
+    listed: bool,
+    /// Longest path of any grain or wall since the lists were made (m).
+    path: f64,
+    /// The active pairs hold up to this path \[m\], and since this step.
+    activated: f64,
+    activated_at: u64,
+    /// Path of a grain between two searches of all gaps \[m\].
+    look: f64,
+    total: Option<u64>,
+    pub(super) rebuilds: u64,
+    pub(super) tested: u64,
+}
+
+/// Results of a step beside loads.
+#[derive(Debug)]
+pub(super) struct Events<S: Space> {
+    pub(super) breaks: Vec<BondBreak<S>>,
+    actions: Vec<Action<S>>,
+    failures: Vec<(u32, Failure)>,
+    wall_failures: Vec<WallFailure<S>>,
+    /// The deepest contact of this step, if it is deeper than all before.
+    record: Record,
+    pub(super) deepest: Deepest,
+}
+
+/// Contacts and lists of one law.
+#[derive(Debug)]
+pub(super) struct Engine<S: Space, L: Bodies<S>> {
+    pub(super) law: L,
+    rows: PairTable<L::Row>,
+    pub(super) settings: Settings<S>,
+    pub(super) walls: Vec<Wall<S>>,
+    pub(super) steps: u64,
+    lists: Lists<S, L>,
+    solids: SolidLists<S, L>,
+    pub(super) validity: Validity,
+    pub(super) events: Events<S>,
+    pub(super) histories: Vec<(Key, L::History)>,
+    pub(super) wall_histories: Vec<(WallKey, L::History)>,
+    parallel: bool,
+    scratch: L::Scratch,
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Takes the walls of these indices out of the way, or puts them back; the contacts of all others stay.
+    pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
+        for &wall in walls {
+            if let Some(wall) = self.walls.get_mut(wall) {
+                wall.open = open;
+                self.validity.listed = false;
+            }
+        }
+    }
+
+    pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
+        Self {
+            rows: law.table(),
+            law,
+            settings,
+            walls,
+            steps: 0,
+            lists: Lists {
+                pairs: Vec::new(),
+                active: Vec::new(),
+                chosen: Vec::new(),
+                offsets: Vec::new(),
+                offset_shifts: Vec::new(),
+                names: Vec::new(),
+                named_owned: 0,
+                parts: Parts::default(),
+            },
+            solids: SolidLists {
+                wall_pairs: Vec::new(),
+                planes_found: Vec::new(),
+                facets: vec![Facets::default()],
+                space: PhantomData,
+            },
+            validity: Validity {
+                look: settings.skin / 64.0,
+                ..Validity::default()
+            },
+            events: Events {
+                breaks: Vec::new(),
+                actions: Vec::new(),
+                failures: Vec::new(),
+                wall_failures: Vec::new(),
+                record: Record::default(),
+                deepest: Deepest::default(),
+            },
+            histories: Vec::new(),
+            wall_histories: Vec::new(),
+            parallel: false,
+            scratch: L::Scratch::default(),
+        }
+    }
+
+    /// Lists and ghosts for the present grains, and the contact loads where they are not known yet. Collective.
+    pub(super) fn prepare(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        // What is missing on any rank: loads, or lists and then perhaps loads.
+        let flag = |set: bool| -> f64 { if set { 1.0 } else { 0.0 } };
+        let listed = self.validity.listed && particles.listed;
+        let mut missing = largest(domain, flag(!particles.loaded).max(2.0 * flag(!listed)));
+        if missing > 1.5 {
+            self.rebuild(particles, domain)?;
+            missing = largest(domain, flag(!particles.loaded));
+        }
+        if missing > 0.5 {
+            self.all_forces(particles, 0.0, None);
+        }
+        particles.loaded = true;
+        Ok(())
+    }
+
+    /// `steps` solid steps. Collective.
+    pub(super) fn advance(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        steps: u64,
+    ) -> Result<(), Error> {
+        self.prepare(particles, domain)?;
+        let kick = Kick {
+            gravity: self.settings.gravity,
+            time_step: self.settings.time_step,
+            damping: self.settings.local_damping,
+        };
+        let dt = kick.time_step;
+        let mut fastest = Fastest::default();
+        if steps > 0 {
+            fastest = (self.law).advance(particles, &kick, Phase::First, self.parallel);
+        }
+        for step in 1..=steps {
+            self.steps += 1;
+            let mut speed = fastest.speed_squared.sqrt();
+            for wall in self.walls.iter_mut().filter(|wall| !wall.open) {
+                let drift = wall.drift();
+                wall.point += drift * dt;
+                speed = speed.max(match wall.surface {
+                    None => wall.normal.scalar(&drift).abs(),
+                    Some(_) => drift.length(),
+                });
+            }
+            // Longer than the true path by more than any rounding.
+            let path = self.validity.path + speed * dt * (1.0 + 1e-9);
+            self.validity.path = largest(domain, if fastest.bad { f64::INFINITY } else { path });
+            if self.validity.path == f64::INFINITY {
+                return agree(domain, all_bounded(particles)).and(Err(Error::Numerical(
+                    "a grain moves too far in one step".into(),
+                )));
+            }
+            if self.validity.path >= 0.5 * self.settings.skin {
+                self.rebuild(particles, domain)?;
+            } else {
+                particles.refresh_ghosts(domain)?;
+                L::pose(&mut self.scratch, particles, self.parallel);
+                if self.validity.path > self.validity.activated {
+                    self.activate(particles);
+                }
+            }
+            let phase = if step < steps {
+                Phase::Between
+            } else {
+                Phase::Last
+            };
+            fastest = self.all_forces(particles, dt, Some((&kick, phase)));
+        }
+        Ok(())
+    }
+
+    /// Hands grains to their owners, makes ghosts and lists.
+    fn rebuild(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.validity.rebuilds += 1;
+        let region = self.settings.region;
+        self.remember();
+        particles.lengths = region.periodic_lengths();
+        particles.origin = region.origin();
+        particles.drop_ghosts();
+        agree(
+            domain,
+            L::check(particles).and_then(|()| migration::wrap(particles, &region)),
+        )?;
+        if domain.communicator().size() > 1 {
+            self.migrate(particles, &region, domain)?;
+        }
+        particles.sort();
+        if let Some(pair) = particles
+            .body
+            .windows(2)
+            .find(|pair| pair[0].id == pair[1].id)
+        {
+            return Err(Error::Internal(format!(
+                "two grains have the id {}",
+                pair[0].id
+            )));
+        }
+        let census = census(particles, domain)?;
+        let total: u64 = census.iter().map(|one| one.owned).sum();
+        if let Some(before) = self.validity.total {
+            let added: u64 = census.iter().map(|one| one.added).sum();
+            let removed: u64 = census.iter().map(|one| one.removed).sum();
+            if before + added != total + removed {
+                return Err(Error::Internal(format!(
+                    "grains were lost: {before} + {added} added - {removed} removed are now {total}"
+                )));
+            }
+        }
+        self.validity.total = Some(total);
+        particles.added = 0;
+        particles.removed = 0;
+        let smallest = census
+            .iter()
+            .map(|one| one.smallest)
+            .fold(f64::INFINITY, f64::min);
+        let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
+        let gap = self.settings.skin
+            + if total > 0 {
+                self.law.widest_opening([2.0 * smallest, 2.0 * largest])
+            } else {
+                0.0
+            };
+        let surfaces = self.walls.iter().filter_map(|wall| wall.surface.as_ref());
+        let reach = surfaces.map(|surface| surface.longest_reach());
+        let reach = reach.fold(f64::INFINITY, f64::min);
+        if largest + gap > reach {
+            return Err(Error::Numerical(format!(
+                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of the domain, {reach} m: its contacts with walls of facets are not known"
+            )));
+        }
+        ghosts::make(
+            particles,
+            &region,
+            &census,
+            gap,
+            self.settings.ghost_margin,
+            domain,
+        )?;
+        L::pose(&mut self.scratch, particles, self.parallel);
+        self.list(particles, gap);
+        particles.listed = true;
+        self.validity.listed = true;
+        // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
+        if self.validity.rebuilds.is_power_of_two() {
+            log::debug!(
+                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
+                domain.rank(),
+                self.validity.rebuilds,
+                self.steps,
+                particles.owned(),
+                particles.len() - particles.owned(),
+                self.lists.pairs.len(),
+                self.solids.wall_pairs.len(),
+                self.facet_pairs(),
+                self.settings.skin
+            );
+        }
+        Ok(())
+    }
+
+    /// Contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
+    fn all_forces(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Fastest {
+        self.events.record = Record::beyond(self.events.deepest.part);
+        let moved = L::forces(self, particles, dt, phase);
+        let id = |entry: u32| self.lists.names[entry as usize].0;
+        if let Some(deeper) = self.events.record.named(id) {
+            self.events.deepest = deeper;
+        }
+        match (moved, phase) {
+            (Some(fastest), _) => fastest,
+            (None, Some((kick, phase))) => self.law.advance(particles, kick, phase, self.parallel),
+            (None, None) => Fastest::default(),
+        }
+    }
+
+    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\]. Where several threads
+    /// do it, the spheres then move in `phase`: the fastest.
+    fn sphere_forces(
+        &mut self,
+        particles: &mut Particles<S>,
+        dt: f64,
+        phase: Option<(&Kick<S>, Phase)>,
+    ) -> Option<Fastest> {
+        self.validity.tested += self.lists.active.len() as u64;
+        self.events.failures.clear();
+        self.events.wall_failures.clear();
+        let fastest = if self.settings.region.any_periodic() {
+            self.forces_by_parts::<true>(particles, dt, phase)
+        } else {
+            self.forces_by_parts::<false>(particles, dt, phase)
+        };
+        if !(self.events.failures.is_empty() && self.events.wall_failures.is_empty()) {
+            self.report_failures(particles);
+        }
+        if fastest.is_some() {
+            self.take_moved(particles);
+        }
+        fastest
+    }
+}
+
+/// The largest of the values of all ranks. Collective.
+fn largest(domain: &Domain, value: f64) -> f64 {
+    domain.communicator().all_reduce_max_f64(value)
+}
+
+/// An error that names the first own grain whose numbers went bad.
+fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
+    let finite = |v: &S::Vector| v.scalar(v).is_finite();
+    match (0..particles.owned()).find(|&k| {
+        let motion = &particles.motion[k];
+        !(finite(&motion.position)
+            && motion.velocity.scalar(&motion.velocity) < integrate::SPEED_LIMIT
+            && motion.spin.scalar(&motion.spin).is_finite())
+    }) {
+        None => Ok(()),
+        Some(k) => Err(migration::lost(particles, k, "has no finite motion")),
+    }
+}

@@ -1,0 +1,165 @@
+//! The engine of a law that is selected when a run starts: dispatched once per step, outside of all loops.
+
+use super::super::Contact;
+use super::super::contact::family::Visitor;
+use super::super::state::{self, Contacts};
+use super::bodies::Bodies;
+use super::*;
+
+/// An [`Engine`] of any contact law.
+pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
+    /// Solid steps with the loads of the fluid held.
+    fn advance(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        steps: u64,
+    ) -> Result<(), Error>;
+    /// Migration, ghosts, lists and loads for grains that changed.
+    fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
+    /// Bonds every contact that exists now; how many this rank reports.
+    fn bond_all(&mut self, particles: &Particles<S>) -> u64;
+    /// Takes every bond away.
+    fn unbond(&mut self);
+    /// The bonds that failed since the last call.
+    fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
+    /// Calls `visit` with every contact this rank reports.
+    fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
+    /// The present counts of this rank.
+    fn statistics(&self, particles: &Particles<S>) -> Statistics;
+    /// The deepest contact so far, on this rank.
+    fn deepest(&self) -> Deepest;
+    /// Counts the deepest contact anew.
+    fn forget_deepest(&mut self);
+    /// Solid steps done.
+    fn steps(&self) -> u64;
+    /// Solid steps done times the time step \[s\].
+    fn time(&self) -> f64;
+    /// The settings.
+    fn settings(&self) -> &Settings<S>;
+    /// The settings, to be changed.
+    fn settings_mut(&mut self) -> &mut Settings<S>;
+    /// The walls.
+    fn walls(&self) -> &[Wall<S>];
+    /// The walls, to be moved.
+    fn walls_mut(&mut self) -> &mut [Wall<S>];
+    /// Takes the walls of these indices out of the way.
+    fn open_walls(&mut self, walls: &[usize]);
+    /// Puts the walls of these indices back.
+    fn close_walls(&mut self, walls: &[usize]);
+    /// The contacts this rank reports, the walls, and the steps done.
+    fn save(&self) -> Contacts;
+    /// Each contact this rank reports, with the numbers of its history.
+    fn each_contact(
+        &self,
+        grains: &mut dyn FnMut([u64; 2], &[f64]),
+        walls: &mut dyn FnMut([u64; 3], &[f64]),
+    );
+    /// Takes back saved contacts.
+    fn restore(&mut self, contacts: &Contacts) -> Result<(), Error>;
+}
+
+impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
+    fn advance(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        steps: u64,
+    ) -> Result<(), Error> {
+        self.advance(particles, domain, steps)
+    }
+
+    fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.prepare(particles, domain)
+    }
+
+    fn bond_all(&mut self, particles: &Particles<S>) -> u64 {
+        L::bond_all(self, particles)
+    }
+
+    fn unbond(&mut self) {
+        self.unbond();
+    }
+
+    fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
+        std::mem::take(&mut self.events.breaks)
+    }
+
+    fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>)) {
+        self.for_each_contact(particles, visit);
+    }
+
+    fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        self.statistics(particles)
+    }
+
+    fn deepest(&self) -> Deepest {
+        self.events.deepest
+    }
+
+    fn forget_deepest(&mut self) {
+        self.events.deepest = Deepest::default();
+    }
+
+    fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    fn time(&self) -> f64 {
+        self.time()
+    }
+
+    fn settings(&self) -> &Settings<S> {
+        &self.settings
+    }
+
+    fn settings_mut(&mut self) -> &mut Settings<S> {
+        &mut self.settings
+    }
+
+    fn walls(&self) -> &[Wall<S>] {
+        &self.walls
+    }
+
+    fn walls_mut(&mut self) -> &mut [Wall<S>] {
+        &mut self.walls
+    }
+
+    fn open_walls(&mut self, walls: &[usize]) {
+        self.swing_walls(walls, true);
+    }
+
+    fn close_walls(&mut self, walls: &[usize]) {
+        self.swing_walls(walls, false);
+    }
+
+    fn save(&self) -> Contacts {
+        state::save(self)
+    }
+
+    fn each_contact(
+        &self,
+        grains: &mut dyn FnMut([u64; 2], &[f64]),
+        walls: &mut dyn FnMut([u64; 3], &[f64]),
+    ) {
+        state::each_contact(self, grains, walls);
+    }
+
+    fn restore(&mut self, contacts: &Contacts) -> Result<(), Error> {
+        state::restore(self, contacts)
+    }
+}
+
+/// Makes the engine of a law.
+pub(crate) struct MakeEngine<S: Space> {
+    pub(crate) settings: Settings<S>,
+    pub(crate) walls: Vec<Wall<S>>,
+}
+
+impl<S: Space> Visitor<S> for MakeEngine<S> {
+    type Output = Result<Box<dyn AnyEngine<S>>, Error>;
+
+    fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output {
+        Ok(Box::new(L::engine(law.clone(), self.settings, self.walls)?))
+    }
+}

@@ -1,0 +1,132 @@
+//! Bonds made, failed and removed.
+
+use super::*;
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Notes each failed bond as an event, on one rank: the owner of the lower id, or of the grain at a wall.
+    #[cold]
+    pub(super) fn report_failures(&mut self, particles: &Particles<S>) {
+        let time = self.time();
+        for &(k, mode) in &self.events.failures {
+            let pair = &self.lists.pairs[k as usize];
+            let (first, second) = (pair.first as usize, pair.second as usize);
+            if first < particles.owned() {
+                let (between, squared) = separation(
+                    &particles.motion,
+                    pair.ends(),
+                    &self.lists.offsets[pair.offset as usize],
+                    self.settings.region.any_periodic(),
+                );
+                let arm = pair.radius - 0.5 * (pair.reach - squared.sqrt());
+                self.events.breaks.push(BondBreak {
+                    step: self.steps,
+                    time,
+                    grain: particles.body[first].id,
+                    other: Some(particles.body[second].id),
+                    wall: None,
+                    position: particles.location(first) + between * (arm / squared.sqrt()),
+                    mode,
+                    fluid_force: particles.fluid_load(first).force.length(),
+                });
+            }
+        }
+        for failure in &self.events.wall_failures {
+            let grain = failure.grain as usize;
+            self.events.breaks.push(BondBreak {
+                step: self.steps,
+                time,
+                grain: particles.body[grain].id,
+                other: None,
+                wall: Some(failure.wall),
+                position: particles.location(grain) + failure.arm,
+                mode: failure.mode,
+                fluid_force: particles.fluid_load(grain).force.length(),
+            });
+        }
+    }
+
+    /// Bonds every contact of spheres that exists now; returns how many this rank reports (the owner of the lower id).
+    pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
+        let mut bonds = 0;
+        let periodic = self.settings.region.any_periodic();
+        for pair in &mut self.lists.pairs {
+            let offset = &self.lists.offsets[pair.offset as usize];
+            let ends = pair.ends();
+            let squared = separation(&particles.motion, ends, offset, periodic).1;
+            let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+            let far = pair.reach + L::bonding_gap(&constants);
+            if squared < far * far
+                && L::bond(&constants, &mut pair.history, pair.reach - squared.sqrt())
+                && ends.0 < particles.owned()
+            {
+                bonds += 1;
+            }
+        }
+        for pair in &mut self.solids.wall_pairs {
+            let distance = self.walls[pair.wall as usize]
+                .distance(&particles.motion[pair.grain as usize].position);
+            if distance < pair.radius + L::bonding_gap(&pair.constants)
+                && L::bond(&pair.constants, &mut pair.history, pair.radius - distance)
+            {
+                bonds += 1;
+            }
+        }
+        for facets in &mut self.solids.facets {
+            facets.next.clear();
+            for pair in &mut facets.pairs {
+                let wall = &self.walls[pair.wall as usize];
+                let Some(surface) = &wall.surface else {
+                    continue;
+                };
+                let at = &particles.motion[pair.grain as usize].position;
+                let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
+                let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
+                let reach = pair.radius + L::bonding_gap(&pair.constants);
+                wall.touched(near, at, reach, &mut facets.found);
+                facets.taken.clear();
+                facets.taken.resize(held.len(), false);
+                let start = ghosts::index(facets.next.len());
+                for one in &facets.found {
+                    let mut history =
+                        history_of(surface, held, &mut facets.taken, &facets.found, one.facet);
+                    if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
+                        bonds += 1;
+                    }
+                    // A fresh history is none, whether lists were made meanwhile or not.
+                    if (one.distance < pair.radius || L::bonded(&history))
+                        && history != L::History::default()
+                    {
+                        facets.next.push(Held {
+                            facet: one.facet,
+                            history,
+                        });
+                    }
+                }
+                pair.held = (start, ghosts::index(facets.next.len()));
+            }
+            std::mem::swap(&mut facets.held, &mut facets.next);
+        }
+        // Bonds across gaps act from now on.
+        self.activate(particles);
+        bonds
+    }
+
+    /// Takes every bond away; the contacts stay.
+    pub(crate) fn unbond(&mut self) {
+        for pair in &mut self.lists.pairs {
+            L::unbond(&mut pair.history);
+        }
+        self.lists.parts.for_each_copy(L::unbond);
+        for pair in &mut self.solids.wall_pairs {
+            L::unbond(&mut pair.history);
+        }
+        for held in self
+            .solids
+            .facets
+            .iter_mut()
+            .flat_map(|part| &mut part.held)
+        {
+            L::unbond(&mut held.history);
+        }
+    }
+}

@@ -1,0 +1,430 @@
+//! Contacts of grains with walls of facets.
+//!
+//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step, and each
+//! takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear survives an
+//! interior edge.
+
+use super::*;
+
+/// An owned grain and a wall of facets that it is close to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfacePair<C> {
+    pub(super) wall: u32,
+    pub(super) grain: u32,
+    pub(super) radius: f64,
+    /// The widest gap \[m\] over which a bond acts.
+    pub(super) opening: f64,
+    /// Facets within reach: a part of `Facets::near`.
+    pub(super) near: (u32, u32),
+    /// Contacts: a part of `Facets::held`.
+    pub(super) held: (u32, u32),
+    pub(super) constants: C,
+}
+
+/// A grain at a wall of facets, with the list that its pair is in.
+pub(crate) type AtFacets<'a, C, M> = (&'a Facets<C, M>, &'a SurfacePair<C>);
+
+/// The history of a contact with a facet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Held<M> {
+    pub(super) facet: u32,
+    pub(super) history: M,
+}
+
+/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
+/// take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
+#[derive(Debug)]
+pub(crate) struct Facets<C, M> {
+    pub(super) pairs: Vec<SurfacePair<C>>,
+    pub(super) near: Vec<u32>,
+    pub(super) held: Vec<Held<M>>,
+    pub(super) next: Vec<Held<M>>,
+    /// Pairs to look at until the next look at all gaps.
+    pub(super) active: Vec<u32>,
+    pub(super) found: Vec<Nearest>,
+    pub(super) taken: Vec<bool>,
+    pub(super) close: Vec<[u32; 3]>,
+    /// Contacts of one grain with several walls, by pair.
+    pub(super) together: Vec<(u32, Nearest)>,
+    /// Those of them that another wall has as well, by pair and facet.
+    pub(super) doubled: Vec<[u32; 2]>,
+}
+
+impl<C, M> Default for Facets<C, M> {
+    fn default() -> Self {
+        Self {
+            pairs: Vec::new(),
+            near: Vec::new(),
+            held: Vec::new(),
+            next: Vec::new(),
+            active: Vec::new(),
+            found: Vec::new(),
+            taken: Vec::new(),
+            close: Vec::new(),
+            together: Vec::new(),
+            doubled: Vec::new(),
+        }
+    }
+}
+
+impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
+    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The loads are those from grain
+    /// `first` on.
+    #[inline(always)]
+    pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        k: usize,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        (contact, first): (&mut [Load<S>], usize),
+        (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
+        dt: f64,
+    ) {
+        let pair = &mut self.pairs[k];
+        let wall = &walls[pair.wall as usize];
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let grain = &motion[pair.grain as usize];
+        let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
+        let reach = if held.iter().any(|old| L::bonded(&old.history)) {
+            pair.radius + pair.opening
+        } else {
+            pair.radius
+        };
+        let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+        wall.touched(near, &grain.position, reach, &mut self.found);
+        if !self.doubled.is_empty() {
+            let pair = ghosts::index(k);
+            let doubled = &self.doubled;
+            self.found
+                .retain(|one| !doubled.contains(&[pair, one.facet]));
+        }
+        self.taken.clear();
+        self.taken.resize(held.len(), false);
+        let start = ghosts::index(self.next.len());
+        for one in &self.found {
+            let mut history = history_of(surface, held, &mut self.taken, &self.found, one.facet);
+            if one.distance >= pair.radius && !L::bonded(&history) {
+                continue;
+            }
+            let normal = S::from_volume(&one.normal);
+            record.note(
+                pair.radius - one.distance,
+                pair.radius,
+                pair.grain,
+                Other::Wall(pair.wall),
+            );
+            let failure = act_at_wall::<S, L>(
+                (&pair.constants, &mut history),
+                (pair.radius, one.distance, &normal),
+                (grain, &wall.velocity),
+                &mut contact[pair.grain as usize - first],
+                dt,
+            );
+            if let Some(mode) = failure {
+                failures.push(WallFailure {
+                    grain: pair.grain,
+                    wall: pair.wall,
+                    arm: normal * -one.distance,
+                    mode,
+                });
+            }
+            // A fresh history is none, whether lists were made meanwhile or not.
+            if (one.distance < pair.radius || L::bonded(&history)) && history != M::default() {
+                self.next.push(Held {
+                    facet: one.facet,
+                    history,
+                });
+            }
+        }
+        pair.held = (start, ghosts::index(self.next.len()));
+    }
+
+    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from grain `first` on.
+    #[inline(always)]
+    pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        (contact, first): (&mut [Load<S>], usize),
+        (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
+        dt: f64,
+    ) {
+        if self.active.is_empty() && self.held.is_empty() {
+            return;
+        }
+        self.next.clear();
+        let mut from = 0;
+        while from < self.active.len() {
+            let to = self.same_grain(from);
+            self.find_doubled::<S, L>((from, to), walls, motion);
+            for n in from..to {
+                let found = (&mut *failures, &mut *record);
+                let k = self.active[n] as usize;
+                self.act_on_sphere::<S, L>(k, walls, motion, (&mut *contact, first), found, dt);
+            }
+            from = to;
+        }
+        std::mem::swap(&mut self.held, &mut self.next);
+    }
+
+    /// Returns the end of the active pairs that have the grain of the active pair `from`: pairs stand by grain.
+    pub(super) fn same_grain(&self, from: usize) -> usize {
+        let grain = |n: usize| self.pairs[self.active[n] as usize].grain;
+        let mut to = from + 1;
+        while to < self.active.len() && grain(to) == grain(from) {
+            to += 1;
+        }
+        to
+    }
+
+    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall replaces: where two walls
+    /// touch or lie in one plane, a sphere is pushed once.
+    pub(super) fn find_doubled<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        (from, to): (usize, usize),
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+    ) {
+        self.doubled.clear();
+        if to - from < 2 {
+            return;
+        }
+        let mut together = std::mem::take(&mut self.together);
+        let mut doubled = std::mem::take(&mut self.doubled);
+        let mut found = std::mem::take(&mut self.found);
+        let pairs = self.active[from..to].iter().copied();
+        self.doubles::<S, L>(
+            pairs,
+            walls,
+            motion,
+            (&mut together, &mut found),
+            &mut doubled,
+        );
+        (self.together, self.doubled, self.found) = (together, doubled, found);
+    }
+
+    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a nearer one, of two as
+    /// near that with the first wall, in the same direction, or one with a facet on which the contact with an edge or a vertex stands.
+    pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &self,
+        pairs: impl Iterator<Item = u32>,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        (together, found): (&mut Vec<(u32, Nearest)>, &mut Vec<Nearest>),
+        doubled: &mut Vec<[u32; 2]>,
+    ) {
+        together.clear();
+        for k in pairs {
+            let pair = &self.pairs[k as usize];
+            let wall = &walls[pair.wall as usize];
+            let at = &motion[pair.grain as usize].position;
+            wall.touched(self.near(pair), at, pair.radius, found);
+            together.extend(found.iter().map(|one| (k, *one)));
+        }
+        for &(k, one) in together.iter() {
+            let pair = &self.pairs[k as usize];
+            let bonded = |held: &Held<M>| held.facet == one.facet && L::bonded(&held.history);
+            if self.held(pair).iter().any(bonded) {
+                continue;
+            }
+            let centre = S::to_volume(&motion[pair.grain as usize].position);
+            let foot = S::from_volume(&(centre - one.normal * one.distance));
+            let replaced = together.iter().any(|&(other, two)| {
+                let others = &self.pairs[other as usize];
+                let wall = &walls[others.wall as usize];
+                let on = || wall.stands_on(self.near(others), &foot);
+                other != k && two.replaces(&one, other < k, on)
+            });
+            if replaced {
+                doubled.push([k, one.facet]);
+            }
+        }
+    }
+
+    /// Chooses the pairs that may touch until grains have moved by `look` \[m\] more.
+    pub(super) fn activate<S: Space>(
+        &mut self,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+        look: f64,
+    ) {
+        self.active.clear();
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let wall = &walls[pair.wall as usize];
+            let at = wall.local(&motion[pair.grain as usize].position);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * look * (1.0 + 1e-9);
+            let closes = || {
+                wall.surface.as_ref().is_some_and(|surface| {
+                    let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+                    near.iter()
+                        .any(|&facet| surface.distance(facet as usize, &at) <= far)
+                })
+            };
+            if pair.held.0 < pair.held.1 || closes() {
+                self.active.push(k);
+            } else {
+                // It is not looked at again before it is active, and others come and go meanwhile.
+                pair.held = (0, 0);
+            }
+        }
+    }
+
+    /// Forgets all pairs.
+    pub(super) fn clear(&mut self) {
+        self.pairs.clear();
+        self.near.clear();
+        self.held.clear();
+        self.active.clear();
+    }
+
+    /// Facets near a pair's grain.
+    pub(super) fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
+        &self.near[pair.near.0 as usize..pair.near.1 as usize]
+    }
+
+    /// The contacts of a pair.
+    pub(super) fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
+        &self.held[pair.held.0 as usize..pair.held.1 as usize]
+    }
+}
+
+/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+pub(super) fn history_of<M: Copy + Default>(
+    surface: &Surface,
+    held: &[Held<M>],
+    taken: &mut [bool],
+    found: &[Nearest],
+    facet: u32,
+) -> M {
+    let own = held.iter().position(|old| old.facet == facet);
+    let at = own.or_else(|| {
+        held.iter().zip(&*taken).position(|(old, taken)| {
+            !taken
+                && surface.adjacent(old.facet, facet)
+                && found.iter().all(|other| other.facet != old.facet)
+        })
+    });
+    at.map_or(M::default(), |at| {
+        taken[at] = true;
+        held[at].history
+    })
+}
+
+/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that has moved at all
+/// places from which a facet may be near a body of the domain.
+fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
+    let lengths = region.periodic_lengths();
+    let mut places = vec![wall.point];
+    for axis in (0..S::DIMENSION).filter(|&axis| lengths[axis] > 0.0) {
+        let length = lengths[axis];
+        let moved = wall.point.get(axis);
+        if moved == 0.0 {
+            continue;
+        }
+        let within = moved - (moved / length).round() * length;
+        places = places
+            .iter()
+            .flat_map(|place| {
+                [within - length, within, within + length].map(|by| {
+                    let mut place = *place;
+                    place.set(axis, by);
+                    place
+                })
+            })
+            .collect();
+    }
+    places
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Lists the facets that owned grains are close to, by grain, wall and facet.
+    pub(super) fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
+        let count = if L::IN_PARTS && self.parallel {
+            thread_pool::threads()
+        } else {
+            1
+        };
+        self.solids.facets.truncate(count);
+        self.solids.facets.resize_with(count, Facets::default);
+        self.solids.facets.iter_mut().for_each(Facets::clear);
+        let mut close = std::mem::take(&mut self.solids.facets[0].close);
+        close.clear();
+        for (w, wall) in (0..).zip(&self.walls) {
+            let Some(surface) = wall.surface.as_ref().filter(|_| !wall.open) else {
+                continue;
+            };
+            let places = places(wall, &self.settings.region);
+            for group in surface.groups() {
+                let [low, high] = group.bounds.map(|corner| S::from_volume(&corner));
+                for &place in &places {
+                    search.near::<S>(&(low + place), &(high + place), gap, |k| {
+                        if k >= particles.owned() || particles.mobility[k].free <= 0.0 {
+                            return;
+                        }
+                        let at = wall.local(&particles.motion[k].position);
+                        let (grain, reach) = (ghosts::index(k), particles.body[k].radius + gap);
+                        for &number in &group.facets {
+                            let facet = number as usize;
+                            if surface.may_reach(facet, &at, reach)
+                                && surface.distance(facet, &at) <= reach
+                            {
+                                close.push([grain, w, number]);
+                                surface.images_beyond(number, &at, gap, |image| {
+                                    close.push([grain, w, image]);
+                                });
+                            }
+                        }
+                    });
+                }
+            }
+        }
+        close.sort_unstable();
+        close.dedup();
+        let mut part = 0;
+        for group in close.chunk_by(|a, b| a[..2] == b[..2]) {
+            let [grain, w, _] = group[0];
+            // The part of its grain ([`Parts::cut`]).
+            while grain as usize >= particles.owned() * (part + 1) / count {
+                part += 1;
+            }
+            let facets = &mut self.solids.facets[part];
+            let (body, wall) = (&particles.body[grain as usize], &self.walls[w as usize]);
+            let near = ghosts::index(facets.near.len());
+            facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
+            let held = ghosts::index(facets.held.len());
+            let from = self
+                .wall_histories
+                .partition_point(|(key, _)| *key < (body.id, w, 0));
+            let remembered = self.wall_histories[from..]
+                .iter()
+                .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
+            facets
+                .held
+                .extend(remembered.map(|((_, _, facet), history)| Held {
+                    facet: *facet,
+                    history: *history,
+                }));
+            let diameter = 2.0 * body.radius;
+            facets.pairs.push(SurfacePair {
+                wall: w,
+                grain,
+                radius: body.radius,
+                opening: self.law.widest_opening([diameter, diameter]),
+                near: (near, ghosts::index(facets.near.len())),
+                held: (held, ghosts::index(facets.held.len())),
+                constants: L::between(
+                    self.rows.get(wall.material, body.material),
+                    &at_wall(wall.material, body),
+                ),
+            });
+        }
+        self.solids.facets[0].close = close;
+    }
+
+    /// How many pairs of a grain and a wall of facets are listed.
+    pub(super) fn facet_pairs(&self) -> usize {
+        self.solids.facets.iter().map(|part| part.pairs.len()).sum()
+    }
+}

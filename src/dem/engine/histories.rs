@@ -1,0 +1,210 @@
+//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their bytes in
+//! messages.
+//!
+//! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
+
+use super::*;
+use crate::neighbors::threads_for;
+use std::ops::Range;
+
+/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+pub(crate) type WallKey = (u64, u32, u32);
+
+/// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    pub(crate) first: u64,
+    pub(crate) second: u64,
+    pub(crate) shift: [i32; 3],
+}
+
+/// Finds histories of pairs that come by rising id of their first ends.
+#[derive(Debug, Default)]
+pub(super) struct Cursor {
+    /// The histories of the last first end, and its id.
+    own: Range<usize>,
+    first: Option<u64>,
+}
+
+impl Cursor {
+    /// The history of a pair among those of rising key, if it has one.
+    #[inline]
+    pub(super) fn find<H: Copy>(&mut self, histories: &[(Key, H)], key: &Key) -> Option<H> {
+        if self.first != Some(key.first) {
+            let start = if self.first.is_some_and(|first| first < key.first) {
+                let rest = &histories[self.own.end..];
+                self.own.end + rest.iter().take_while(|(k, _)| k.first < key.first).count()
+            } else {
+                histories.partition_point(|(k, _)| k.first < key.first)
+            };
+            let own = &histories[start..];
+            self.own = start..start + own.iter().take_while(|(k, _)| k.first == key.first).count();
+            self.first = Some(key.first);
+        }
+        let own = &histories[self.own.clone()];
+        let at = own.binary_search_by_key(key, |(key, _)| *key).ok()?;
+        Some(own[at].1)
+    }
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Moves the histories of all contacts out of the lists, by rising key, each once.
+    pub(super) fn remember(&mut self) {
+        let fresh = L::History::default();
+        let (pairs, names) = (&self.lists.pairs, &self.lists.names);
+        let threads = threads_for(pairs.len());
+        let bound = |thread: usize| pairs.len() * thread / threads;
+        let mut before = [0; thread_pool::MOST + 1];
+        thread_pool::each_item(&mut before[1..=threads], 1, |thread, count| {
+            let own = pairs[bound(thread)..bound(thread + 1)].iter();
+            *count = own.filter(|pair| pair.history != fresh).count();
+        });
+        for thread in 1..=threads {
+            before[thread] += before[thread - 1];
+        }
+        let histories = &mut self.histories;
+        thread_pool::extend(
+            histories,
+            threads,
+            |thread| before[thread],
+            |thread, room| {
+                for pair in &pairs[bound(thread)..bound(thread + 1)] {
+                    if pair.history != fresh {
+                        let (first, second) = pair.ends();
+                        room.push((key(names[first], names[second]), pair.history));
+                    }
+                }
+            },
+        );
+        for pair in &self.solids.wall_pairs {
+            if pair.history != L::History::default() {
+                let id = self.lists.names[pair.grain as usize].0;
+                self.wall_histories.push(((id, pair.wall, 0), pair.history));
+            }
+        }
+        for facets in &mut self.solids.facets {
+            for pair in &facets.pairs {
+                let id = self.lists.names[pair.grain as usize].0;
+                for held in facets.held(pair) {
+                    if held.history != L::History::default() {
+                        self.wall_histories
+                            .push(((id, pair.wall, held.facet), held.history));
+                    }
+                }
+            }
+            facets.clear();
+        }
+        // Their memory is given back: the search for new pairs needs as much.
+        self.lists.pairs = Vec::new();
+        self.solids.wall_pairs.clear();
+        self.lists.names.clear();
+        self.put_histories_in_order();
+    }
+
+    pub(super) fn put_histories_in_order(&mut self) {
+        if self.histories.is_sorted_by_key(|(key, _)| key.first) {
+            // Out of the lists: only those of images are out of order.
+            let of_one = |a: &(Key, _), b: &(Key, _)| a.0.first == b.0.first;
+            for own in self.histories.chunk_by_mut(of_one) {
+                own.sort_unstable_by_key(|(key, _)| *key);
+            }
+        } else {
+            self.histories.sort_unstable_by_key(|(key, _)| *key);
+        }
+        self.histories.dedup_by_key(|(key, _)| *key);
+        self.wall_histories.sort_unstable_by_key(|(key, _)| *key);
+        self.wall_histories.dedup_by_key(|(key, _)| *key);
+    }
+
+    /// Key and history of each contact this rank reports, in no order: with grains, then with walls.
+    pub(crate) fn each_history(
+        &self,
+        mut grains: impl FnMut(Key, &L::History),
+        mut walls: impl FnMut(WallKey, &L::History),
+    ) {
+        let fresh = L::History::default();
+        for pair in &self.lists.pairs {
+            let (first, second) = pair.ends();
+            if pair.history != fresh && first < self.lists.named_owned {
+                grains(
+                    key(self.lists.names[first], self.lists.names[second]),
+                    &pair.history,
+                );
+            }
+        }
+        for pair in self
+            .solids
+            .wall_pairs
+            .iter()
+            .filter(|pair| pair.history != fresh)
+        {
+            let id = self.lists.names[pair.grain as usize].0;
+            walls((id, pair.wall, 0), &pair.history);
+        }
+        for facets in &self.solids.facets {
+            for pair in &facets.pairs {
+                let id = self.lists.names[pair.grain as usize].0;
+                let held = facets.held(pair).iter();
+                for held in held.filter(|held| held.history != fresh) {
+                    walls((id, pair.wall, held.facet), &held.history);
+                }
+            }
+        }
+    }
+
+    /// The same as lists by rising key.
+    #[expect(clippy::type_complexity, reason = "two lists of key and history")]
+    pub(crate) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
+        let (mut grains, mut walls) = (Vec::new(), Vec::new());
+        self.each_history(
+            |key, history| grains.push((key, *history)),
+            |key, history| walls.push((key, *history)),
+        );
+        grains.sort_unstable_by_key(|(key, _)| *key);
+        walls.sort_unstable_by_key(|(key, _)| *key);
+        (grains, walls)
+    }
+
+    /// Takes histories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
+    pub(crate) fn restore(
+        &mut self,
+        grains: Vec<(Key, L::History)>,
+        walls: Vec<(WallKey, L::History)>,
+        steps: u64,
+    ) {
+        self.lists.pairs.clear();
+        self.solids.wall_pairs.clear();
+        self.solids.facets.iter_mut().for_each(Facets::clear);
+        self.histories = grains;
+        self.wall_histories = walls;
+        self.put_histories_in_order();
+        self.validity.listed = false;
+        self.validity.total = None;
+        self.steps = steps;
+    }
+}
+
+/// Writes the numbers of a history; `numbers` is a buffer that is reused.
+pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
+    history: &L::History,
+    numbers: &mut Vec<f64>,
+    to: &mut Writer,
+) {
+    numbers.clear();
+    L::save(history, numbers);
+    for number in &*numbers {
+        to.float(*number);
+    }
+}
+
+/// Reads what [`pack_history`] wrote.
+pub(super) fn unpack_history<S: Space, L: ContactLaw<S>>(
+    numbers: &mut Vec<f64>,
+    from: &mut Reader<'_>,
+) -> Result<L::History, Error> {
+    numbers.clear();
+    for _ in 0..L::NUMBERS {
+        numbers.push(from.float()?);
+    }
+    Ok(L::load(numbers))
+}

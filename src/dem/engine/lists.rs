@@ -1,0 +1,266 @@
+//! Lists of pairs: which pairs are near, and which of them a step tests.
+//!
+//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half the
+//! skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps are looked
+//! at next. The distance between two such looks adapts to the motion. In a bed nearly at rest the active pairs are
+//! the contacts.
+
+use super::*;
+use crate::neighbors::threads_for;
+use histories::Cursor;
+
+/// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair<C, M> {
+    pub(super) first: u32,
+    pub(super) second: u32,
+    /// Sum of the radii \[m\].
+    pub(super) reach: f64,
+    /// Radius of the first \[m\].
+    pub(super) radius: f64,
+    /// Place in the table of material pairs.
+    pub(super) row: u32,
+    /// Place in the table of separations to add.
+    pub(super) offset: u32,
+    pub(super) scale: C,
+    pub(super) history: M,
+}
+
+impl<C, M> Pair<C, M> {
+    #[inline(always)]
+    pub(super) fn ends(&self) -> (usize, usize) {
+        (self.first as usize, self.second as usize)
+    }
+}
+
+/// A listed pair of a wall and an owned grain.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WallPair<C, M> {
+    pub(super) wall: u32,
+    pub(super) grain: u32,
+    pub(super) radius: f64,
+    pub(super) constants: C,
+    pub(super) history: M,
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its history back.
+    pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
+        let threads = thread_pool::threads();
+        self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
+        let periodic = self.settings.region.any_periodic();
+        self.lists.names.extend(
+            particles
+                .body
+                .iter()
+                .zip(&particles.shift)
+                .map(|(body, shift)| (body.id, *shift)),
+        );
+        self.lists.named_owned = particles.owned();
+        self.list_offsets(particles);
+        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
+        // no more room than needed: it is most of the memory of a grain.
+        let mut search = Search::default();
+        let candidates = search.look(particles, gap);
+        self.list_facets(particles, gap, &search);
+        drop(search);
+        let mut pairs = std::mem::take(&mut self.lists.pairs);
+        let threads = threads_for(particles.len());
+        let bound = |thread: usize| candidates.before(thread, threads);
+        let view = particles.view();
+        thread_pool::extend(&mut pairs, threads, bound, |thread, room| {
+            let mut cursor = Cursor::default();
+            candidates.each(thread, threads, |i, j| {
+                let (a, b) = (&view.body[i], &view.body[j]);
+                let key = key(self.lists.names[i], self.lists.names[j]);
+                let place = if periodic {
+                    self.place_of(key.shift)
+                } else {
+                    0
+                };
+                let offset = self.lists.offsets[place];
+                let partners = PairProperties {
+                    materials: [a.material, b.material],
+                    diameter: a.radius + b.radius,
+                    mass: effective_mass(&view, i, j),
+                    rolling_radius: a.radius * b.radius / (a.radius + b.radius),
+                    rolling_inertia: rolling_inertia(&view, i, j),
+                };
+                let row = self.rows.place(a.material, b.material);
+                let reach = a.radius + b.radius;
+                let (between, squared) = separation(view.motion, (i, j), &offset, periodic);
+                if !L::near(&self.scratch, (i, j), &between, gap) {
+                    return;
+                }
+                let held = cursor.find(&self.histories, &key).unwrap_or_default();
+                let lives = squared < reach * reach || L::bonded(&held);
+                room.push(Pair {
+                    first: ghosts::index(i),
+                    second: ghosts::index(j),
+                    reach,
+                    radius: a.radius,
+                    row,
+                    offset: ghosts::index(place),
+                    scale: L::scale(self.rows.at(row), &partners),
+                    history: if lives { held } else { L::History::default() },
+                });
+            });
+        });
+        self.lists.pairs = pairs;
+        drop(candidates);
+        self.list_planes(particles, gap);
+        self.histories = Vec::new();
+        self.wall_histories.clear();
+        self.validity.path = 0.0;
+        L::share_out(self, particles);
+        self.activate(particles);
+    }
+
+    /// Lists the pairs of own grains with planes that are at most `gap` \[m\] apart.
+    fn list_planes(&mut self, particles: &Particles<S>, gap: f64) {
+        let view = particles.view();
+        let threads = threads_for(view.owned);
+        let planes = || {
+            let walls = self.walls.iter().enumerate();
+            walls.filter(|(_, wall)| !wall.open && wall.surface.is_none())
+        };
+        let mut found = std::mem::take(&mut self.solids.planes_found);
+        found.resize_with(threads, Vec::new);
+        thread_pool::each_item(&mut found, 1, |thread, found| {
+            let bound = |thread: usize| view.owned * thread / threads;
+            let own = bound(thread)..bound(thread + 1);
+            for k in own.filter(|&k| view.mobility[k].free > 0.0) {
+                let (body, motion) = (&view.body[k], &view.motion[k]);
+                for (w, wall) in planes() {
+                    let distance = wall.distance(&motion.position);
+                    if distance > body.radius + gap {
+                        continue;
+                    }
+                    let wall_index = ghosts::index(w);
+                    let held = self
+                        .wall_histories
+                        .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
+                        .map_or(L::History::default(), |at| self.wall_histories[at].1);
+                    let lives = distance < body.radius || L::bonded(&held);
+                    let partners = at_wall(wall.material, body);
+                    found.push(WallPair {
+                        wall: wall_index,
+                        grain: ghosts::index(k),
+                        radius: body.radius,
+                        constants: self.at_wall(&partners),
+                        history: if lives { held } else { L::History::default() },
+                    });
+                }
+            }
+        });
+        for found in &mut found {
+            self.solids.wall_pairs.append(found);
+        }
+        self.solids.planes_found = found;
+    }
+
+    /// What periodic axes may add to separations: all differences of the images that there are.
+    fn list_offsets(&mut self, particles: &Particles<S>) {
+        let mut shifts = vec![[0; 3]];
+        for shift in particles.shift.iter().filter(|shift| **shift != [0; 3]) {
+            // Most are no images, or of the same side as the one before.
+            if shifts.last() != Some(shift) && !shifts.contains(shift) {
+                shifts.push(*shift);
+            }
+        }
+        self.lists.offset_shifts.clear();
+        self.lists.offset_shifts.push([0; 3]);
+        for first in &shifts {
+            for second in &shifts {
+                let shift = std::array::from_fn(|axis| second[axis] - first[axis]);
+                if !self.lists.offset_shifts.contains(&shift) {
+                    self.lists.offset_shifts.push(shift);
+                }
+            }
+        }
+        let lengths = &particles.lengths;
+        self.lists.offsets.clear();
+        self.lists
+            .offsets
+            .extend(self.lists.offset_shifts.iter().map(|shift| {
+                let mut offset = S::Vector::default();
+                for axis in 0..S::DIMENSION {
+                    offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
+                }
+                offset
+            }));
+    }
+
+    /// Place of a shift among the offsets.
+    #[inline]
+    fn place_of(&self, shift: [i32; 3]) -> usize {
+        // Most pairs are no images.
+        let known = self
+            .lists
+            .offset_shifts
+            .iter()
+            .position(|known| *known == shift);
+        known.unwrap_or(0)
+    }
+
+    pub(super) fn at_wall(&self, partners: &PairProperties) -> L::Constants {
+        let [wall, grain] = partners.materials;
+        L::between(self.rows.get(wall, grain), partners)
+    }
+
+    /// Chooses the pairs to test until grains have moved by another look's distance.
+    pub(super) fn activate(&mut self, particles: &Particles<S>) {
+        let skin = self.settings.skin;
+        let since = self.steps - self.validity.activated_at;
+        if since < 30 {
+            self.validity.look = (2.0 * self.validity.look).min(0.5 * skin);
+        } else if since > 240 {
+            self.validity.look = (0.5 * self.validity.look).max(skin / 1024.0);
+        }
+        self.validity.activated_at = self.steps;
+        self.validity.activated = self.validity.path + self.validity.look;
+        let periodic = self.settings.region.any_periodic();
+        let (offsets, scratch, motion) =
+            (&self.lists.offsets, &self.scratch, &particles.motion[..]);
+        // The slack is far above the rounding of a separation, far below any gap that costs.
+        let gap = 2.0 * self.validity.look * (1.0 + 1e-9);
+        let choose =
+            |first: usize, pairs: &mut [Pair<L::Scale, L::History>], active: &mut Vec<u32>| {
+                active.clear();
+                for (k, pair) in (ghosts::index(first)..).zip(pairs) {
+                    let offset = &offsets[pair.offset as usize];
+                    let (between, squared) = separation(motion, pair.ends(), offset, periodic);
+                    let far = pair.reach * (1.0 + 1e-12) + gap;
+                    let near = squared <= far * far && L::near(scratch, pair.ends(), &between, gap);
+                    if near || L::bonded(&pair.history) {
+                        active.push(k);
+                    } else {
+                        pair.history = L::History::default();
+                    }
+                }
+            };
+        if self.parallel {
+            let (pieces, all) = (thread_pool::threads(), self.lists.pairs.len());
+            self.lists.chosen.resize_with(pieces, Vec::new);
+            let shared = (
+                thread_pool::evenly(&mut self.lists.pairs, pieces),
+                thread_pool::evenly(&mut self.lists.chosen, pieces),
+            );
+            thread_pool::each_of(pieces, shared, |piece, (pairs, chosen)| {
+                choose(all * piece / pieces, pairs, &mut chosen[0]);
+            });
+            self.lists.active.clear();
+            for chosen in &self.lists.chosen {
+                self.lists.active.extend_from_slice(chosen);
+            }
+        } else {
+            choose(0, &mut self.lists.pairs, &mut self.lists.active);
+        }
+        let (walls, look) = (&self.walls, self.validity.look);
+        let least = if self.parallel { 1 } else { usize::MAX };
+        thread_pool::each_item(&mut self.solids.facets, least, |_, facets| {
+            facets.activate(walls, motion, look);
+        });
+        self.lists.parts.note(&self.lists.active, &self.lists.pairs);
+    }
+}

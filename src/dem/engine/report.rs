@@ -1,0 +1,176 @@
+//! Contacts and counts for output: every contact with its overlap and force, and how many there are.
+
+use super::super::Contact;
+use super::super::polyhedron::Narrow;
+use super::*;
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    pub(crate) fn time(&self) -> f64 {
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a run of 2^53 steps would not end"
+        )]
+        let steps = self.steps as f64;
+        steps * self.settings.time_step
+    }
+
+    /// Two spheres as a contact.
+    pub(super) fn sphere_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &Pair<L::Scale, L::History>,
+    ) -> Option<Contact<S>> {
+        let periodic = self.settings.region.any_periodic();
+        let offset = &self.lists.offsets[pair.offset as usize];
+        let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
+        let bonded = L::bonded(&pair.history);
+        if squared >= pair.reach * pair.reach && !bonded {
+            return None;
+        }
+        let (first, second) = pair.ends();
+        let distance = squared.sqrt();
+        let overlap = pair.reach - distance;
+        let normal = between * (1.0 / distance);
+        let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+        Some(Contact {
+            grain: first,
+            other: Some(second),
+            wall: None,
+            overlap,
+            normal,
+            position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&constants, &pair.history, overlap),
+            shear_force: S::embed(&L::shear_spring(&pair.history), &normal),
+            bonded,
+        })
+    }
+
+    /// A sphere at a plane as a contact.
+    pub(super) fn sphere_plane_contact(
+        &self,
+        particles: &Particles<S>,
+        pair: &WallPair<L::Constants, L::History>,
+    ) -> Option<Contact<S>> {
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let distance = wall.distance(&particles.motion[grain].position);
+        let bonded = L::bonded(&pair.history);
+        if distance >= pair.radius && !bonded {
+            return None;
+        }
+        let overlap = pair.radius - distance;
+        Some(Contact {
+            grain,
+            other: None,
+            wall: Some(pair.wall),
+            overlap,
+            normal: wall.normal,
+            position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
+            normal_force: L::normal_spring(&pair.constants, &pair.history, overlap),
+            shear_force: S::embed(&L::shear_spring(&pair.history), &wall.normal),
+            bonded,
+        })
+    }
+
+    /// Every contact this rank reports: those of pairs whose first it owns, and those with walls.
+    pub(crate) fn for_each_contact(
+        &self,
+        particles: &Particles<S>,
+        mut visit: impl FnMut(Contact<S>),
+    ) {
+        let mut narrow = Narrow::default();
+        let own = |pair: &&Pair<L::Scale, L::History>| (pair.first as usize) < particles.owned();
+        for pair in self.lists.pairs.iter().filter(own) {
+            if let Some(contact) = L::contact(self, particles, pair, &mut narrow) {
+                visit(contact);
+            }
+        }
+        for pair in &self.solids.wall_pairs {
+            if let Some(contact) = L::plane_contact(self, particles, pair, &mut narrow) {
+                visit(contact);
+            }
+        }
+        for facets in &self.solids.facets {
+            for pair in &facets.pairs {
+                L::facet_contacts(self, particles, (facets, pair), &mut narrow, &mut visit);
+            }
+        }
+    }
+
+    /// A sphere at facets as contacts.
+    pub(super) fn sphere_facet_contacts(
+        &self,
+        particles: &Particles<S>,
+        (facets, pair): AtFacets<'_, L::Constants, L::History>,
+        visit: &mut impl FnMut(Contact<S>),
+    ) {
+        let (held, near) = (facets.held(pair), facets.near(pair));
+        let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
+        let Some(surface) = &wall.surface else {
+            return;
+        };
+        let mut found = Vec::new();
+        let at = &particles.motion[grain].position;
+        wall.touched(near, at, pair.radius + pair.opening, &mut found);
+        let first = facets.pairs.partition_point(|one| one.grain < pair.grain);
+        let own = facets.pairs[first..].iter();
+        let count = own.take_while(|one| one.grain == pair.grain).count();
+        if count > 1 {
+            let mut doubled = Vec::new();
+            let pairs = ghosts::index(first)..ghosts::index(first + count);
+            let buffers = (&mut Vec::new(), &mut Vec::new());
+            let motion = &particles.motion;
+            facets.doubles::<S, L>(pairs.clone(), &self.walls, motion, buffers, &mut doubled);
+            let mut own = pairs;
+            let own = own.find(|k| facets.pairs[*k as usize].wall == pair.wall);
+            found.retain(|one| own.is_none_or(|own| !doubled.contains(&[own, one.facet])));
+        }
+        let mut taken = vec![false; held.len()];
+        for one in &found {
+            let history = history_of(surface, held, &mut taken, &found, one.facet);
+            let bonded = L::bonded(&history);
+            if one.distance < pair.radius || bonded {
+                let overlap = pair.radius - one.distance;
+                let normal = S::from_volume(&one.normal);
+                visit(Contact {
+                    grain,
+                    other: None,
+                    wall: Some(pair.wall),
+                    overlap,
+                    normal,
+                    position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
+                    normal_force: L::normal_spring(&pair.constants, &history, overlap),
+                    shear_force: S::embed(&L::shear_spring(&history), &normal),
+                    bonded,
+                });
+            }
+        }
+    }
+
+    /// The present counts of this rank.
+    pub(crate) fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        let mut now = Statistics {
+            owned: particles.owned() as u64,
+            ghosts: (particles.len() - particles.owned()) as u64,
+            listed: (self.lists.pairs.len() + self.solids.wall_pairs.len() + self.facet_pairs())
+                as u64,
+            active: self.lists.active.len() as u64,
+            rebuilds: self.validity.rebuilds,
+            tested: self.validity.tested,
+            ..Statistics::default()
+        };
+        self.for_each_contact(particles, |contact| {
+            now.contacts += 1;
+            now.bonds += u64::from(contact.bonded);
+            let diameter = 2.0
+                * contact
+                    .other
+                    .map_or(particles.body[contact.grain].radius, |other| {
+                        particles.body[contact.grain]
+                            .radius
+                            .min(particles.body[other].radius)
+                    });
+            now.largest_overlap = now.largest_overlap.max(contact.overlap / diameter);
+        });
+        now
+    }
+}

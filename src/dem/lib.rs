@@ -1,0 +1,383 @@
+//! Discrete elements: grains and blocks, their contacts, forces and motion.
+//!
+//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the histories. One call
+//! of [`Dem::advance`] is one solid step:
+//!
+//! ```text
+//! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
+//! ```
+//!
+//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact law. The bits
+//! of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
+//!
+//! | file | content |
+//! |---|---|
+//! | `space` | two and three dimensions |
+//! | `particles` | the list of arrays of a grain, and their store |
+//! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
+//! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
+//! | `census` | counts and radii of the grains of all ranks; agreement on an error |
+//! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
+//! | `blocks` | shapes and orientations of the blocks among the grains |
+//! | `buckets` | counting sort by threads |
+//! | `neighbors` | candidate pairs |
+//! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
+//! | `walls`, `surface` | planes, polygons, triangulated surfaces |
+//! | `integrate` | velocity Verlet |
+//! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
+//! | `engine` | the step, the lists, the hand-over of grains and histories |
+//! | `dashpot` | the normal dashpot of a contact over time steps |
+//! | `deepest` | the deepest contact of all steps |
+//! | `relax` | unbalanced force |
+//! | `escape` | a grain that left the box |
+//! | `state` | contacts as named columns |
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+mod blocks;
+mod buckets;
+mod census;
+mod columns;
+pub mod contact;
+mod dashpot;
+pub mod deepest;
+mod engine;
+pub mod escape;
+mod ghost_plan;
+mod ghosts;
+mod integrate;
+pub mod instances;
+mod message;
+mod migration;
+mod neighbors;
+pub mod particles;
+pub mod polyhedron;
+mod region;
+pub mod relax;
+pub mod space;
+pub mod state;
+pub mod surface;
+mod table;
+pub mod walls;
+
+pub use contact::{Failure, Law, PairProperties, PairTable};
+pub use deepest::Deepest;
+pub use neighbors::Search;
+pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
+pub use region::Region;
+pub use relax::{Relaxation, Stillness};
+pub use space::{Components, Plane, Space, Volume};
+pub use surface::Surface;
+pub use walls::Wall;
+
+use contact::family::Family;
+use engine::{AnyEngine, MakeEngine};
+
+use base::error::Error;
+use decomposition::{Axis, Domain};
+
+/// A domain of one rank that owns all grains; needs no MPI.
+#[must_use]
+pub fn alone() -> Domain {
+    Domain::serial(Axis::X, 1, false)
+}
+
+/// Parameters of the step and of the lists.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings<S: Space> {
+    /// The box and the planes that ranks share.
+    pub region: Region<S>,
+    /// Solid time step \[s\].
+    pub time_step: f64,
+    /// Gravity [m/s²].
+    pub gravity: S::Vector,
+    /// Non-viscous damping, 0 (none) to below 1.
+    pub local_damping: f64,
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less often. No result depends on it.
+    pub skin: f64,
+    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius \[m\].
+    pub ghost_margin: f64,
+}
+
+impl<S: Space> Settings<S> {
+    /// No gravity, no damping, no margin.
+    #[must_use]
+    pub fn new(region: Region<S>, time_step: f64, skin: f64) -> Self {
+        Self {
+            region,
+            time_step,
+            gravity: S::Vector::default(),
+            local_damping: 0.0,
+            skin,
+            ghost_margin: 0.0,
+        }
+    }
+}
+
+/// A bond that failed. One rank reports it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BondBreak<S: Space> {
+    /// Solid steps done, this one included.
+    pub step: u64,
+    /// Time \[s\] at the end of the step.
+    pub time: f64,
+    /// Id of the grain, the lower of the two.
+    pub grain: u64,
+    /// Id of the other grain.
+    pub other: Option<u64>,
+    /// Or the wall.
+    pub wall: Option<u32>,
+    /// Contact point \[m\].
+    pub position: S::Vector,
+    /// Pulled or sheared.
+    pub mode: Failure,
+    /// Magnitude of the fluid's force on `grain` \[N\].
+    pub fluid_force: f64,
+}
+
+/// The present state of a contact or bond.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact<S: Space> {
+    /// Entry of the first grain, the lower id: owned here.
+    pub grain: usize,
+    /// Entry of the other grain.
+    pub other: Option<usize>,
+    /// Or the wall.
+    pub wall: Option<u32>,
+    /// Overlap \[m\], negative for a bond in tension.
+    pub overlap: f64,
+    /// Unit normal from the first grain to the second, from the wall to the grain.
+    pub normal: S::Vector,
+    /// Contact point \[m\].
+    pub position: S::Vector,
+    /// Force of the normal spring \[N\], positive in compression.
+    pub normal_force: f64,
+    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is involved.
+    pub shear_force: S::Vector,
+    /// Whether it is bonded.
+    pub bonded: bool,
+}
+
+/// Counts of one rank; sums over ranks count each item once.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Owned grains.
+    pub owned: u64,
+    /// Ghosts.
+    pub ghosts: u64,
+    /// Pairs in the lists.
+    pub listed: u64,
+    /// Pairs tested in each step.
+    pub active: u64,
+    /// Contacts, with walls.
+    pub contacts: u64,
+    /// Bonded ones among them.
+    pub bonds: u64,
+    /// Largest overlap over the smaller diameter.
+    pub largest_overlap: f64,
+    /// Number of times that lists were made.
+    pub rebuilds: u64,
+    /// Pairs tested since the beginning.
+    pub tested: u64,
+}
+
+/// Contacts, walls and lists of one rank.
+#[derive(Debug)]
+pub struct Dem<S: Space> {
+    engine: Box<dyn AnyEngine<S>>,
+}
+
+impl<S: Space> Dem<S> {
+    /// Contacts under `law` between grains, and with `walls`.
+    ///
+    /// # Errors
+    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
+    /// and the scene plane.
+    #[inline(never)]
+    pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
+        Self::of_family(&law, settings, walls)
+    }
+
+    /// The same with a law of any list.
+    fn of_family(
+        law: &impl Family,
+        settings: Settings<S>,
+        walls: Vec<Wall<S>>,
+    ) -> Result<Self, Error> {
+        let refuse = |what: String| Err(Error::Numerical(what));
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if !positive(settings.time_step) {
+            return refuse(format!("a solid time step of {} s", settings.time_step));
+        }
+        if !positive(settings.skin) {
+            return refuse(format!("a neighbour skin of {} m", settings.skin));
+        }
+        if !(0.0..1.0).contains(&settings.local_damping) {
+            return refuse(format!("a local damping of {}", settings.local_damping));
+        }
+        for axis in (0..S::DIMENSION).filter(|&axis| settings.region.periodic[axis]) {
+            if walls.iter().any(|wall| wall.normal.get(axis).abs() > 0.0) {
+                return refuse(format!("a wall across the periodic axis {axis}"));
+            }
+        }
+        let (lower, lengths) = (settings.region.origin(), settings.region.periodic_lengths());
+        let mut surfaces = walls.iter().filter_map(|wall| wall.surface.as_ref());
+        if !surfaces.all(|surface| surface.repeats_by(lower, lengths)) {
+            return refuse("a wall of facets that does not repeat with the domain".into());
+        }
+        log::info!(
+            "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",
+            settings.time_step,
+            settings.skin,
+            settings.local_damping,
+            walls.len()
+        );
+        let engine = law.visit(MakeEngine { settings, walls })?;
+        Ok(Self { engine })
+    }
+
+    /// One solid step. Collective.
+    ///
+    /// # Errors
+    /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
+    pub fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.advance_many(particles, domain, 1)
+    }
+
+    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`]. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn advance_many(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        steps: u64,
+    ) -> Result<(), Error> {
+        self.engine.advance(particles, domain, steps)
+    }
+
+    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
+    /// yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.engine.prepare(particles, domain)
+    }
+
+    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
+    /// break later do not heal. Returns the number of bonds that this rank reports. Collective.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn bond_existing_contacts(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<u64, Error> {
+        self.prepare(particles, domain)?;
+        Ok(self.engine.bond_all(particles))
+    }
+
+    /// Removes all bonds; contacts and their shear forces remain.
+    pub fn unbond(&mut self) {
+        self.engine.unbond();
+    }
+
+    /// The bonds that failed since the last call, as this rank reports them.
+    pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
+        self.engine.take_breaks()
+    }
+
+    /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
+    pub fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(Contact<S>)) {
+        self.engine.for_each_contact(particles, &mut visit);
+    }
+
+    /// The present counts of this rank.
+    #[must_use]
+    pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
+        self.engine.statistics(particles)
+    }
+
+    /// The deepest contact of any solid step so far, on this rank.
+    #[must_use]
+    pub fn deepest(&self) -> Deepest {
+        self.engine.deepest()
+    }
+
+    /// Counts the deepest contact anew.
+    pub fn forget_deepest(&mut self) {
+        self.engine.forget_deepest();
+    }
+
+    /// Solid steps done.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.engine.steps()
+    }
+
+    /// Solid steps done times the time step \[s\].
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.engine.time()
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings<S> {
+        self.engine.settings()
+    }
+
+    /// Changes gravity [m/s²].
+    pub fn set_gravity(&mut self, gravity: S::Vector) {
+        self.engine.settings_mut().gravity = gravity;
+    }
+
+    /// Changes the non-viscous damping, 0 (none) to below 1; other values are clamped.
+    pub fn set_local_damping(&mut self, damping: f64) {
+        let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
+        self.engine.settings_mut().local_damping = damping;
+    }
+
+    /// The present walls.
+    #[must_use]
+    pub fn walls(&self) -> &[Wall<S>] {
+        self.engine.walls()
+    }
+
+    /// Removes the walls of these indices with their contacts and bonds. The same on all ranks.
+    pub fn open_walls(&mut self, walls: &[usize]) {
+        self.engine.open_walls(walls);
+    }
+
+    /// Puts the walls of these indices back, without contacts. The same on all ranks.
+    pub fn close_walls(&mut self, walls: &[usize]) {
+        self.engine.close_walls(walls);
+    }
+
+    /// Changes a wall's velocity [m/s].
+    pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
+        if let Some(wall) = self.engine.walls_mut().get_mut(wall) {
+            wall.velocity = velocity;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,147 @@
+//! Which rank owns a grain, the wrap of positions into the box, and the bytes of grains that change their rank.
+//!
+//! [`super::engine`] sends these bytes with the histories of the contacts.
+//!
+//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split axis,
+//! clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
+
+use super::columns::Crosses;
+use super::escape::Escape;
+use super::message::{Reader, Writer};
+use super::particles::{Motion, Particles, place};
+use super::region::{Region, plane_of, wraps};
+use super::space::{Components, Space};
+use base::error::Error;
+use base::thread_pool;
+use decomposition::Domain;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Moves the shift of every owned grain into the box and checks that none is lost.
+pub(super) fn wrap<S: Space>(
+    particles: &mut Particles<S>,
+    region: &Region<S>,
+) -> Result<(), Error> {
+    let owned = particles.owned();
+    let lengths = particles.lengths;
+    let (motion, shifts) = (&particles.motion[..owned], &mut particles.shift[..owned]);
+    let astray = AtomicBool::new(false);
+    thread_pool::each_item(shifts, PER_THREAD, |k, shift| {
+        match shift_of::<S>(&motion[k], *shift, &lengths, region) {
+            Ok(into) => *shift = into,
+            Err(_) => astray.store(true, Ordering::Relaxed),
+        }
+    });
+    if astray.into_inner() {
+        for k in 0..owned {
+            let found = shift_of::<S>(&particles.motion[k], particles.shift[k], &lengths, region);
+            match found {
+                Ok(_) => {}
+                Err(Astray::Lost) => return Err(lost(particles, k, "is lost")),
+                Err(Astray::Out { axis, upper }) => {
+                    let grain = particles.body[k].id;
+                    let escape = Escape { grain, axis, upper };
+                    return Err(named(particles, k, &escape.to_string()));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Grains from which a thread pays.
+const PER_THREAD: usize = 1000;
+
+/// Where a grain should not be.
+enum Astray {
+    /// Very far away, or nowhere.
+    Lost,
+    /// Beyond the box by more than its length.
+    Out { axis: usize, upper: bool },
+}
+
+/// The shift that brings a grain into the box.
+fn shift_of<S: Space>(
+    motion: &Motion<S>,
+    mut shift: [i32; 3],
+    lengths: &[f64; 3],
+    region: &Region<S>,
+) -> Result<[i32; 3], Astray> {
+    let place = place(motion, shift, lengths);
+    for axis in 0..S::DIMENSION {
+        let at = place.get(axis);
+        let (lower, length) = (region.lower.get(axis), region.length(axis));
+        if !at.is_finite() || (at - lower).abs() > 1e6 * length {
+            return Err(Astray::Lost);
+        }
+        if region.periodic[axis] {
+            shift[axis] = wraps(motion.position.get(axis), lower, length);
+        } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
+            let upper = at > lower;
+            return Err(Astray::Out { axis, upper });
+        }
+    }
+    Ok(shift)
+}
+
+/// The error that names a grain.
+pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
+    named(
+        particles,
+        k,
+        &format!("grain {} {what}", particles.body[k].id),
+    )
+}
+
+/// A sentence about a grain with where it is and how it moves.
+fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
+    let motion = &particles.motion[k];
+    let show = |v: &S::Vector| {
+        let numbers: Vec<String> = (0..S::DIMENSION)
+            .map(|axis| format!("{:e}", v.get(axis)))
+            .collect();
+        numbers.join(", ")
+    };
+    Error::Numerical(format!(
+        "{what}: position ({}) m, velocity ({}) m/s",
+        show(&particles.location(k)),
+        show(&motion.velocity)
+    ))
+}
+
+/// The rank that owns each own grain now.
+pub(super) fn owners<S: Space>(
+    particles: &Particles<S>,
+    region: &Region<S>,
+    domain: &Domain,
+) -> Result<Vec<usize>, Error> {
+    let (axis, slabs) = (domain.axis().index(), domain.slabs());
+    (0..particles.owned())
+        .map(|k| {
+            let at = particles.location(k).get(axis);
+            let plane = plane_of(at, region.lower.get(axis), region.spacing, slabs.planes());
+            slabs
+                .owner_of_plane(plane)
+                .ok_or_else(|| Error::Internal(format!("plane {plane} belongs to no rank")))
+        })
+        .collect()
+}
+
+/// Writes owned grains for their new owner.
+pub(super) fn pack_grains<S: Space>(particles: &Particles<S>, leaving: &[usize], to: &mut Writer) {
+    to.integer(leaving.len() as u64);
+    for &k in leaving {
+        particles.pack(k, particles.shift[k], Crosses::Migration, to);
+    }
+}
+
+/// Appends the grains that [`pack_grains`] wrote on another rank; call without ghosts.
+pub(super) fn unpack_grains<S: Space>(
+    particles: &mut Particles<S>,
+    from: &mut Reader<'_>,
+) -> Result<(), Error> {
+    for _ in 0..from.integer()? {
+        particles.unpack(Crosses::Migration, from)?;
+        particles.owned += 1;
+    }
+    Ok(())
+}

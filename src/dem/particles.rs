@@ -1,0 +1,539 @@
+//! The grains of one rank as a struct of arrays: [`Particles`] lists every array.
+//!
+//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that another
+//! rank owns, or of an own grain through a periodic face.
+//!
+//! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its image
+//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do not
+//! depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use super::columns::{Array, Crosses, Entry, Optional, Saved, entry, grain_arrays, joined};
+use super::ghost_plan::GhostPlan;
+use super::message::{Reader, Writer};
+use super::polyhedron::{Polyhedron, RotationState};
+use super::space::{Components, Space};
+use super::table::{Columns, Table, Values};
+use base::error::Error;
+
+/// What moves a grain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Kind {
+    /// Forces move it.
+    #[default]
+    Free,
+    /// Nothing moves it.
+    Fixed,
+    /// A prescribed velocity and spin move it.
+    Driven,
+}
+
+impl Kind {
+    const fn code(self) -> u64 {
+        match self {
+            Self::Free => 0,
+            Self::Fixed => 1,
+            Self::Driven => 2,
+        }
+    }
+
+    fn from_code(code: u64) -> Result<Self, Error> {
+        match code {
+            0 => Ok(Self::Free),
+            1 => Ok(Self::Fixed),
+            2 => Ok(Self::Driven),
+            other => Err(Error::Io(format!(
+                "{other} is no kind of grain (0, 1 or 2)"
+            ))),
+        }
+    }
+}
+
+impl<S: Space> Entry<S> for Kind {
+    const BYTES: usize = 8;
+
+    #[inline]
+    fn pack(&self, to: &mut Writer) {
+        to.integer(self.code());
+    }
+    #[inline]
+    fn unpack(from: &mut Reader<'_>) -> Result<Self, Error> {
+        Self::from_code(from.integer()?)
+    }
+    fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>) {
+        to.whole(name, values.map(Self::code));
+    }
+    fn first_column(name: &str) -> String {
+        name.to_owned()
+    }
+    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+        let column = from.get_whole(name)?.iter();
+        column.map(|code| Self::from_code(*code)).collect()
+    }
+}
+
+entry! {
+    /// What a grain is.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Body {
+        /// Unique over all ranks and times.
+        pub id: u64,
+        /// Radius \[m\].
+        pub radius: f64,
+        /// Mass [kg; kg per m of depth in two dimensions].
+        pub mass: f64,
+        /// Moment of inertia about the centre [kg m²; per m of depth in two dimensions].
+        pub inertia: f64,
+        /// Row in the table of contact parameters.
+        pub material: u32,
+        /// Who moves it.
+        pub kind: Kind,
+    }
+}
+
+impl Body {
+    /// A free disc or sphere of uniform density [kg/m³].
+    #[must_use]
+    pub fn uniform<S: Space>(id: u64, radius: f64, density: f64, material: u32) -> Self {
+        let mass = S::mass(density, radius);
+        Self {
+            id,
+            radius,
+            mass,
+            inertia: S::inertia(mass, radius),
+            material,
+            kind: Kind::Free,
+        }
+    }
+
+    /// Principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
+    #[inline]
+    pub(super) fn moments(&self, shape: &Polyhedron) -> Vector3<f64> {
+        shape.inertia(self.mass / shape.volume())
+    }
+}
+
+entry! {
+    /// Where a grain is and how it moves.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Motion<S: Space> {
+        /// Centre \[m\], raw: see the module.
+        pub position: S::Vector,
+        /// Velocity of the centre [m/s].
+        pub velocity: S::Vector,
+        /// Angular velocity [rad/s].
+        pub spin: S::Spin,
+    }
+}
+
+entry! {
+    /// A force \[N\] and the moment about the centre \[N m\]; in the plane both per m of depth.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Load<S: Space> {
+        /// Force \[N\].
+        pub force: S::Vector,
+        /// Moment about the centre \[N m\].
+        pub torque: S::Spin,
+    }
+}
+
+/// The number of the shape of a sphere.
+pub(super) const SPHERE: u32 = u32::MAX;
+
+/// How many numbers [`Particles::extra`] holds per grain.
+pub const EXTRA: usize = 12;
+
+/// The divisions of a step, done once: 1/mass and 1/inertia, and 1 for a grain that gravity moves; all 0 unless free.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Mobility {
+    pub(super) inverse_mass: f64,
+    pub(super) inverse_inertia: f64,
+    pub(super) free: f64,
+}
+
+impl Mobility {
+    fn of(body: &Body) -> Self {
+        match body.kind {
+            Kind::Free => Self {
+                inverse_mass: 1.0 / body.mass,
+                inverse_inertia: 1.0 / body.inertia,
+                free: 1.0,
+            },
+            Kind::Fixed | Kind::Driven => Self::default(),
+        }
+    }
+}
+
+grain_arrays! {
+    /// The grains of one rank. To add an array for each grain is to add a line here.
+    ///
+    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a new grain`.
+    #[derive(Debug)]
+    pub struct Particles {
+        given {
+            /// What each entry is.
+            pub body: Vec<Body>, Creation, Hashed("");
+            /// Which image each entry stands for \[box lengths along each axis\]. It depends on when lists were made; a
+            /// checkpoint holds the shift that brings the grain into the box instead.
+            pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
+            /// Position, velocity and spin of each entry.
+            pub motion: Vec<Motion<S>>, EveryStep, Hashed("");
+        }
+        held {
+            /// Load of the contacts at the end of the last step; meaningless for ghosts.
+            pub contact: Vec<Load<S>>, Migration, Hashed("contact"), |_| Load::default();
+            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a fluid:
+            /// [`Self::allocate_fluid_loads`].
+            pub fluid: Optional<Load<S>>, Migration, Hashed("fluid"), |_| Load::default();
+            /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
+            /// [`Self::keep_extra`].
+            pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
+            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless for ghosts.
+            pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
+            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage: [`Self::keep_last_velocity`].
+            pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
+            /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
+            pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
+            /// Orientation and angular momentum. Scenes with blocks.
+            pub(super) rotation: Optional<RotationState>, EveryStep, Hashed(""), |_| RotationState::default();
+        }
+        derived {
+            /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
+            pub(super) mobility: Mobility, |new| Mobility::of(&new.body);
+        }
+        /// Entries `0..owned` are owned.
+        pub(super) owned: usize,
+        /// The scene's table of shapes, the same on every rank.
+        pub(super) shapes: Arc<[Polyhedron]>,
+        /// Who holds which ghosts.
+        pub(super) plan: GhostPlan,
+        /// Length of the box along periodic axes, else 0 \[m\].
+        pub(super) lengths: [f64; 3],
+        /// Lower corner of the box \[m\].
+        pub(super) origin: [f64; 3],
+        /// Whether the lists made for these grains still hold.
+        pub(super) listed: bool,
+        /// Whether the contact loads belong to the present positions.
+        pub(super) loaded: bool,
+        /// Grains added since lists were last made.
+        pub(super) added: u64,
+        /// Grains removed since lists were last made.
+        pub(super) removed: u64,
+    }
+}
+
+impl<S: Space> Particles<S> {
+    /// No grains.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Requests new contact loads before the next step. Call it when the surroundings of the grains have changed.
+    pub fn forget_loads(&mut self) {
+        self.loaded = false;
+    }
+
+    /// Number of grains that this rank owns: entries `0..owned()`.
+    #[must_use]
+    pub fn owned(&self) -> usize {
+        self.owned
+    }
+
+    /// Number of entries: owned grains and ghosts.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.body.len()
+    }
+
+    /// Whether there are no entries.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.body.is_empty()
+    }
+
+    /// Where the image of entry `k` stands \[m\]: inside the box for an owned grain right after the lists were made.
+    #[must_use]
+    #[inline]
+    pub fn location(&self, k: usize) -> S::Vector {
+        place(&self.motion[k], self.shift[k], &self.lengths)
+    }
+
+    /// The shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists were made.
+    pub(super) fn shift_into_box(&self, k: usize) -> [i32; 3] {
+        let at = &self.motion[k].position;
+        std::array::from_fn(|axis| {
+            if axis < S::DIMENSION && self.lengths[axis] > 0.0 {
+                super::region::wraps(at.get(axis), self.origin[axis], self.lengths[axis])
+            } else {
+                0
+            }
+        })
+    }
+
+    /// Gives each grain a load of the fluid, 0 at first. All ranks or none.
+    pub fn allocate_fluid_loads(&mut self) {
+        if !self.fluid.is_allocated() {
+            let loads = self.body.iter().map(|_| Load::default());
+            self.fluid.allocate(loads);
+        }
+    }
+
+    /// Load of the fluid on owned grain `k`; none in a dry scene.
+    #[must_use]
+    #[inline]
+    pub fn fluid_load(&self, k: usize) -> Load<S> {
+        self.fluid.get(k).copied().unwrap_or_default()
+    }
+
+    /// Gives each grain the numbers of a coupling ([`Self::extra`]), 0 at first. All ranks or none.
+    pub fn keep_extra(&mut self) {
+        if !self.extra.is_allocated() {
+            let numbers = self.body.iter().map(|_| [0.0; EXTRA]);
+            self.extra.allocate(numbers);
+        }
+    }
+
+    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks or none.
+    pub fn keep_last_velocity(&mut self) {
+        if !self.last_velocity.is_allocated() {
+            let velocities = self.motion.iter().map(|motion| motion.velocity);
+            self.last_velocity.allocate(velocities);
+        }
+    }
+
+    /// Notes the present position of each grain as its start. A grain that appears later starts where it appears.
+    pub fn mark_start(&mut self) {
+        let positions = self.motion.iter().map(|motion| motion.position);
+        self.start.allocate(positions);
+    }
+
+    /// Drops the starts of the grains.
+    pub fn forget_start(&mut self) {
+        self.start.free();
+    }
+
+    /// Whether the grains have starts.
+    #[must_use]
+    pub fn has_start(&self) -> bool {
+        self.start.is_allocated()
+    }
+
+    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts in full.
+    /// `None` without [`Self::mark_start`].
+    #[must_use]
+    pub fn displacement(&self, k: usize) -> Option<S::Vector> {
+        let start = self.start.get(k)?;
+        Some(self.motion[k].position - *start)
+    }
+
+    /// The entries as plain slices, readable by many threads.
+    #[must_use]
+    pub fn view(&self) -> View<'_, S> {
+        View {
+            owned: self.owned,
+            body: &self.body,
+            contact: &self.contact,
+            fluid: &self.fluid,
+            last_velocity: &self.last_velocity,
+            mobility: &self.mobility,
+            motion: &self.motion,
+            shift: &self.shift,
+            lengths: self.lengths,
+            shapes: &self.shapes,
+            shape: &self.shape,
+            rotation: &self.rotation,
+        }
+    }
+
+    /// Velocity [m/s] of the material point of entry `k` at `arm` from its centre.
+    #[must_use]
+    #[inline]
+    pub fn velocity_at(&self, k: usize, arm: &S::Vector) -> S::Vector {
+        self.motion[k].velocity + S::surface_velocity(&self.motion[k].spin, arm)
+    }
+
+    /// Adds a grain at any position to this rank. The next step sends it to its owner. Ghosts are dropped.
+    #[inline(never)]
+    pub fn insert(&mut self, body: Body, motion: Motion<S>) {
+        self.drop_ghosts();
+        self.push(&NewEntry {
+            body,
+            shift: [0; 3],
+            motion,
+        });
+        self.owned += 1;
+        self.added += 1;
+        self.listed = false;
+    }
+
+    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts are dropped;
+    /// the next step makes them again.
+    pub fn remove(
+        &mut self,
+        mut leaves: impl FnMut(&Self, usize) -> bool,
+    ) -> Vec<(Body, Motion<S>)> {
+        // Usually no grain leaves: then nothing is allocated.
+        let Some(first) = (0..self.owned).find(|&k| leaves(self, k)) else {
+            return Vec::new();
+        };
+        let gone: Vec<bool> = (0..self.owned)
+            .map(|k| k == first || (k > first && leaves(self, k)))
+            .collect();
+        self.drop_ghosts();
+        let mut taken = Vec::new();
+        for (k, _) in gone.iter().enumerate().filter(|(_, gone)| **gone) {
+            taken.push((self.body[k], self.motion[k]));
+        }
+        self.keep(|k| !gone[k]);
+        self.removed += taken.len() as u64;
+        self.listed = false;
+        taken
+    }
+
+    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
+    ///
+    /// The next step makes new lists and updates every rank that holds the grain.
+    pub fn set_kind(&mut self, k: usize, kind: Kind) {
+        self.body[k].kind = kind;
+        self.mobility[k] = Mobility::of(&self.body[k]);
+        if kind == Kind::Fixed {
+            self.motion[k].velocity = S::Vector::default();
+            self.motion[k].spin = S::Spin::default();
+        }
+        self.update_angular_momentum(k);
+        self.listed = false;
+    }
+
+    /// Prescribes velocity [m/s] and spin [rad/s] of owned grain `k`, which is then driven.
+    pub fn drive(&mut self, k: usize, velocity: S::Vector, spin: S::Spin) {
+        if self.body[k].kind != Kind::Driven {
+            self.set_kind(k, Kind::Driven);
+        }
+        self.motion[k].velocity = velocity;
+        self.motion[k].spin = spin;
+        self.update_angular_momentum(k);
+    }
+
+    /// Changes the radius \[m\] of owned grain `k`, not its mass.
+    pub fn set_radius(&mut self, k: usize, radius: f64) {
+        self.body[k].radius = radius;
+        self.listed = false;
+    }
+
+    /// Drops the ghosts.
+    pub(super) fn drop_ghosts(&mut self) {
+        self.truncate(self.owned);
+        self.plan = GhostPlan::default();
+    }
+
+    /// Keeps the owned grains for which `stays(k)` holds, in their order; call without ghosts.
+    pub(super) fn keep(&mut self, stays: impl Fn(usize) -> bool) {
+        let order: Vec<usize> = (0..self.owned).filter(|&k| stays(k)).collect();
+        self.arrange(&order);
+    }
+
+    /// Owned grains in rising order of id; call without ghosts.
+    pub(super) fn sort(&mut self) {
+        if !self.body.is_sorted_by_key(|body| body.id) {
+            let mut order: Vec<usize> = (0..self.owned).collect();
+            order.sort_unstable_by_key(|&k| self.body[k].id);
+            self.arrange(&order);
+        }
+    }
+
+    fn arrange(&mut self, order: &[usize]) {
+        self.arrange_arrays(order);
+        self.owned = order.len();
+    }
+
+    /// The owned grains with everything that the next step depends on, in rising order of id.
+    #[must_use]
+    #[inline(never)]
+    pub fn table(&self) -> Table {
+        Table::of(|columns| self.save_columns(false, columns))
+    }
+
+    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids first.
+    pub fn each_hashed_column(&self, mut take: impl FnMut(&str, &Values)) {
+        self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
+    }
+
+    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths of
+    /// the box. Where there are blocks, call [`Self::set_shapes`] next.
+    ///
+    /// # Errors
+    /// Where a column is missing, short or of another type.
+    #[inline(never)]
+    pub fn from_table(table: &Table) -> Result<Self, Error> {
+        let mut particles = Self::new();
+        particles.load_columns(table)?;
+        particles.owned = table.rows();
+        particles.loaded = true;
+        Ok(particles)
+    }
+
+    /// Kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
+    #[must_use]
+    pub fn kinetic_energy(&self, k: usize) -> f64 {
+        let (body, motion) = (&self.body[k], &self.motion[k]);
+        let twice = body.mass * motion.velocity.scalar(&motion.velocity);
+        match self.polyhedron(k) {
+            None => 0.5 * (twice + body.inertia * motion.spin.scalar(&motion.spin)),
+            Some((shape, rotation)) => 0.5 * twice + rotation.energy(&body.moments(shape)),
+        }
+    }
+}
+
+/// What all threads may read of [`Particles`].
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a, S: Space> {
+    /// How many entries are owned.
+    pub owned: usize,
+    /// What each entry is.
+    pub body: &'a [Body],
+    /// Where each entry is and how it moves.
+    pub motion: &'a [Motion<S>],
+    /// Loads of the contacts.
+    pub contact: &'a [Load<S>],
+    /// Loads of the fluid; empty where there is none.
+    pub fluid: &'a [Load<S>],
+    /// See [`Particles::keep_last_velocity`]; empty where they are not kept.
+    pub last_velocity: &'a [S::Vector],
+    /// How forces move each entry.
+    pub(super) mobility: &'a [Mobility],
+    /// Which image each entry stands for.
+    pub shift: &'a [[i32; 3]],
+    /// Length of the box along periodic axes, else 0 \[m\].
+    pub lengths: [f64; 3],
+    pub(super) shapes: &'a [Polyhedron],
+    pub(super) shape: &'a [u32],
+    pub(super) rotation: &'a [RotationState],
+}
+
+impl<S: Space> View<'_, S> {
+    /// As [`Particles::location`].
+    #[must_use]
+    #[inline]
+    pub fn location(&self, k: usize) -> S::Vector {
+        place(&self.motion[k], self.shift[k], &self.lengths)
+    }
+}
+
+#[inline]
+pub(super) fn place<S: Space>(
+    motion: &Motion<S>,
+    shift: [i32; 3],
+    lengths: &[f64; 3],
+) -> S::Vector {
+    let mut at = motion.position;
+    for axis in 0..S::DIMENSION {
+        // A sum with a product that is exactly 0 where the axis is not periodic.
+        at.set(axis, at.get(axis) + f64::from(shift[axis]) * lengths[axis]);
+    }
+    at
+}

@@ -1,0 +1,94 @@
+//! The history of a contact of blocks: where the search starts, and the springs of shear and twist.
+
+use nalgebra::Vector3;
+
+use super::super::linear_program::AFRESH;
+
+/// What a pair remembers: plain data, 17 numbers. Lengths in m, forces in N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct History {
+    /// The axis that separated the pair when it was last looked at, in the first's frame; zero where none did.
+    pub(super) axis: Vector3<f64>,
+    /// The last contact point, in the first's frame.
+    pub(super) point: Vector3<f64>,
+    /// The last basis of the linear program.
+    pub(super) basis: [u16; 4],
+    /// The last normal, in space; zero where there was no contact.
+    pub(in crate::polyhedron) normal: Vector3<f64>,
+    /// Force of the shear spring on the second, in space.
+    pub(in crate::polyhedron) shear: Vector3<f64>,
+    /// Moment \[N m\] of the twist spring on the second about the normal.
+    pub(in crate::polyhedron) twist: f64,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self {
+            axis: Vector3::zeros(),
+            point: Vector3::zeros(),
+            basis: AFRESH,
+            normal: Vector3::zeros(),
+            shear: Vector3::zeros(),
+            twist: 0.0,
+        }
+    }
+}
+
+impl History {
+    /// How many numbers it is.
+    pub const NUMBERS: usize = 17;
+
+    /// Whether the pair touched when it was last looked at.
+    #[must_use]
+    pub fn touching(&self) -> bool {
+        self.normal != Vector3::zeros()
+    }
+
+    /// As numbers.
+    #[must_use]
+    pub fn save(&self) -> [f64; Self::NUMBERS] {
+        let (a, p, n, s) = (self.axis, self.point, self.normal, self.shear);
+        let b = self.basis.map(f64::from);
+        [
+            a.x, a.y, a.z, p.x, p.y, p.z, b[0], b[1], b[2], b[3], n.x, n.y, n.z, s.x, s.y, s.z,
+            self.twist,
+        ]
+    }
+
+    /// From numbers.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "names of half-spaces were u16; anything else saturates and starts afresh"
+    )]
+    pub fn load(numbers: &[f64; Self::NUMBERS]) -> Self {
+        let at = |k: usize| Vector3::new(numbers[k], numbers[k + 1], numbers[k + 2]);
+        Self {
+            axis: at(0),
+            point: at(3),
+            basis: [6, 7, 8, 9].map(|k| numbers[k] as u16),
+            normal: at(10),
+            shear: at(13),
+            twist: numbers[16],
+        }
+    }
+
+    /// Force \[N\] of the shear spring on the second, in space.
+    pub(crate) fn spring(&self) -> Vector3<f64> {
+        self.shear
+    }
+
+    /// Keeps normal and shear spring of a contact that another force law than [`super::Law`] has acted at.
+    pub(crate) fn hold(&mut self, normal: &Vector3<f64>, shear: &Vector3<f64>) {
+        self.normal = *normal;
+        self.shear = *shear;
+    }
+
+    /// No contact any more: springs are gone, what speeds up the search stays.
+    pub(super) fn release(&mut self) {
+        self.normal = Vector3::zeros();
+        self.shear = Vector3::zeros();
+        self.twist = 0.0;
+    }
+}

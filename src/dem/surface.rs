@@ -1,0 +1,618 @@
+//! Walls of convex facets (polygons and triangulated surfaces), and where a sphere touches them.
+//!
+//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the distance from
+//! the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A point on an edge or at a
+//! vertex is a minimum only where it is the closest point of *every* facet that shares this edge or vertex. This has three
+//! consequences:
+//!
+//! - A sphere on a face is not pushed by the edges and vertices of the face: there are no bumps on interior edges.
+//! - An edge or vertex pushes once, however many facets share it.
+//! - A concave corner pushes with its faces only.
+//!
+//! Where an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
+//!
+//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly curved surface
+//! therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet push. Facets share
+//! vertices: the numbers of the vertices give the neighbours of a facet.
+//!
+//! In a periodic domain a surface repeats ([`repeated`]).
+//!
+//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
+//! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+
+mod faces;
+mod repeated;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::ghosts::index;
+use base::error::Error;
+use base::number::whole;
+pub(super) use faces::Faces;
+use repeated::Repeated;
+
+/// Convex facets with shared vertices, at rest; a wall carries them along.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    vertices: Vec<Vector3<f64>>,
+    /// Vertices of all facets, one facet after the other.
+    corners: Vec<u32>,
+    facets: Vec<Facet>,
+    /// Groups of neighbouring facets.
+    groups: Vec<Group>,
+    /// How it repeats in a periodic domain.
+    repeated: Option<Box<Repeated>>,
+    /// Projects a velocity onto the directions across its facets; none where these are all directions.
+    across: Option<Matrix3<f64>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Facet {
+    first: u32,
+    end: u32,
+    normal: Vector3<f64>,
+    /// Greatest extent \[m\].
+    size: f64,
+}
+
+/// Neighbouring facets.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Group {
+    pub(super) facets: Vec<u32>,
+    /// The box \[m\] that holds them.
+    pub(super) bounds: [Vector3<f64>; 2],
+}
+
+/// Where on a facet its closest point lies, by numbers of vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Feature {
+    Face,
+    Edge(u32, u32),
+    Vertex(u32),
+}
+
+/// A contact of a sphere with a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// The facet.
+    pub facet: u32,
+    /// Distance \[m\] of the centre.
+    pub distance: f64,
+    /// Unit normal from the surface to the centre.
+    pub normal: Vector3<f64>,
+    feature: Feature,
+}
+
+impl Nearest {
+    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other one stands on a facet
+    /// of this wall.
+    pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
+        let nearer = self.distance < other.distance * (1.0 - RIM)
+            || self.distance <= other.distance * (1.0 + RIM) && first;
+        nearer && (self.normal.dot(&other.normal) > SAME || other.feature != Feature::Face && on())
+    }
+}
+
+/// Facets in a group.
+const GROUP: usize = 16;
+/// Closest points this near to the rim of a facet, over its size, lie on the rim.
+const RIM: f64 = 1e-9;
+/// Points this near to a facet, over its size, lie on it.
+const ON: f64 = 1e-6;
+/// Cosine of the angle between normals below which two minima are one.
+const SAME: f64 = 0.984_807_753_012_208;
+
+impl Surface {
+    /// Facets of at least three corners each, given by numbers of `vertices` \[m\].
+    ///
+    /// # Errors
+    /// A sentence where there is no facet, or one is flat to a line, not plane or not convex, or has no such vertex.
+    pub fn new(vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]) -> Result<Self, Error> {
+        let refuse = |k: usize, what: &str| Err(Error::Numerical(format!("facet {k} {what}")));
+        let mut surface = Self {
+            vertices,
+            corners: Vec::new(),
+            facets: Vec::new(),
+            groups: Vec::new(),
+            repeated: None,
+            across: None,
+        };
+        if facets.is_empty() {
+            return Err(Error::Numerical("a surface without facets".into()));
+        }
+        for (k, corners) in facets.iter().enumerate() {
+            let points: Option<Vec<Vector3<f64>>> = corners
+                .iter()
+                .map(|&c| surface.vertices.get(c as usize).copied())
+                .collect();
+            let Some(points) = points else {
+                return refuse(k, "names a vertex that is not there");
+            };
+            if points.len() < 3 || points.iter().any(|p| !p.norm_squared().is_finite()) {
+                return refuse(k, "needs three corners or more, all finite");
+            }
+            // Newell's normal: twice the area, whatever the corners.
+            let mut area = Vector3::zeros();
+            let mut size = 0.0_f64;
+            for (n, a) in points.iter().enumerate() {
+                let b = &points[(n + 1) % points.len()];
+                area += (a - points[0]).cross(&(b - points[0]));
+                size = size.max((b - points[0]).norm());
+            }
+            let twice = area.norm();
+            if twice <= 1e-12 * size * size || size <= 0.0 {
+                return refuse(k, "has no area");
+            }
+            let normal = area / twice;
+            for (n, a) in points.iter().enumerate() {
+                let (b, c) = (
+                    &points[(n + 1) % points.len()],
+                    &points[(n + 2) % points.len()],
+                );
+                if normal.dot(&(a - points[0])).abs() > 1e-6 * size {
+                    return refuse(k, "is not plane");
+                }
+                if (b - a).cross(&(c - b)).dot(&normal) < -1e-9 * size * size {
+                    return refuse(k, "is not convex");
+                }
+            }
+            let first = index(surface.corners.len());
+            surface.corners.extend_from_slice(corners);
+            surface.facets.push(Facet {
+                first,
+                end: index(surface.corners.len()),
+                normal,
+                size,
+            });
+        }
+        surface.groups = surface.neighbours();
+        surface.across = surface.directions_across();
+        Ok(surface)
+    }
+
+    /// All facets in groups of neighbours, along a curve that fills space (Morton's).
+    fn neighbours(&self) -> Vec<Group> {
+        let none = Vector3::repeat(f64::INFINITY);
+        let join = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
+        let [low, high] = self.vertices.iter().copied().fold([none, -none], join);
+        let scale = (high - low).map(|length| if length > 0.0 { 1023.0 / length } else { 0.0 });
+        let place = |facet: usize| {
+            let first = self.numbers(facet)[0];
+            let at = (self.vertices[first as usize] - low).component_mul(&scale);
+            let cells: [usize; 3] = [at[0], at[1], at[2]].map(whole);
+            let bits = (0..10).flat_map(|bit| (0..3).map(move |axis| (bit, axis)));
+            bits.fold(0_usize, |key, (bit, axis)| {
+                key | (cells[axis] >> bit & 1) << (3 * bit + axis)
+            })
+        };
+        let mut order: Vec<(usize, usize)> = (0..self.len()).map(|k| (place(k), k)).collect();
+        order.sort_unstable();
+        let groups = order.chunks(GROUP).map(|group| {
+            let corners = group.iter().flat_map(|(_, facet)| self.corners(*facet));
+            Group {
+                facets: group.iter().map(|(_, facet)| index(*facet)).collect(),
+                bounds: corners.fold([none, -none], join),
+            }
+        });
+        groups.collect()
+    }
+
+    /// Groups of neighbouring facets; each facet is in one.
+    pub(super) fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
+    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as near.
+    #[inline(always)]
+    pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
+        let Facet { first, size, .. } = self.facets[facet];
+        let corner = self.vertices[self.corners[first as usize] as usize];
+        let farthest = (1.0 + RIM) * (reach + size);
+        (point - corner).norm_squared() <= farthest * farthest
+    }
+
+    /// The faces of a box between two corners \[m\].
+    ///
+    /// # Errors
+    /// Where the box has no volume.
+    pub fn of_box(lower: Vector3<f64>, upper: Vector3<f64>) -> Result<Self, Error> {
+        let vertices = (0..8)
+            .map(|k: usize| {
+                Vector3::from_fn(|axis, _| {
+                    if k >> axis & 1 == 0 {
+                        lower[axis]
+                    } else {
+                        upper[axis]
+                    }
+                })
+            })
+            .collect();
+        let faces = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        Self::new(vertices, &faces.map(|face| face.to_vec()))
+    }
+
+    /// How many facets, with the images in a periodic domain.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// No facets: never.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.facets.is_empty()
+    }
+
+    /// Corners of a facet \[m\], in order.
+    pub fn corners(&self, facet: usize) -> impl DoubleEndedIterator<Item = Vector3<f64>> + '_ {
+        self.numbers(facet)
+            .iter()
+            .map(|&v| self.vertices[v as usize])
+    }
+
+    /// Unit normal of a facet.
+    pub(super) fn normal(&self, facet: usize) -> Vector3<f64> {
+        self.facets[facet].normal
+    }
+
+    fn numbers(&self, facet: usize) -> &[u32] {
+        let facet = &self.facets[facet];
+        &self.corners[facet.first as usize..facet.end as usize]
+    }
+
+    /// Distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
+    #[must_use]
+    pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
+        self.nearest(facet, point, f64::INFINITY)
+            .map_or(f64::INFINITY, |near| near.distance)
+    }
+
+    /// Distance \[m\] of a point from the nearest facet.
+    #[must_use]
+    pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
+        let (point, _) = self.in_domain(point);
+        (0..self.len())
+            .map(|facet| self.distance(facet, &point))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of its cost.
+    #[must_use]
+    pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
+        let (point, _) = self.in_domain(point);
+        self.groups.iter().any(|group| {
+            let [low, high] = group.bounds;
+            let outside = (low - point).sup(&(point - high)).sup(&Vector3::zeros());
+            outside.norm_squared() <= reach * reach
+                && group
+                    .facets
+                    .iter()
+                    .map(|facet| *facet as usize)
+                    .any(|facet| {
+                        self.may_reach(facet, &point, reach)
+                            && self.nearest(facet, &point, reach).is_some()
+                    })
+        })
+    }
+
+    /// Returns true if a point lies on one of these facets.
+    pub(super) fn stands_on(&self, near: &[u32], point: &Vector3<f64>) -> bool {
+        near.iter().map(|facet| *facet as usize).any(|facet| {
+            let reach = ON * self.facets[facet].size;
+            self.nearest(facet, point, reach).is_some()
+        })
+    }
+
+    /// Whether two facets share a vertex, or are the same; by their numbers or their names.
+    #[must_use]
+    pub fn adjacent(&self, a: u32, b: u32) -> bool {
+        let [a, b] = [a, b].map(|name| self.numbers(self.named(name) as usize));
+        match &self.repeated {
+            None => a.iter().any(|v| b.contains(v)),
+            Some(repeated) => {
+                let known = |v: &u32| repeated.given_vertex(*v);
+                a.iter().any(|v| b.iter().any(|w| known(v) == known(w)))
+            }
+        }
+    }
+
+    /// The closest point of a facet, where it is nearer than `reach`.
+    #[inline]
+    fn nearest(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> Option<Nearest> {
+        let Facet { normal, size, .. } = self.facets[facet];
+        let numbers = self.numbers(facet);
+        let vertex = |k: usize| self.vertices[numbers[k] as usize];
+        let height = normal.dot(&(point - vertex(0)));
+        if height.abs() >= reach {
+            return None;
+        }
+        let mut closest = (f64::INFINITY, Feature::Face, Vector3::zeros());
+        let mut inside = true;
+        let mut k = numbers.len() - 1;
+        for next in 0..numbers.len() {
+            let (a, b) = (vertex(k), vertex(next));
+            let edge = b - a;
+            // How far outside the edge, times its length.
+            if edge.cross(&normal).dot(&(point - a)) > -RIM * size * edge.norm() {
+                inside = false;
+                // The same bits whichever way the edge runs.
+                let low = numbers[k].min(numbers[next]);
+                let high = numbers[k].max(numbers[next]);
+                let (from, to) = (self.vertices[low as usize], self.vertices[high as usize]);
+                let edge = to - from;
+                let along = edge.dot(&(point - from)) / edge.norm_squared();
+                let (feature, foot) = if along <= RIM {
+                    (Feature::Vertex(low), from)
+                } else if along >= 1.0 - RIM {
+                    (Feature::Vertex(high), to)
+                } else {
+                    (Feature::Edge(low, high), from + edge * along)
+                };
+                let between = point - foot;
+                let squared = between.norm_squared();
+                if squared < closest.0 {
+                    closest = (squared, feature, between);
+                }
+            }
+            k = next;
+        }
+        let (distance, feature, normal) = if inside {
+            let side = if height < 0.0 { -1.0 } else { 1.0 };
+            (height.abs(), Feature::Face, normal * side)
+        } else {
+            let distance = closest.0.sqrt();
+            let away = if distance > 0.0 {
+                closest.2 / distance
+            } else {
+                normal
+            };
+            (distance, closest.1, away)
+        };
+        (distance < reach).then_some(Nearest {
+            facet: index(facet),
+            distance,
+            normal,
+            feature,
+        })
+    }
+
+    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach: by rising
+    /// number of the facet. `found` is emptied first.
+    pub fn contacts(
+        &self,
+        near: &[u32],
+        centre: &Vector3<f64>,
+        reach: f64,
+        found: &mut Vec<Nearest>,
+    ) {
+        found.clear();
+        for &facet in near {
+            if let Some(nearest) = self.nearest(facet as usize, centre, reach) {
+                found.push(nearest);
+            }
+        }
+        if found.len() < 2 {
+            return;
+        }
+        found.sort_unstable_by(|a, b| {
+            a.distance
+                .total_cmp(&b.distance)
+                .then(a.facet.cmp(&b.facet))
+        });
+        // What is kept moves to the front, past what was looked at before.
+        let mut kept = 0;
+        for k in 0..found.len() {
+            let one = found[k];
+            let known = found[..kept]
+                .iter()
+                .any(|other| other.normal.dot(&one.normal) > SAME);
+            let minimum = || match one.feature {
+                Feature::Face => true,
+                Feature::Edge(a, b) => self.is_minimum(near, &one, centre, &[a, b]),
+                Feature::Vertex(a) => self.is_minimum(near, &one, centre, &[a]),
+            };
+            if !known && minimum() {
+                found[kept] = one;
+                kept += 1;
+            }
+        }
+        found.truncate(kept);
+        found.sort_unstable_by_key(|one| one.facet);
+    }
+
+    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through this point and
+    /// comes closer.
+    fn is_minimum(
+        &self,
+        near: &[u32],
+        one: &Nearest,
+        centre: &Vector3<f64>,
+        vertices: &[u32],
+    ) -> bool {
+        let foot = centre - one.normal * one.distance;
+        near.iter().all(|&facet| {
+            let numbers = self.numbers(facet as usize);
+            let closest = |point: &Vector3<f64>| self.nearest(facet as usize, point, f64::INFINITY);
+            if vertices.iter().all(|v| numbers.contains(v)) {
+                closest(centre).is_some_and(|other| other.feature == one.feature)
+            } else {
+                let size = self.facets[facet as usize].size;
+                closest(&foot).is_none_or(|at| at.distance > ON * size)
+                    || closest(centre)
+                        .is_none_or(|other| other.distance >= one.distance * (1.0 - RIM))
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::random::Stream;
+    use approx::assert_relative_eq;
+
+    fn touch(surface: &Surface, at: [f64; 3], reach: f64) -> Vec<Nearest> {
+        let all: Vec<u32> = (0..u32::try_from(surface.len()).unwrap()).collect();
+        let mut found = Vec::new();
+        surface.contacts(&all, &Vector3::from(at), reach, &mut found);
+        found
+    }
+
+    /// A plane square of `n` by `n` squares of two triangles each.
+    fn flat(n: u32) -> Surface {
+        let vertices = (0..=n)
+            .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))
+            .collect();
+        let mut facets = Vec::new();
+        for y in 0..n {
+            for x in 0..n {
+                let a = y * (n + 1) + x;
+                facets.push(vec![a, a + 1, a + n + 2]);
+                facets.push(vec![a, a + n + 2, a + n + 1]);
+            }
+        }
+        Surface::new(vertices, &facets).unwrap()
+    }
+
+    #[test]
+    fn a_flat_mesh_is_one_plane_everywhere() {
+        let mesh = flat(6);
+        for k in 0..2000 {
+            let mut draw = Stream::new(4, k, 0);
+            // Every fourth exactly on grid lines, every eighth at vertices.
+            let mut place = || 1.0 + 4.0 * draw.uniform();
+            let (mut x, mut y) = (place(), place());
+            if k % 4 == 0 {
+                x = x.round();
+            }
+            if k % 8 == 0 {
+                y = y.round();
+            }
+            let found = touch(&mesh, [x, y, 0.7], 1.9);
+            assert_eq!(found.len(), 1, "at {x} {y}: {found:?}");
+            assert_relative_eq!(found[0].distance, 0.7, epsilon = 1e-12);
+            assert_relative_eq!(found[0].normal[2], 1.0, epsilon = 1e-12);
+        }
+    }
+
+    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic domain.
+    #[test]
+    fn what_is_within_reach_is_what_the_clearance_says() {
+        let n = 12_u32;
+        let at = |i: u32, j: u32| {
+            let (x, y) = (f64::from(i), f64::from(j));
+            Vector3::new(x, y, (0.7 * x).sin() * (0.5 * y).cos())
+        };
+        let vertices = (0..=n)
+            .flat_map(|i| (0..=n).map(move |j| at(i, j)))
+            .collect();
+        let number = |i: u32, j: u32| i * (n + 1) + j;
+        let mut facets: Vec<Vec<u32>> = (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let (a, b) = (number(i, j), number(i + 1, j));
+                let (c, d) = (number(i + 1, j + 1), number(i, j + 1));
+                [vec![a, b, c], vec![a, c, d]]
+            })
+            .collect();
+        facets.sort_by_key(|corners| {
+            u64::from(corners[0] + 7 * corners[1]).wrapping_mul(0x9e37_79b9) % 1009
+        });
+        let alone = Surface::new(vertices, &facets).unwrap();
+        let repeated = alone.clone().repeated([0.0; 3], [12.0, 0.0, 0.0]).unwrap();
+        for surface in [&alone, &repeated] {
+            let mut within = 0;
+            for k in 0..4000 {
+                let mut draw = Stream::new(6, k, 0);
+                let point = Vector3::new(
+                    12.0 * draw.uniform(),
+                    14.0 * draw.uniform() - 1.0,
+                    6.0 * draw.uniform() - 3.0,
+                );
+                let reach = 1.5 * draw.uniform();
+                let expected = surface.clearance(&point) < reach;
+                assert_eq!(
+                    surface.is_within(&point, reach),
+                    expected,
+                    "{point} {reach}"
+                );
+                within += u32::from(expected);
+            }
+            assert!((400..3600).contains(&within), "{within}");
+        }
+    }
+
+    #[test]
+    fn a_box_pushes_once_per_wall_edge_or_corner() {
+        let cube = Surface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();
+        // Inside: a corner is three faces, an edge two, no edge or vertex of its own.
+        assert_eq!(touch(&cube, [0.1, 0.1, 0.1], 0.2).len(), 3);
+        assert_eq!(touch(&cube, [0.1, 0.1, 0.5], 0.2).len(), 2);
+        assert_eq!(touch(&cube, [0.1, 0.5, 0.5], 0.2).len(), 1);
+        // Outside: one contact with the corner, the edge, the face.
+        for (at, distance) in [
+            ([-0.1, -0.1, -0.1], 0.03_f64.sqrt()),
+            ([-0.1, -0.1, 0.5], 0.02_f64.sqrt()),
+            ([-0.1, 0.5, 0.5], 0.1),
+            // Beside the edge: the face alone.
+            ([0.01, 0.5, 1.1], 0.1),
+        ] {
+            let found = touch(&cube, at, 0.3);
+            assert_eq!(found.len(), 1, "{at:?} {found:?}");
+            assert_relative_eq!(found[0].distance, distance, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn closest_points_are_those_of_brute_force() {
+        let corners = [
+            Vector3::new(0.1, 0.2, 0.3),
+            Vector3::new(1.2, 0.1, 0.0),
+            Vector3::new(0.4, 0.9, 0.5),
+        ];
+        let triangle = Surface::new(corners.to_vec(), &[vec![0, 1, 2]]).unwrap();
+        for k in 0..200 {
+            let mut draw = Stream::new(2, k, 0);
+            let point = Vector3::from_fn(|_, _| 2.0 * draw.uniform() - 0.5);
+            let mut best = f64::INFINITY;
+            let n = 400;
+            for i in 0..=n {
+                for j in 0..=n - i {
+                    let (a, b) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+                    let at = corners[0] * a + corners[1] * b + corners[2] * (1.0 - a - b);
+                    best = best.min((point - at).norm());
+                }
+            }
+            let found = triangle.distance(0, &point);
+            assert!(
+                found <= best + 1e-12 && found > best - 3e-3,
+                "{found} {best}"
+            );
+        }
+    }
+
+    #[test]
+    fn facets_that_are_none_are_refused() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| Vector3::new(x, y, 0.0))
+            .to_vec();
+        let refused = |vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]| {
+            Surface::new(vertices, facets).unwrap_err().to_string()
+        };
+        assert!(refused(square.clone(), &[]).contains("without facets"));
+        assert!(refused(square.clone(), &[vec![0, 1]]).contains("three corners"));
+        assert!(refused(square.clone(), &[vec![0, 1, 9]]).contains("not there"));
+        assert!(refused(square.clone(), &[vec![0, 1, 1]]).contains("no area"));
+        assert!(refused(square.clone(), &[vec![0, 2, 1, 3]]).contains("facet 0"));
+        let mut bent = square;
+        bent[2][2] = 0.5;
+        assert!(refused(bent, &[vec![0, 1, 2, 3]]).contains("not plane"));
+    }
+}

@@ -1,0 +1,338 @@
+//! Planes, polygons and meshes are the same wall where they are the same plane; corners and interior edges.
+
+use std::sync::Arc;
+
+use approx::assert_relative_eq;
+use nalgebra::{Rotation3, Vector3};
+
+use super::*;
+use base::random::Stream;
+
+/// The square about the origin across z, of half width 1, as `n` by `n` squares of two triangles.
+pub(super) fn mesh(n: u32, half: f64) -> Surface {
+    let place = |k: u32| half * (2.0 * f64::from(k) / f64::from(n) - 1.0);
+    let vertices = (0..=n)
+        .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
+        .collect();
+    let mut facets = Vec::new();
+    for y in 0..n {
+        for x in 0..n {
+            let a = y * (n + 1) + x;
+            facets.push(vec![a, a + 1, a + n + 2]);
+            facets.push(vec![a, a + n + 2, a + n + 1]);
+        }
+    }
+    Surface::new(vertices, &facets).unwrap()
+}
+
+fn polygon(half: f64) -> Surface {
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let vertices = corners
+        .map(|[x, y]| Vector3::new(half * x, half * y, 0.0))
+        .to_vec();
+    Surface::new(vertices, &[vec![0, 1, 2, 3]]).unwrap()
+}
+
+const GLASS: linear::Parameters = linear::Parameters {
+    normal_stiffness: Scaled::Absolute(1e5),
+    stiffness_ratio: 0.8,
+    friction: 0.3,
+    normal_damping: 0.1,
+    shear_damping: 0.05,
+    ..SPRINGS
+};
+
+/// A ball thrown at the floor, its motion after the rebound.
+fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Volume> {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let mut dem = linear(
+        GLASS,
+        Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3),
+        vec![floor],
+    );
+    let mut particles = Particles::new();
+    let motion = Motion {
+        position: Vector3::new(at[0], at[1], 0.0101),
+        velocity,
+        spin: Vector3::new(3.0, -20.0, 8.0),
+    };
+    particles.insert(body, motion);
+    dem.advance_many(&mut particles, &alone(), 1500).unwrap();
+    assert!(
+        particles.motion[0].position[2] > 0.01,
+        "it must have left again"
+    );
+    particles.motion[0]
+}
+
+/// The wall test: oblique rebounds with friction and spin, over interior edges and vertices too.
+#[test]
+fn plane_polygon_and_mesh_rebound_alike() {
+    let shapes = [polygon(0.1), mesh(1, 0.1), mesh(8, 0.1), mesh(40, 0.1)].map(Arc::new);
+    let mut largest = 0.0_f64;
+    for (k, at) in [
+        [0.0, 0.0],
+        [0.0123, -0.034],
+        [0.025, 0.02],
+        [0.0249, 0.0249],
+        [-0.05, 0.05],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut draw = Stream::new(6, k as u64, 0);
+        let velocity = Vector3::new(
+            draw.uniform() - 0.5,
+            draw.uniform() - 0.5,
+            -0.5 - draw.uniform(),
+        );
+        let expected = throw(Wall::new(Vector3::zeros(), Vector3::z(), 0), at, velocity);
+        assert!(expected.velocity[2] > 0.4);
+        for shape in &shapes {
+            let found = throw(Wall::of_surface(Arc::clone(shape), 0), at, velocity);
+            for (a, b) in [
+                (found.velocity, expected.velocity),
+                (found.spin * 0.01, expected.spin * 0.01),
+                (found.position, expected.position),
+            ] {
+                largest = largest.max((a - b).norm());
+            }
+        }
+    }
+    assert!(largest < 1e-12, "{largest}");
+}
+
+/// A square between two coordinates along x.
+fn strip(from: f64, to: f64) -> Surface {
+    let corners = [[from, -0.1], [to, -0.1], [to, 0.1], [from, 0.1]];
+    let corners = corners.map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
+    Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
+}
+
+/// On the seam of two walls of one plane, and beside it, a ball rebounds as from one wall.
+#[test]
+fn two_walls_that_touch_push_once() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let drop = |walls: Vec<Wall<Volume>>, x: f64| {
+        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let mut dem = linear(GLASS, settings, walls);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(x, 0.0013, 0.0101),
+            velocity: Vector3::new(0.1, 0.0, -1.0),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 1500).unwrap();
+        let mut contacts = 0;
+        dem.for_each_contact(&particles, |_| contacts += 1);
+        (particles.motion[0], contacts)
+    };
+    let wall = |surface: Surface| Wall::of_surface(Arc::new(surface), 0);
+    for x in [0.0, 1e-4, -1e-4, 4e-4] {
+        let (one, _) = drop(vec![wall(strip(-0.1, 0.1))], x);
+        let block = Surface::of_box(Vector3::new(0.0, -0.1, -0.05), Vector3::new(0.1, 0.1, 0.0));
+        for second in [strip(0.0, 0.1), strip(-0.02, 0.1), block.unwrap()] {
+            let (two, _) = drop(vec![wall(strip(-0.1, 0.0)), wall(second)], x);
+            assert_relative_eq!(two.velocity.z, one.velocity.z, max_relative = 1e-6);
+            assert_relative_eq!(two.velocity.x, one.velocity.x, max_relative = 0.02);
+        }
+    }
+}
+
+/// A belt, a wall that moves along its facets, stays where it is and drags as a plane does; across them it moves.
+#[test]
+fn a_belt_drags_and_stays() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let carry = |mut belt: Wall<Volume>, velocity: Vector3<f64>| {
+        let mut settings = Settings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
+        settings.gravity = Vector3::new(0.0, 0.0, -9.81);
+        belt.velocity = velocity;
+        let mut dem = linear(GLASS, settings, vec![belt]);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(-0.09, 0.0, 0.01 - body.mass * 9.81 / 1e5),
+            velocity: Vector3::zeros(),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
+        (particles.motion[0], dem.walls()[0].point)
+    };
+    let along = Vector3::new(0.4, 0.1, 0.0);
+    let (plane, _) = carry(Wall::new(Vector3::zeros(), Vector3::z(), 0), along);
+    for shape in [polygon(0.1), mesh(8, 0.1)] {
+        let shape = Arc::new(shape);
+        let (found, moved) = carry(Wall::of_surface(Arc::clone(&shape), 0), along);
+        assert_relative_eq!(found.position, plane.position, epsilon = 1e-9);
+        assert_eq!(moved, Vector3::zeros());
+        let up = along + Vector3::new(0.0, 0.0, 0.01);
+        let (lifted, moved) = carry(Wall::of_surface(shape, 0), up);
+        assert_relative_eq!(moved, Vector3::new(0.0, 0.0, 0.002), epsilon = 1e-12);
+        assert!(lifted.position.z > 0.0119, "{}", lifted.position);
+    }
+    // A box has facets across all directions.
+    let cup = Surface::of_box(Vector3::repeat(-0.1), Vector3::repeat(0.1)).unwrap();
+    let (_, moved) = carry(Wall::of_surface(Arc::new(cup), 0), along);
+    assert_relative_eq!(moved, along * 0.2, epsilon = 1e-12);
+}
+
+/// Sliding over 80 interior edges: friction does not drop, the grain does not jump, shear is handed over.
+#[test]
+fn a_grain_slides_over_interior_edges() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let slide = |floor: Wall<Volume>| {
+        let mut settings = Settings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
+        settings.gravity = Vector3::new(0.0, 0.0, -9.81);
+        let mut dem = linear(GLASS, settings, vec![floor]);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(-0.05, 0.0013, 0.01 - body.mass * 9.81 / 1e5),
+            velocity: Vector3::new(0.5, 0.01, 0.0),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        let mut lowest_friction = f64::INFINITY;
+        for _ in 0..400 {
+            dem.advance_many(&mut particles, &alone(), 40).unwrap();
+            if dem.time() < 0.045 {
+                let force = particles.contact[0].force;
+                lowest_friction = lowest_friction.min(force.xy().norm() / force[2]);
+            }
+        }
+        (particles.motion[0], lowest_friction)
+    };
+    let (expected, friction) = slide(Wall::new(Vector3::zeros(), Vector3::z(), 0));
+    assert!(expected.position[0] > -0.03 && friction > 0.29);
+    let (found, friction) = slide(Wall::of_surface(Arc::new(mesh(80, 0.1)), 0));
+    assert!((found.position - expected.position).norm() < 1e-10);
+    assert!((found.velocity - expected.velocity).norm() < 1e-8);
+    assert!(friction > 0.29, "{friction}");
+}
+
+/// In the V of two facets the ball rests on both: N = m g / (2 cos) each, and nothing from the edge between them.
+#[test]
+fn a_concave_corner_holds_with_its_faces_alone() {
+    let slope = 40.0_f64.to_radians();
+    let (cos, tan) = (slope.cos(), slope.tan());
+    let vertices = vec![
+        Vector3::new(0.0, -0.1, 0.0),
+        Vector3::new(0.0, 0.1, 0.0),
+        Vector3::new(0.1, 0.1, 0.1 * tan),
+        Vector3::new(0.1, -0.1, 0.1 * tan),
+        Vector3::new(-0.1, 0.1, 0.1 * tan),
+        Vector3::new(-0.1, -0.1, 0.1 * tan),
+    ];
+    let facets = [vec![0, 1, 2], vec![0, 2, 3], vec![0, 5, 4], vec![0, 4, 1]];
+    let surface = Surface::new(vertices, &facets).unwrap();
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let mut settings = Settings::new(about_origin::<Volume>(0.2), 1e-5, 1e-3);
+    settings.gravity = Vector3::new(0.0, 0.0, -9.81);
+    settings.local_damping = 0.5;
+    let parameters = linear::Parameters {
+        friction: 0.0,
+        ..GLASS
+    };
+    let mut dem = linear(
+        parameters,
+        settings,
+        vec![Wall::of_surface(Arc::new(surface), 0)],
+    );
+    let mut particles = Particles::new();
+    let motion = Motion {
+        position: Vector3::new(0.002, 0.0, 0.02),
+        ..Motion::default()
+    };
+    particles.insert(body, motion);
+    dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
+    let mut forces = Vec::new();
+    dem.for_each_contact(&particles, |contact| {
+        assert_eq!(contact.wall, Some(0));
+        forces.push(contact.normal_force);
+    });
+    assert_eq!(forces.len(), 2);
+    let weight = body.mass * 9.81;
+    for force in forces {
+        assert_relative_eq!(force, weight / (2.0 * cos), max_relative = 1e-4);
+    }
+}
+
+/// A wall that moves carries its facets along; its restitution is that of the plane.
+#[test]
+fn a_moving_mesh_hits_like_a_moving_plane() {
+    let hit = |mut wall: Wall<Volume>| {
+        wall.velocity = Vector3::new(0.05, 0.0, 0.4);
+        let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let mut dem = linear(GLASS, settings, vec![wall]);
+        let mut particles = Particles::new();
+        // Off the edges of the mesh, whose contacts are exact to their rim.
+        let motion = Motion {
+            position: Vector3::new(0.003, 0.001, 0.0101),
+            ..Motion::default()
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 3000).unwrap();
+        particles.motion[0]
+    };
+    let expected = hit(Wall::new(Vector3::zeros(), Vector3::z(), 0));
+    let found = hit(Wall::of_surface(Arc::new(mesh(5, 0.1)), 0));
+    assert!(expected.velocity[2] > 0.6);
+    assert_relative_eq!(found.velocity, expected.velocity, epsilon = 1e-12);
+    assert!((found.spin - expected.spin).norm() < 1e-9);
+}
+
+/// Angular momentum of collisions in space, oblique with friction and spin: kept to 1e-10 of its parts.
+#[test]
+fn collisions_keep_angular_momentum() {
+    let mut worst = 0.0_f64;
+    for k in 0..20 {
+        let mut draw = Stream::new(12, k, 0);
+        let mut vector = |scale: f64| Vector3::from_fn(|_, _| scale * (2.0 * draw.uniform() - 1.0));
+        let turn = Rotation3::new(vector(3.0));
+        let bodies = [1e-3, 1.7e-3].map(|r| Body::uniform::<Volume>(1, r, 2600.0, 0));
+        let between = turn * Vector3::new(2.75e-3, 0.0, 0.0);
+        let motions = [
+            Motion {
+                position: vector(1e-3),
+                velocity: vector(0.2) + between * 100.0,
+                spin: vector(200.0),
+            },
+            Motion {
+                velocity: vector(0.2) - between * 100.0,
+                spin: vector(200.0),
+                ..Motion::default()
+            },
+        ];
+        let settings = Settings::new(about_origin::<Volume>(0.02), 1e-7, 1e-4);
+        let mut dem = linear(GLASS, settings, Vec::new());
+        let mut particles = Particles::new();
+        for (id, (body, motion)) in (1..).zip(bodies.into_iter().zip(motions)) {
+            let position = if id == 1 {
+                motion.position
+            } else {
+                motions[0].position + between
+            };
+            particles.insert(Body { id, ..body }, Motion { position, ..motion });
+        }
+        let total = |particles: &Particles<Volume>| {
+            let (mut sum, mut scale) = (Vector3::zeros(), 0.0);
+            for (body, m) in particles.body.iter().zip(&particles.motion) {
+                let parts = [
+                    m.position.cross(&m.velocity) * body.mass,
+                    m.spin * body.inertia,
+                ];
+                sum += parts[0] + parts[1];
+                scale += parts[0].norm() + parts[1].norm();
+            }
+            (sum, scale)
+        };
+        let (before, scale) = total(&particles);
+        dem.advance_many(&mut particles, &alone(), 6000).unwrap();
+        assert_eq!(dem.statistics(&particles).contacts, 0);
+        let change = particles.motion[0].velocity - motions[0].velocity;
+        assert!(change.norm() > 0.1, "they must have met");
+        worst = worst.max((total(&particles).0 - before).norm() / scale);
+    }
+    assert!(worst < 1e-10, "{worst}");
+}

@@ -1,0 +1,614 @@
+//! Boundaries of the domain: a rule for each population that would enter from outside.
+//!
+//! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
+//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the order wall,
+//! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
+//!
+//! A boundary is one file. It holds, in this order:
+//!
+//! 1. the formula and its source;
+//! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
+//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the speed, the pressure
+//!    and the inflow that they impose, and the rule on the lattice;
+//! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
+//!
+//! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
+//! `tests/toy.rs` is the smallest example.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
+//! | `model` | [`Model`], what the program asks a boundary of a case |
+//! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
+//! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
+//! | `wall` | half-way bounce-back at walls and imposed velocities, also while the pass goes on |
+//! | `profile` | a velocity over a face |
+//! | `turbulent` | turbulence over an imposed velocity |
+//! | `sound` | the plane wave that leaves through an opening |
+//! | `covered` | openings where solids cover their cells |
+//! | `flux` | what crosses each patch |
+
+mod covered;
+mod flux;
+mod links;
+mod model;
+mod nature;
+pub mod profile;
+mod rule;
+mod site;
+mod sound;
+pub mod turbulent;
+pub mod wall;
+
+pub use super::quanta::{QUANTA, from_quanta, quanta};
+pub use flux::Flux;
+pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
+pub use model::{ImposedPressure, ImposedSpeed, Model};
+pub use nature::{Inflow, Nature, Strength, Surface};
+pub use rule::{Giver, Moment, Rule};
+pub use site::{Opening, Place, Sides, Site};
+pub use sound::{Sound, Sums};
+
+use super::block::Block;
+use super::gpu::copies::Copies;
+use super::lanes::Stored;
+use super::populations::{Parity, Populations};
+use base::error::{Error, Report};
+use base::family;
+use base::number::{real, to_u32};
+use base::units::LatticeUnits;
+use decomposition::Communicator;
+use profile::ReadTable;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a boundary in a case is that
+/// of its module.
+macro_rules! boundaries {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
+        $(pub mod $module;)*
+
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[serde(rename_all = "snake_case")]
+        #[schemars(transform = family::describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a boundary stands in its module")]
+                $boundary($module::$boundary),
+            )*
+        }
+
+        impl $list {
+            /// What the program asks about it.
+            #[must_use]
+            pub fn model(&self) -> &dyn Model {
+                match self {
+                    $(Self::$boundary(parameters) => parameters,)*
+                }
+            }
+
+            /// Name in a case.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$boundary(_) => stringify!($module),)*
+                }
+            }
+
+            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path of the site is
+            /// that of the condition.
+            #[must_use]
+            pub fn resolved(
+                &self,
+                site: &Site<'_>,
+                read: ReadTable<'_>,
+                report: &mut dyn Report,
+            ) -> Self {
+                let path = format!("{}.{}", site.path, self.name());
+                let site = Site { path: &path, ..*site };
+                let mut resolved = self.clone();
+                match &mut resolved {
+                    $(Self::$boundary(parameters) => parameters.resolve(&site, read, report),)*
+                }
+                resolved
+            }
+
+            /// The rule on the lattice.
+            ///
+            /// # Errors
+            /// Where the cells of the patch show that the parameters cannot hold.
+            pub fn rule<S: Stored>(
+                &self,
+                place: &Place<'_>,
+                units: &LatticeUnits,
+            ) -> Result<Box<dyn Rule<S>>, Error> {
+                match self {
+                    $(Self::$boundary(parameters) => parameters.rule(place, units),)*
+                }
+            }
+        }
+    };
+}
+
+boundaries! {
+    /// What the fluid does at a face.
+    Condition:
+    no_slip NoSlip,
+    moving_wall MovingWall,
+    free_slip FreeSlip,
+    velocity Velocity,
+    pressure Pressure,
+    outflow Outflow,
+    convective_outflow ConvectiveOutflow,
+}
+
+/// A value that goes linearly from `start` to `end` during `steps`, then stays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ramp {
+    /// Value at step 0.
+    pub start: f64,
+    /// Value from `steps` on.
+    pub end: f64,
+    /// Length in steps; 0 for a step change.
+    pub steps: f64,
+}
+
+impl Ramp {
+    /// The same value always.
+    #[must_use]
+    pub fn constant(value: f64) -> Self {
+        Self {
+            start: value,
+            end: value,
+            steps: 0.0,
+        }
+    }
+
+    /// Value at a step.
+    #[must_use]
+    pub fn at(&self, step: f64) -> f64 {
+        if step >= self.steps {
+            self.end
+        } else {
+            self.start + (self.end - self.start) * (step / self.steps)
+        }
+    }
+}
+
+/// A named part of one face.
+pub struct Patch<S: Stored = f64> {
+    /// Name in outputs.
+    pub name: String,
+    /// Axis of the face normal.
+    pub axis: usize,
+    /// At the upper end of the axis.
+    pub upper: bool,
+    /// Corners of the part in cells (the components along the axis are not used); later patches win.
+    pub range: [[f64; 2]; 3],
+    /// The rule.
+    pub rule: Box<dyn Rule<S>>,
+}
+
+impl<S: Stored> Patch<S> {
+    /// Whether water goes through the face at a point, in cells.
+    fn lets_through(&self, position: [f64; 3]) -> bool {
+        self.rule.nature().surface == Surface::Opening
+            && self
+                .rule
+                .velocity(position)
+                .is_none_or(|u| u[self.axis] != 0.0)
+    }
+
+    fn holds(&self, position: [f64; 3]) -> bool {
+        (0..3).all(|a| {
+            a == self.axis || (self.range[a][0] <= position[a] && position[a] < self.range[a][1])
+        })
+    }
+}
+
+/// The last patch that holds a position on a face; none where only the default wall does.
+#[must_use]
+pub fn holder<S: Stored>(
+    patches: &[Patch<S>],
+    axis: usize,
+    upper: bool,
+    position: [f64; 3],
+) -> Option<usize> {
+    patches
+        .iter()
+        .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
+}
+
+/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells, where patches may meet.
+fn around(
+    frame: &Frame,
+    c: [i8; 3],
+    outside: [bool; 3],
+    middle: [f64; 3],
+) -> impl Iterator<Item = [f64; 3]> {
+    let oblique: [bool; 3] = std::array::from_fn(|a| c[a] != 0 && !outside[a]);
+    let sides = move |a: usize| {
+        if oblique[a] {
+            &[-0.5, 0.5][..]
+        } else {
+            &[0.0][..]
+        }
+    };
+    let frame_cells = frame.cells.map(real);
+    let periodic = frame.periodic;
+    sides(0).iter().flat_map(move |x| {
+        sides(1).iter().flat_map(move |y| {
+            sides(2).iter().map(move |z| {
+                let mut point = [middle[0] + x, middle[1] + y, middle[2] + z];
+                for a in 0..3 {
+                    if periodic[a] {
+                        point[a] = point[a].rem_euclid(frame_cells[a]);
+                    }
+                }
+                point
+            })
+        })
+    })
+}
+
+/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of
+/// these that imposes a velocity.
+///
+/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
+/// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
+/// stronger one has the border.
+fn on_border<S: Stored>(
+    patches: &[Patch<S>],
+    middle: [f64; 3],
+    beside: impl Iterator<Item = (usize, [f64; 3])>,
+) -> (usize, f64) {
+    let strength = |p: usize| patches[p].rule.nature().strength;
+    let (mut strongest, mut imposing) = (None, None);
+    let (mut count, mut imposed) = (0.0, 0.0);
+    for (p, centre) in beside {
+        if strongest.is_none_or(|q| (strength(p), p) > (strength(q), q)) {
+            strongest = Some(p);
+        }
+        count += 1.0;
+        let rule = &patches[p].rule;
+        if rule.nature().surface != Surface::Wall && rule.velocity(middle).is_some() {
+            imposed += rule.part(centre);
+            imposing = imposing.max(Some(p));
+        }
+    }
+    match (strongest, imposing) {
+        (_, Some(p)) => (p, imposed / count),
+        (Some(p), None) => (p, 1.0),
+        // There is always a cell beside.
+        (None, None) => (0, 1.0),
+    }
+}
+
+/// Number of faces of the domain, each with a wall of its own behind all patches.
+const FACES: usize = 6;
+
+/// Returns a no-slip wall on each face of the domain.
+fn no_slip_walls<S: Stored>() -> impl Iterator<Item = Patch<S>> {
+    (0..FACES).map(|face| {
+        let (axis, upper) = (face / 2, face % 2 == 1);
+        let end = if upper { "max" } else { "min" };
+        Patch {
+            name: format!("{}_{end}", ["x", "y", "z"][axis]),
+            axis,
+            upper,
+            range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+            rule: Box::new(no_slip::Links),
+        }
+    })
+}
+
+/// Returns the middle of a link from a cell, in cells; the first cell spans 0..1.
+fn middle_of(cell: [usize; 3], c: [i8; 3]) -> [f64; 3] {
+    // Along a face through which the link does not leave, the crossing point; through a face, the face.
+    std::array::from_fn(|a| real(cell[a]) + 0.5 + 0.5 * f64::from(c[a]))
+}
+
+/// Returns the patch of a link that leaves the domain along the axes `outside`, and the part of its surroundings that
+/// imposes a velocity; the last patches are the walls of the faces.
+fn crossed<S: Stored>(
+    patches: &[Patch<S>],
+    frame: &Frame,
+    c: [i8; 3],
+    outside: [bool; 3],
+    middle: [f64; 3],
+) -> (usize, f64) {
+    let defaults = patches.len() - FACES;
+    (0..3)
+        .filter(|&a| outside[a])
+        .map(|axis| {
+            let upper = c[axis] > 0;
+            let default = defaults + 2 * axis + usize::from(upper);
+            let beside = around(frame, c, outside, middle);
+            let beside = beside.map(|point| {
+                let holder = holder(&patches[..defaults], axis, upper, point);
+                (holder.unwrap_or(default), point)
+            });
+            on_border(patches, middle, beside)
+        })
+        .max_by_key(|&(p, _)| patches[p].rule.nature().strength)
+        .unwrap_or((defaults, 1.0))
+}
+
+/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
+pub struct Boundaries<S: Stored> {
+    patches: Vec<Patch<S>>,
+    /// The patches from the strongest to the weakest.
+    order: Vec<usize>,
+    walls: wall::Walls,
+    open: covered::OpenCells,
+    /// The patches whose rules need sums over all ranks, and room for these.
+    summed: Vec<usize>,
+    sums: Vec<u128>,
+}
+
+/// Where a cell lies relative to the whole domain.
+pub struct Frame {
+    /// Cells of the whole domain.
+    pub cells: [usize; 3],
+    /// First cell of the slab.
+    pub start: [usize; 3],
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+}
+
+impl Frame {
+    /// Returns whether a link from a cell leaves the domain along an axis.
+    fn leaves(&self, at: [usize; 3], c: [i8; 3], a: usize) -> bool {
+        !self.periodic[a] && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == self.cells[a]))
+    }
+}
+
+impl<S: Stored> Boundaries<S> {
+    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
+    #[must_use]
+    pub fn new(
+        populations: &Populations<S>,
+        frame: &Frame,
+        mut patches: Vec<Patch<S>>,
+        coverable: bool,
+    ) -> Self {
+        // Last resort, weakest in the search below because later patches win.
+        patches.extend(no_slip_walls());
+        let mut walls = Vec::new();
+        let mut open = covered::OpenCells::default();
+        let velocities = populations.velocities().clone();
+        let dimension = velocities.dimension;
+        let [slow, across, _] = populations.order();
+        for (local, cell) in populations.interior() {
+            let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
+            let at_face = (0..dimension)
+                .any(|a| !frame.periodic[a] && (at[a] == 0 || at[a] + 1 == frame.cells[a]));
+            if !at_face {
+                continue;
+            }
+            for i in 1..velocities.q() {
+                let c = velocities.c[i];
+                let outside = std::array::from_fn(|a| a < dimension && frame.leaves(at, c, a));
+                if !outside.contains(&true) {
+                    continue;
+                }
+                let middle = middle_of(at, c);
+                let (patch, share) = crossed(&patches, frame, c, outside, middle);
+                let link = populations.link(cell, i);
+                if coverable && patches[patch].lets_through(middle) {
+                    open.add((cell, local), link);
+                }
+                let crossing = Crossing {
+                    populations,
+                    cell,
+                    at,
+                    cells: frame.cells,
+                    direction: i,
+                    outside,
+                    middle,
+                    share,
+                    link,
+                };
+                if let Giver::Wall { term } = patches[patch].rule.take(&crossing) {
+                    walls.push(wall::WallLink {
+                        link,
+                        patch,
+                        direction: i,
+                        plane: local[slow],
+                        row: to_u32(local[across]),
+                        term,
+                    });
+                }
+            }
+        }
+        let mut order: Vec<usize> = (0..patches.len()).collect();
+        order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.nature().strength));
+        let summed: Vec<usize> = (0..patches.len())
+            .filter(|&p| patches[p].rule.sums())
+            .collect();
+        Self {
+            sums: vec![0; summed.len() * Sums::default().len()],
+            summed,
+            patches,
+            order,
+            walls: wall::Walls::new(walls, populations.cells()[slow]),
+            open,
+        }
+    }
+
+    /// Positions of the ghost cells that links to walls at rest lead to; some of them more than once.
+    pub fn behind_walls_at_rest(
+        &self,
+        populations: &Populations<S>,
+    ) -> impl Iterator<Item = usize> {
+        let first = |i: usize| populations.slot(0, i);
+        self.walls
+            .links()
+            .filter(|wall| self.patches[wall.patch].rule.nature().surface == Surface::Wall)
+            .map(move |wall| wall.link.far as usize - first(wall.direction))
+    }
+
+    /// Factor of the velocity of a patch at a step: that of its ramp.
+    #[must_use]
+    pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
+        self.patches[patch].rule.factor(step)
+    }
+
+    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor. `plane` is the distance from plane to
+    /// plane.
+    pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
+        self.walls.copies(parity, plane)
+    }
+
+    /// Number of patches.
+    pub(crate) fn count(&self) -> usize {
+        self.patches.len()
+    }
+
+    /// Returns `true` for each end of an axis where a plane of symmetry is the last patch that covers the whole face.
+    #[must_use]
+    pub fn mirrored(&self) -> [[bool; 2]; 3] {
+        let mut mirrored = [[false; 2]; 3];
+        for patch in self.patches.iter().take(self.count() - FACES) {
+            let mirror = patch.rule.nature().surface == Surface::Symmetry;
+            mirrored[patch.axis][usize::from(patch.upper)] = mirror;
+        }
+        mirrored
+    }
+
+    /// Names of the patches, in the order of [`Boundaries::fluxes`].
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.patches.iter().map(|p| p.name.as_str())
+    }
+
+    /// Notes what the rules need of the state before a pass.
+    pub fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
+        for patch in &mut self.patches {
+            patch.rule.remember(populations, half_force);
+        }
+    }
+
+    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may read numbers that the
+    /// walls give, or ghosts beside them.
+    #[must_use]
+    pub fn walls_stand_alone(&self) -> bool {
+        self.patches
+            .iter()
+            .all(|patch| patch.rule.walls_stand_alone())
+    }
+
+    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step needs.
+    #[must_use]
+    pub fn are_walls(&self) -> bool {
+        self.patches.iter().all(|patch| patch.rule.is_wall())
+    }
+
+    /// Gives what comes back from the walls to some cells, ahead of [`Self::apply`].
+    ///
+    /// # Safety
+    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those beside them.
+    pub(crate) unsafe fn give_walls(
+        &self,
+        cells: &Block,
+        step: f64,
+        parity: Parity,
+        numbers: *mut S,
+    ) {
+        let speed = |patch: usize| self.velocity_factor(patch, step);
+        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or beside it.
+        unsafe { self.walls.give(cells, speed, parity, numbers) };
+    }
+
+    /// What the rules remember from step to step, by patch.
+    pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        self.patches.iter().map(|patch| patch.rule.memory())
+    }
+
+    /// Sets what the rules remember.
+    pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
+        for (patch, memory) in self.patches.iter_mut().zip(memories) {
+            patch.rule.recall(memory);
+        }
+    }
+
+    /// Lets the stated discharges in: at the rim of an opening some links belong to walls. Collective.
+    pub(super) fn balance(&mut self, communicator: &Communicator) {
+        let given = self.patches.iter().map(|patch| patch.rule.given());
+        let mut given: Vec<u128> = given.map(i128::cast_unsigned).collect();
+        communicator.all_reduce_sum_u128s(&mut given);
+        for (patch, given) in self.patches.iter_mut().zip(given) {
+            patch.rule.balance(given.cast_signed());
+        }
+    }
+
+    /// Sums over all ranks for the rules that need them. Collective.
+    pub fn measure(
+        &mut self,
+        populations: &Populations<S>,
+        step: f64,
+        half_force: [f64; 3],
+        communicator: &Communicator,
+    ) {
+        if self.summed.is_empty() {
+            return;
+        }
+        let moment = Moment { step, half_force };
+        let count = Sums::default().len();
+        for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact_mut(count)) {
+            let measured = self.patches[patch].rule.measure(populations, &moment);
+            for (sum, measured) in sums.iter_mut().zip(measured) {
+                *sum = measured.cast_unsigned();
+            }
+        }
+        communicator.all_reduce_sum_u128s(&mut self.sums);
+        for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact(count)) {
+            let sums = std::array::from_fn(|n| sums[n].cast_signed());
+            self.patches[patch].rule.hear(sums, &moment);
+        }
+    }
+
+    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls
+    /// of other planes than `planes` have been given theirs.
+    pub fn apply(
+        &mut self,
+        populations: &mut Populations<S>,
+        step: f64,
+        half_force: [f64; 3],
+        planes: impl Iterator<Item = Range<usize>>,
+    ) {
+        let moment = Moment { step, half_force };
+        // Pressure reads whole cells, so it goes before what is weaker; the others touch only their own two numbers.
+        for &patch in &self.order {
+            self.patches[patch].rule.apply(populations, &moment);
+        }
+        let speed = |patch: usize| self.patches[patch].rule.factor(step);
+        for planes in planes {
+            self.walls.apply(planes, speed, populations);
+        }
+        for patch in &mut self.patches {
+            patch.rule.apply_over_walls(populations, &moment);
+        }
+    }
+
+    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell,
+    /// by its position within an array and by its place in the slab.
+    pub fn close_covered(
+        &self,
+        fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,
+        populations: &mut Populations<S>,
+    ) {
+        self.open.close(fraction, populations);
+    }
+
+    /// The last step in which a value at a face still changes by its ramp.
+    #[must_use]
+    pub fn ramps_end(&self) -> f64 {
+        let ramps = self.patches.iter().map(|patch| patch.rule.ramp_end());
+        ramps.fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests;

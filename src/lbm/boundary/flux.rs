@@ -1,0 +1,150 @@
+//! What crosses the faces of a slab: mass and momentum of each patch, summed as integers.
+
+use super::{Boundaries, links};
+use crate::lanes::Stored;
+use crate::populations::{Link, Populations};
+use crate::quanta::quanta;
+
+/// Momentum and mass that crossed one patch during a step (exact sums over links).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Flux {
+    /// Force of the fluid on what is behind the patch, in units of 2^-56 lattice units.
+    pub force: [i128; 3],
+    /// Mass leaving the fluid through the patch, same units.
+    pub mass: i128,
+}
+
+/// What crossed a face along one link.
+#[derive(Clone, Copy, Debug)]
+struct Exchange {
+    patch: usize,
+    /// Deviation from rest of the population that left, and its direction.
+    out: (f64, usize),
+    /// The same of the one that entered.
+    into: (f64, usize),
+    /// The cells that they left and entered: positions within an array.
+    cells: [u32; 2],
+}
+
+impl<S: Stored> Boundaries<S> {
+    /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over
+    /// the boundary links.
+    #[must_use]
+    pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
+        let mut fluxes = Vec::new();
+        self.fluxes_into(populations, &mut fluxes);
+        fluxes
+    }
+
+    /// As [`Self::fluxes`], into a list that is used again.
+    pub fn fluxes_into(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
+        fluxes.clear();
+        fluxes.resize(self.patches.len(), Flux::default());
+        let velocities = populations.velocities();
+        self.crossings(populations, |exchange| {
+            let Exchange {
+                patch, out, into, ..
+            } = exchange;
+            let [(a, i), (b, j)] = [out, into];
+            let (leaves, enters) = (
+                i128::from(quanta(a + velocities.w[i])),
+                i128::from(quanta(b + velocities.w[j])),
+            );
+            let flux = &mut fluxes[patch];
+            for axis in 0..3 {
+                flux.force[axis] += i128::from(velocities.c[i][axis]) * leaves
+                    - i128::from(velocities.c[j][axis]) * enters;
+            }
+            flux.mass += leaves - enters;
+        });
+    }
+
+    /// What left through all faces in the step just done, on this rank, in quanta: mass, then momentum. The momentum is that of the cells
+    /// (positions within an array) for which `counts` holds, and of the deviations from rest, as that of the loads on bodies is: the
+    /// pressure at rest cancels over a whole surface only.
+    #[must_use]
+    pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
+        let velocities = populations.velocities();
+        let mut sums = [0; 4];
+        self.crossings(populations, |exchange| {
+            let ends = [(1, exchange.out, 0), (-1, exchange.into, 1)];
+            for (sign, (deviation, i), n) in ends {
+                let leaves = sign * i128::from(quanta(deviation));
+                sums[0] += leaves;
+                if counts(exchange.cells[n] as usize) {
+                    for axis in 0..3 {
+                        sums[axis + 1] += i128::from(velocities.c[i][axis]) * leaves;
+                    }
+                }
+            }
+        });
+        sums
+    }
+
+    /// Calls `each` for every link through a face, with what left and entered along it in the step just done.
+    fn crossings(&self, populations: &Populations<S>, mut each: impl FnMut(Exchange)) {
+        let (parity, numbers) = (populations.parity(), populations.numbers());
+        let velocities = populations.velocities();
+        let mut begins = [0; 27];
+        for (i, begin) in begins[..velocities.q()].iter_mut().enumerate() {
+            *begin = links::first(populations, i);
+        }
+        let straight = |patch: usize, link: Link, direction: usize| {
+            let back = velocities.opposite[direction];
+            Exchange {
+                patch,
+                out: (numbers[link.out(parity)].to_f64(), direction),
+                into: (numbers[link.incoming(parity)].to_f64(), back),
+                cells: [link.near - begins[back]; 2],
+            }
+        };
+        for w in self.walls.links() {
+            each(straight(w.patch, w.link, w.direction));
+        }
+        for (n, patch) in self.patches.iter().enumerate() {
+            for kept in patch.rule.links() {
+                each(straight(n, kept.link, kept.direction));
+            }
+            for m in patch.rule.mirrors().iter().flat_map(|run| run.mirrors()) {
+                let (from, to) = m.ends(parity);
+                each(Exchange {
+                    patch: n,
+                    out: (numbers[from].to_f64(), usize::from(m.leaves)),
+                    into: (numbers[to].to_f64(), usize::from(m.enters)),
+                    // Two cells beside each other, of which a body may hold one.
+                    cells: m.cells(&velocities.opposite, &begins),
+                });
+            }
+        }
+    }
+
+    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose cells
+    /// (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    pub fn mass_through(
+        &self,
+        populations: &Populations<S>,
+        counts: impl Fn(usize) -> bool,
+        masses: &mut Vec<i128>,
+    ) {
+        masses.clear();
+        masses.resize(self.patches.len(), 0);
+        let (parity, numbers) = (populations.parity(), populations.numbers());
+        let velocities = populations.velocities();
+        let mut add = |patch: usize, link: Link, direction: usize| {
+            let back = velocities.opposite[direction];
+            if counts(link.near as usize - populations.slot(0, back)) {
+                let leaves = numbers[link.out(parity)].to_f64() + velocities.w[direction];
+                let enters = numbers[link.incoming(parity)].to_f64() + velocities.w[back];
+                masses[patch] += i128::from(quanta(leaves)) - i128::from(quanta(enters));
+            }
+        };
+        for w in self.walls.moving() {
+            add(w.patch, w.link, w.direction);
+        }
+        for (n, patch) in self.patches.iter().enumerate() {
+            for kept in patch.rule.links() {
+                add(n, kept.link, kept.direction);
+            }
+        }
+    }
+}

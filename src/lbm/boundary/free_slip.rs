@@ -1,0 +1,87 @@
+//! Free slip: populations are mirrored at the face, half-way beyond the last cell.
+//!
+//! The population entering x along j is the one that left the cell x - t along i, where i is j with the components
+//! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
+
+use super::links::{Counted, Mirror, MirrorRun};
+use super::{Crossing, Giver, Model, Moment, Nature, Place, Rule, Strength, Surface};
+use base::error::Error;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated cells, because
+/// bounce-back links along the plane do not see the mirror image of the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct FreeSlip {}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Symmetry,
+    strength: Strength::Symmetry,
+};
+
+impl Model for FreeSlip {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
+        Ok(Box::<Links>::default())
+    }
+}
+
+/// The populations that a patch mirrors.
+#[derive(Debug, Default)]
+pub struct Links {
+    runs: Vec<MirrorRun>,
+    /// The last run of each incoming direction: the only one that may go on.
+    last: HashMap<u8, usize>,
+    /// Made of the runs when the first step needs it.
+    counted: Option<Counted>,
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        let mirror = Mirror::new(crossing);
+        let last = self.last.get(&mirror.enters);
+        let run = last.and_then(|&run| self.runs.get_mut(run));
+        match run.and_then(|run| Some((run.with(&mirror)?, run))) {
+            Some((longer, run)) => *run = longer,
+            None => {
+                self.last.insert(mirror.enters, self.runs.len());
+                self.runs.push(MirrorRun::of(mirror));
+            }
+        }
+        Giver::Rule
+    }
+
+    fn walls_stand_alone(&self) -> bool {
+        self.runs.is_empty()
+    }
+
+    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+        let parity = populations.parity();
+        let runs = &self.runs;
+        let counted = self
+            .counted
+            .get_or_insert_with(|| Counted::new(runs.iter().map(MirrorRun::count)));
+        counted.each(0..runs.len(), populations, |run, some, numbers| {
+            let row = runs[run].row(some, parity);
+            // SAFETY: both ends lie in the slab; what leaves is nowhere what enters, and enters once.
+            unsafe { row.give(0.0, numbers) };
+        });
+    }
+
+    fn mirrors(&self) -> &[MirrorRun] {
+        &self.runs
+    }
+}

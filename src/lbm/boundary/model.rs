@@ -1,0 +1,106 @@
+//! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the lattice.
+
+use super::nature::{Inflow, Nature, Surface};
+use super::profile::ReadTable;
+use super::rule::Rule;
+use super::site::{Place, Site};
+use base::error::{Error, Report};
+use crate::lanes::Stored;
+use base::units::LatticeUnits;
+
+/// A speed that a boundary imposes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImposedSpeed {
+    /// What moves, in words.
+    pub what: &'static str,
+    /// JSON path of the field that decides it, below the parameters of the boundary.
+    pub field: &'static str,
+    /// The largest speed [m/s].
+    pub value: f64,
+}
+
+/// A pressure that a boundary imposes: `start` at first, then linearly to `end`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImposedPressure {
+    /// JSON path of the field that decides it, below the parameters of the boundary.
+    pub field: &'static str,
+    /// Pressure above the reference at the start \[Pa\].
+    pub start: f64,
+    /// Pressure above the reference at the end of the change \[Pa\].
+    pub end: f64,
+    /// Time of the change \[s\]; 0 for at once.
+    pub ramp_time: f64,
+}
+
+impl ImposedPressure {
+    /// The smaller and the larger of the two \[Pa\].
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        [self.end.min(self.start), self.end.max(self.start)]
+    }
+
+    /// The largest amplitude \[Pa\].
+    #[must_use]
+    pub fn amplitude(&self) -> f64 {
+        self.end.abs().max(self.start.abs())
+    }
+}
+
+/// A boundary as a case names it: its parameters in SI, and what the program asks about it.
+pub trait Model {
+    /// What it is to what surrounds it.
+    fn nature(&self) -> Nature;
+
+    /// Checks the parameters and reads the tables that they name; what is wrong goes to the report.
+    fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
+        let _ = (site, read, report);
+    }
+
+    /// Checks what depends on the cells of the patch.
+    fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
+        let _ = (place, report);
+    }
+
+    /// The largest speed that it imposes.
+    fn speed(&self) -> Option<ImposedSpeed> {
+        None
+    }
+
+    /// The pressure that it imposes.
+    fn pressure(&self) -> Option<ImposedPressure> {
+        None
+    }
+
+    /// Whether the pressure there is that of the fluid; beside imposed pressures it counts as the reference.
+    fn pressure_floats(&self) -> bool {
+        false
+    }
+
+    /// What flows into the domain.
+    fn inflow(&self, place: &Place<'_>) -> Inflow {
+        let _ = place;
+        Inflow::None
+    }
+
+    /// Time over which the inflow grows from nothing \[s\]; 0 for at once.
+    fn ramp_time(&self) -> f64 {
+        0.0
+    }
+
+    /// Whether water passes through it, or is driven through it.
+    fn passes_water(&self) -> bool {
+        self.nature().surface == Surface::Opening
+    }
+
+    /// The rule on the lattice.
+    ///
+    /// # Errors
+    /// Where the cells of the patch show that the parameters cannot hold.
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error>
+    where
+        Self: Sized;
+}

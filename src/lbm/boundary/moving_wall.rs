@@ -1,0 +1,65 @@
+//! A wall that moves in its own plane: half-way bounce-back with the velocity of the wall ([`super::wall`]).
+
+use super::profile::ReadTable;
+use super::{ImposedSpeed, Model, Nature, Place, Ramp, Rule, Site, Strength, Surface, velocity};
+use base::error::{Error, Report};
+use base::geometry::Vector;
+use crate::lanes::Stored;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A wall that moves in its own plane.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct MovingWall {
+    /// Velocity of the wall, tangential to the face [m/s].
+    pub velocity: Vector,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::MovingWall,
+    strength: Strength::Velocity,
+};
+
+impl Model for MovingWall {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        let path = format!("{}.velocity", site.path);
+        let velocity = self.velocity.resolve(site.dimension, &path, report);
+        if velocity[site.face.axis()] != 0.0 {
+            report.error(
+                &path,
+                "a wall slides in its own plane, but this velocity has a part normal to the face"
+                    .into(),
+                "make that component 0, or impose a velocity".into(),
+            );
+        }
+    }
+
+    fn speed(&self) -> Option<ImposedSpeed> {
+        let squares = self.velocity.to_array().map(|x| x * x);
+        Some(ImposedSpeed {
+            what: "the moving wall",
+            field: "velocity",
+            value: squares.iter().sum::<f64>().sqrt(),
+        })
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        _: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let u = self
+            .velocity
+            .to_array()
+            .map(|x| units.velocity_to_lattice(x));
+        let links = velocity::Links::new(Box::new(move |_| u), Ramp::constant(1.0));
+        Ok(Box::new(links.of_nature(NATURE)))
+    }
+}

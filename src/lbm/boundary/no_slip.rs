@@ -1,0 +1,45 @@
+//! A wall at rest: half-way bounce-back ([`super::wall`]).
+
+use super::{Crossing, Giver, Model, Nature, Place, Rule};
+use base::error::Error;
+use crate::lanes::Stored;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A wall at rest: half-way bounce-back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct NoSlip {}
+
+impl Model for NoSlip {
+    fn nature(&self) -> Nature {
+        Nature::WALL
+    }
+
+    fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
+        Ok(Box::new(Links))
+    }
+}
+
+/// The fluid sticks to a wall at rest.
+pub struct Links;
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        Nature::WALL
+    }
+
+    fn take(&mut self, _: &Crossing<'_, S>) -> Giver {
+        Giver::Wall { term: 0.0 }
+    }
+
+    fn is_wall(&self) -> bool {
+        true
+    }
+
+    fn velocity(&self, _: [f64; 3]) -> Option<[f64; 3]> {
+        Some([0.0; 3])
+    }
+}

@@ -1,0 +1,51 @@
+//! Outflow: the entering populations are those of the next cell upstream (zero gradient along the normal).
+//!
+//! First order; the pressure floats, or its mean is held. The rule is that of the convective outflow with an unbounded
+//! velocity ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::convective_outflow::{Carried, Links};
+use super::{Inflow, Model, Nature, Place, Rule};
+use base::error::Error;
+use crate::lanes::Stored;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Free outflow: zero gradient along the normal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Outflow {
+    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the
+    /// pressure floats.
+    #[serde(default)]
+    pub mean_pressure: Option<f64>,
+}
+
+impl Model for Outflow {
+    fn nature(&self) -> Nature {
+        Nature::OUTFLOW
+    }
+
+    fn pressure_floats(&self) -> bool {
+        true
+    }
+
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let links = Links::of(place, Carried::Whole, self.mean_pressure, units);
+        Ok(Box::new(links))
+    }
+}

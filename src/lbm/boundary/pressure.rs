@@ -1,0 +1,412 @@
+//! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
+//!
+//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the population that
+//! crosses the face where f_j enters, with the same part along the face.
+//!
+//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by anti-bounce-back
+//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face; the half difference
+//! carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this velocity is zero there. Together
+//! they are the rule above. Anti-bounce-back of each link by itself would also reverse the shear stress in the half
+//! difference: flow between plates would then lose pressure where it enters and leaves, whatever the resolution. With no
+//! velocity along the face the half sum holds no viscous stress, and the rule is second order. u_n, the normal velocity of
+//! the cell, enters only squared. Needs no special corner nodes, in two or three dimensions.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::convective_outflow::{self, Carried};
+use super::links::{LINKS_PER_THREAD, each_part, sums};
+use super::profile::ReadTable;
+use super::sound::{Forecast, PlaneWave, forecast};
+use super::{
+    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
+    Place, Ramp, Rule, Site, Sound, Strength, Sums, Surface, quanta,
+};
+use base::error::{Error, Report};
+use base::geometry::Vector;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use base::number::real;
+use base::thread_pool;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and d'Humières 2008), bounce-back
+/// for the velocity along the face (Ladd 1994).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Pressure {
+    /// Pressure above the reference [Pa].
+    pub value: f64,
+    /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
+    #[serde(default)]
+    pub ramp: Option<Change>,
+    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several times that sound takes
+    /// through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every step. Default: `absorb` where this is the
+    /// only opening besides imposed velocities, else `reflect`.
+    #[serde(default)]
+    pub sound: Option<Sound>,
+    /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure differs
+    /// over the face as they want it. `each_cell`: in each cell, with no velocity along the face. Default: `mean` where
+    /// this is the only opening besides imposed velocities, else `each_cell`.
+    #[serde(default)]
+    pub held: Option<Held>,
+    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the middle
+    /// of the opening, and the pressure in each cell. Water at rest in the gravity g has ρ g. Default: none; a
+    /// pressure that is held on the mean takes the gradient of the water by itself.
+    #[serde(default)]
+    pub gradient: Option<Vector>,
+}
+
+/// Extent over the face at which a pressure holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Held {
+    /// In each cell.
+    EachCell,
+    /// On the mean over the face.
+    Mean,
+}
+
+/// A linear change in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Ramp")]
+pub struct Change {
+    /// Duration of the change [s], counted from the first fluid step, warm-up included.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub duration: f64,
+    /// Initial pressure [Pa].
+    #[serde(default)]
+    pub from: f64,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Pressure,
+};
+
+impl Pressure {
+    /// Returns `true` if this is the only opening besides imposed velocities.
+    fn is_the_outlet(openings: &[Opening]) -> bool {
+        let imposing = |strength| {
+            let alike = openings.iter().filter(|o| o.strength == strength);
+            alike.count()
+        };
+        let (pressures, velocities) = (imposing(Strength::Pressure), imposing(Strength::Velocity));
+        pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
+    }
+
+    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that
+    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel
+    /// that.
+    fn sound(&self, openings: &[Opening]) -> Sound {
+        self.sound.unwrap_or(if Self::is_the_outlet(openings) {
+            Sound::Absorb
+        } else {
+            Sound::Reflect
+        })
+    }
+
+    /// Returns where it holds among the openings of the domain.
+    fn held(&self, openings: &[Opening]) -> Held {
+        self.held.unwrap_or(
+            if Self::is_the_outlet(openings) && self.gradient.is_none() {
+                Held::Mean
+            } else {
+                Held::EachCell
+            },
+        )
+    }
+
+    fn imposed(&self) -> ImposedPressure {
+        ImposedPressure {
+            field: "value",
+            start: self.ramp.as_ref().map_or(self.value, |r| r.from),
+            end: self.value,
+            ramp_time: self.ramp.as_ref().map_or(0.0, |r| r.duration),
+        }
+    }
+}
+
+impl Model for Pressure {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        let Some(gradient) = &self.gradient else {
+            return;
+        };
+        let path = format!("{}.gradient", site.path);
+        let along = gradient.resolve(site.dimension, &path, report);
+        if along[site.face.axis()] != 0.0 {
+            report.error(
+                &path,
+                "the gradient of a pressure on a face has no part along the normal of the face"
+                    .into(),
+                "make that component 0".into(),
+            );
+        }
+        if self.held == Some(Held::Mean) {
+            report.error(
+                &path,
+                "a pressure that is held on the mean has the gradient that the water gives it"
+                    .into(),
+                "leave the gradient out, or write \"held\": \"each_cell\"".into(),
+            );
+        }
+    }
+
+    fn pressure(&self) -> Option<ImposedPressure> {
+        Some(self.imposed())
+    }
+
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let imposed = self.imposed();
+        let ramp = Ramp {
+            start: units.pressure_to_density_deviation(imposed.start),
+            end: units.pressure_to_density_deviation(imposed.end),
+            steps: units.time_to_lattice(imposed.ramp_time),
+        };
+        let face = place.site.face;
+        let axis = face.axis();
+        let absorbs = self.sound(place.openings) == Sound::Absorb;
+        let length = real(place.site.cells[axis]);
+        if self.held(place.openings) == Held::Mean {
+            let (wave, forecast) = if absorbs {
+                (PlaneWave::at_pressure(length), forecast(place, units))
+            } else {
+                (PlaneWave::reflected(), None)
+            };
+            let links = convective_outflow::Links::new((axis, face.is_max()), Carried::Local);
+            return Ok(Box::new(
+                links.of_nature(NATURE).holding(wave, ramp, forecast),
+            ));
+        }
+        let mut links = Links::new(axis, ramp);
+        if let Some(gradient) = &self.gradient {
+            let per_cell = gradient
+                .to_array()
+                .map(|g| units.pressure_to_density_deviation(g * units.spacing));
+            links = links.inclined(place.ends.map(|[low, high]| 0.5 * (low + high)), per_cell);
+        }
+        if absorbs {
+            links = links.absorbing(PlaneWave::at_pressure(length), forecast(place, units));
+        }
+        Ok(Box::new(links))
+    }
+}
+
+/// Cells from which a thread pays.
+const CELLS_PER_THREAD: usize = 128;
+
+/// A cell at the face with its links.
+#[derive(Clone, Copy, Debug)]
+struct PressureCell {
+    cell: usize,
+    first: usize,
+    count: usize,
+    /// Density deviation beyond that in the middle of the opening.
+    beyond: f64,
+}
+
+/// Where the population that a link returns lies, and w_i.
+#[derive(Clone, Copy, Debug)]
+struct Returned {
+    mirror: Mirror,
+    weight: f64,
+}
+
+/// The links of a patch with imposed pressure.
+pub struct Links {
+    /// Axis normal to the face.
+    axis: usize,
+    /// Density deviation δρ_w = 3 p (pressure above the reference, in lattice units).
+    density: Ramp,
+    /// Middle of the opening, in cells, and the change of the density deviation from cell to cell.
+    incline: [[f64; 3]; 2],
+    cells: Vec<PressureCell>,
+    links: Vec<FaceLink>,
+    /// For each link.
+    returned: Vec<Returned>,
+    /// What enters through each link: room for a step.
+    entering: Vec<f64>,
+    /// What lets sound out, with the velocity that is foreseen.
+    sound: Option<(PlaneWave, Option<Forecast>)>,
+}
+
+impl Links {
+    /// The density deviation δρ = 3 p of a face normal to an axis.
+    #[must_use]
+    pub fn new(axis: usize, density: Ramp) -> Self {
+        Self {
+            axis,
+            density,
+            incline: [[0.0; 3]; 2],
+            cells: Vec::new(),
+            links: Vec::new(),
+            returned: Vec::new(),
+            entering: Vec::new(),
+            sound: None,
+        }
+    }
+
+    /// Velocity of a cell along the normal.
+    fn normal<S: Stored>(
+        &self,
+        cell: &PressureCell,
+        populations: &Populations<S>,
+        moment: &Moment,
+    ) -> f64 {
+        // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
+        let (drho, momentum) = populations.outgoing_moments(cell.cell);
+        (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
+    }
+
+    /// Returns it with a density deviation that changes from cell to cell; that of the ramp holds at `middle`.
+    #[must_use]
+    pub(super) fn inclined(mut self, middle: [f64; 3], per_cell: [f64; 3]) -> Self {
+        self.incline = [middle, per_cell];
+        self
+    }
+
+    /// The same with the plane wave let out.
+    #[must_use]
+    pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
+        self.sound = Some((wave, forecast));
+        self
+    }
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        match self.cells.last_mut() {
+            Some(last) if last.cell == crossing.cell => last.count += 1,
+            _ => self.cells.push(PressureCell {
+                cell: crossing.cell,
+                first: self.links.len(),
+                count: 1,
+                beyond: {
+                    let [middle, per_cell] = self.incline;
+                    let part = |a: usize| per_cell[a] * (real(crossing.at[a]) + 0.5 - middle[a]);
+                    (0..3).filter(|a| *a != self.axis).map(part).sum()
+                },
+            }),
+        }
+        self.links.push(crossing.face_link());
+        self.returned.push(Returned {
+            mirror: Mirror::new(crossing),
+            weight: crossing.weight(),
+        });
+        self.entering.push(0.0);
+        Giver::Rule
+    }
+
+    fn ramp_end(&self) -> f64 {
+        self.density.steps
+    }
+
+    fn sums(&self) -> bool {
+        self.sound.is_some()
+    }
+
+    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+        let Some((wave, _)) = &self.sound else {
+            return Sums::default();
+        };
+        let [squares] = sums(self.cells.len(), CELLS_PER_THREAD, |part| {
+            let mut squares = 0;
+            for cell in &self.cells[part] {
+                let normal = self.normal(cell, populations, moment);
+                let returned = &self.returned[cell.first..][..cell.count];
+                let area: f64 = returned.iter().map(|returned| 6.0 * returned.weight).sum();
+                squares += i128::from(quanta(area * normal * normal));
+            }
+            [squares]
+        });
+        wave.measure(&self.links, squares, populations)
+    }
+
+    fn hear(&mut self, sums: Sums, moment: &Moment) {
+        if let Some((wave, forecast)) = &mut self.sound {
+            let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
+            wave.hear_pressure(sums, self.density.at(moment.step), forecast);
+        }
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.sound.as_ref().and_then(|(wave, _)| wave.memory())
+    }
+
+    fn recall(&mut self, memory: Option<f64>) {
+        if let Some((wave, _)) = &mut self.sound {
+            wave.recall(memory);
+        }
+    }
+
+    fn apply(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+        let parity = populations.parity();
+        let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
+        let wanted = self.density.at(moment.step) + excess;
+        // The numbers that are read go out, those that are written come in: none is both.
+        let mut entering = std::mem::take(&mut self.entering);
+        let (rule, water) = (&*self, &*populations);
+        let count = rule.cells.len();
+        let pieces = thread_pool::threads().min(count / CELLS_PER_THREAD).max(1);
+        let first = |piece: usize| {
+            let cell = rule.cells.get(count * piece / pieces);
+            cell.map_or(rule.links.len(), |cell| cell.first)
+        };
+        let shared = thread_pool::cut(&mut entering, pieces, first);
+        thread_pool::each_of(pieces, shared, |piece, entering| {
+            let mut entering = entering.iter_mut();
+            for cell in &rule.cells[count * piece / pieces..count * (piece + 1) / pieces] {
+                let normal = rule.normal(cell, water, moment);
+                let wanted = wanted + cell.beyond;
+                let even = wanted + (1.0 + wanted) * (3.0 * normal * normal);
+                let links = rule.returned[cell.first..][..cell.count].iter();
+                for (returned, entering) in links.zip(&mut entering) {
+                    let (from, _) = returned.mirror.ends(parity);
+                    *entering = 2.0 * returned.weight * even - water.numbers()[from].to_f64();
+                }
+            }
+        });
+        each_part(
+            entering.len(),
+            LINKS_PER_THREAD,
+            populations,
+            |part, numbers| {
+                for (link, value) in self.links[part.clone()].iter().zip(&entering[part]) {
+                    // SAFETY: a position in the slab, of this link alone.
+                    unsafe {
+                        numbers
+                            .add(link.link.incoming(parity))
+                            .write(S::from_f64(*value))
+                    };
+                }
+            },
+        );
+        self.entering = entering;
+    }
+
+    fn links(&self) -> &[FaceLink] {
+        &self.links
+    }
+}

@@ -1,0 +1,118 @@
+//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after every pass.
+
+use super::links::{Crossing, FaceLink, MirrorRun};
+use super::nature::Nature;
+use super::sound::Sums;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+
+/// Who gives a link what enters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Giver {
+    /// Half-way bounce-back less this term times the factor of the rule ([`super::wall`]).
+    Wall {
+        /// 6 w_i c_i·u at full speed.
+        term: f64,
+    },
+    /// The rule, which has kept the link.
+    Rule,
+}
+
+/// When a rule acts.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// The step.
+    pub step: f64,
+    /// F/2 of the body force.
+    pub half_force: [f64; 3],
+}
+
+/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for each rule.
+pub trait Rule<S: Stored>: Send + Sync {
+    /// What the boundary is to what surrounds it.
+    fn nature(&self) -> Nature;
+
+    /// Takes a link through the patch. The links of a cell come one after another.
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
+
+    /// Velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point is in cells. None where no
+    /// velocity is imposed.
+    fn velocity(&self, _position: [f64; 3]) -> Option<[f64; 3]> {
+        None
+    }
+
+    /// Returns the part of a cell's face, of this centre, on which the velocity is imposed: less than 1 where the patch
+    /// ends within a cell.
+    fn part(&self, _centre: [f64; 3]) -> f64 {
+        1.0
+    }
+
+    /// Factor of the imposed velocity at a step.
+    fn factor(&self, _step: f64) -> f64 {
+        0.0
+    }
+
+    /// Returns what the links of this rank let in at a factor of one, in quanta; 0 where no discharge is stated.
+    fn given(&self) -> i128 {
+        0
+    }
+
+    /// Takes what the links of all ranks let in, and lets the stated discharge in from now on.
+    fn balance(&mut self, _given: i128) {}
+
+    /// The last step in which a value still changes by its ramp.
+    fn ramp_end(&self) -> f64 {
+        0.0
+    }
+
+    /// Whether the links at walls may be given as soon as the cells round them have collided; not where the rule reads numbers that the
+    /// walls give, or ghosts beside them.
+    fn walls_stand_alone(&self) -> bool {
+        true
+    }
+
+    /// Whether the rule does nothing but give its links to the walls.
+    fn is_wall(&self) -> bool {
+        false
+    }
+
+    /// Notes what the rule needs of the state before a pass.
+    fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
+
+    /// Whether the rule needs sums over all ranks before it acts; the same on every rank and at every step.
+    fn sums(&self) -> bool {
+        false
+    }
+
+    /// The sums of this rank, where it needs any.
+    fn measure(&self, _populations: &Populations<S>, _moment: &Moment) -> Sums {
+        Sums::default()
+    }
+
+    /// Takes the sums of all ranks.
+    fn hear(&mut self, _sums: Sums, _moment: &Moment) {}
+
+    /// What the rule remembers from step to step; none where nothing, or nothing yet.
+    fn memory(&self) -> Option<f64> {
+        None
+    }
+
+    /// Sets what the rule remembers.
+    fn recall(&mut self, _memory: Option<f64>) {}
+
+    /// Gives the links that the rule keeps what enters, before the walls are given theirs.
+    fn apply(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
+
+    /// Changes what the walls have been given.
+    fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
+
+    /// The links that the rule keeps and that are no mirrors.
+    fn links(&self) -> &[FaceLink] {
+        &[]
+    }
+
+    /// The populations that the rule mirrors.
+    fn mirrors(&self) -> &[MirrorRun] {
+        &[]
+    }
+}

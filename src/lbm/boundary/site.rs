@@ -1,0 +1,116 @@
+//! Where a boundary is imposed.
+
+use super::nature::{Inflow, Strength};
+use base::geometry::Face;
+use base::number::real;
+
+/// The face of a boundary and the grid of the domain.
+#[derive(Clone, Copy, Debug)]
+pub struct Site<'a> {
+    /// JSON path of its parameters.
+    pub path: &'a str,
+    /// The face.
+    pub face: Face,
+    /// Number of dimensions, 2 or 3.
+    pub dimension: usize,
+    /// Edge of a cell \[m\].
+    pub spacing: f64,
+    /// Cells of the whole domain.
+    pub cells: [usize; 3],
+    /// Axes along which the domain repeats.
+    pub periodic: [bool; 3],
+    /// Which faces of the domain are walls that hold the water, by axis, the lower one first.
+    pub walls: [[bool; 2]; 3],
+}
+
+/// The cells at which a boundary is imposed.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Where they are.
+    pub site: Site<'a>,
+    /// First cell along each axis; 0 along the normal.
+    pub from: [usize; 3],
+    /// One past the last cell along each axis; 1 along the normal.
+    pub to: [usize; 3],
+    /// Its lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
+    pub ends: [[f64; 2]; 3],
+    /// All openings of the domain, this one included; none where they are not known yet.
+    pub openings: &'a [Opening],
+}
+
+impl Place<'_> {
+    /// Returns its ends, and which of them are walls. An end within the face is one.
+    #[must_use]
+    pub fn sides(&self) -> Sides {
+        let site = &self.site;
+        let across = |a: usize| a < site.dimension && a != site.face.axis();
+        Sides {
+            ends: self.ends,
+            walls: std::array::from_fn(|a| {
+                let [low, high] = self.ends[a];
+                let at_face = [low <= 0.0, high >= real(site.cells[a])];
+                std::array::from_fn(|side| {
+                    let face = site.walls[a][side] && !site.periodic[a];
+                    across(a) && (!at_face[side] || face)
+                })
+            }),
+        }
+    }
+
+    /// Returns the part of a cell's face that lies within its ends.
+    #[must_use]
+    pub fn part(&self, cell: [usize; 3]) -> f64 {
+        let along = |a: usize| {
+            let ([low, high], first) = (self.ends[a], real(cell[a]));
+            (high.min(first + 1.0) - low.max(first)).clamp(0.0, 1.0)
+        };
+        let axes = (0..3).filter(|a| *a != self.site.face.axis());
+        axes.map(along).product()
+    }
+
+    /// Returns its area, in faces of cells.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.ends
+            .iter()
+            .map(|[low, high]| (high - low).max(0.0))
+            .product()
+    }
+}
+
+/// The ends of a patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sides {
+    /// Lower and upper end along each axis, in cells.
+    ends: [[f64; 2]; 3],
+    /// Which of them are walls.
+    walls: [[bool; 2]; 3],
+}
+
+impl Sides {
+    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none where no end is a wall.
+    #[must_use]
+    pub fn from_wall(&self, position: [f64; 3]) -> Option<f64> {
+        let distances = (0..3).flat_map(|a| {
+            let [low, high] = self.ends[a];
+            let apart = [position[a] - low, high - position[a]];
+            (0..2)
+                .filter(move |side| self.walls[a][*side])
+                .map(move |side| apart[side].max(0.0))
+        });
+        distances.reduce(f64::min)
+    }
+}
+
+/// An opening of the domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Opening {
+    /// What it imposes.
+    pub strength: Strength,
+    /// Its area, in faces of cells.
+    pub area: f64,
+    /// What flows in.
+    pub inflow: Inflow,
+    /// Time over which the inflow grows \[s\].
+    pub ramp_time: f64,
+}

@@ -1,0 +1,80 @@
+//! The file of a boundary that exists in this test only: a wall that keeps a part of what it returns,
+//!
+//! f_ī(x, t+1) = w_i + r (f*_i(x, t) - w_i).
+
+use base::error::{Error, Report};
+use crate::boundary::profile::ReadTable;
+use crate::boundary::{
+    Crossing, FaceLink, Giver, Model, Moment, Nature, Place, Rule, Site, Strength, Surface,
+};
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A toy. It returns a part of what reaches it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Toy {
+    /// The part r that is returned, without unit.
+    pub returned: f64,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Outflow,
+};
+
+impl Model for Toy {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        if !(0.0..=1.0).contains(&self.returned) {
+            report.error(
+                &format!("{}.returned", site.path),
+                "a toy returns a part of what reaches it".into(),
+                "use a number from 0 to 1".into(),
+            );
+        }
+    }
+
+    fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
+        Ok(Box::new(Links {
+            returned: self.returned,
+            links: Vec::new(),
+        }))
+    }
+}
+
+struct Links {
+    returned: f64,
+    links: Vec<FaceLink>,
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        self.links.push(crossing.face_link());
+        Giver::Rule
+    }
+
+    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+        let parity = populations.parity();
+        let numbers = populations.numbers_mut();
+        for link in &self.links {
+            let back = self.returned * numbers[link.link.out(parity)].to_f64();
+            numbers[link.link.incoming(parity)] = S::from_f64(back);
+        }
+    }
+
+    fn links(&self) -> &[FaceLink] {
+        &self.links
+    }
+}

@@ -1,0 +1,407 @@
+//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it ([`super::turbulent`]).
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::links::{LINKS_PER_THREAD, each_part};
+use super::profile::{Profile, ReadTable, VelocityProfile};
+use super::sound::PlaneWave;
+use super::turbulent::{Inlet, Synthetic};
+use super::{
+    Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
+    Site, Sound, Strength, Sums, Surface, from_quanta, quanta, wall,
+};
+use base::error::{Error, Problem, Report, Severity};
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use crate::synthetic::Fluctuations;
+use base::number::real;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Imposed velocity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Velocity {
+    /// The profile over the face or patch.
+    pub profile: VelocityProfile,
+    /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub ramp_time: Option<f64>,
+    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
+    #[serde(default)]
+    pub turbulence: Option<Fluctuations>,
+    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several times that sound
+    /// takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at every step.
+    #[serde(default = "reflect")]
+    pub sound: Sound,
+}
+
+/// Part of a discharge by which links at the rim may miss it; more than that is another flow than the one stated.
+const MOST_AMISS: f64 = 0.5;
+
+fn reflect() -> Sound {
+    Sound::Reflect
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Velocity,
+};
+
+const OUTWARD: &str =
+    "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
+const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
+
+impl Model for Velocity {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
+        if let Some(turbulence) = &self.turbulence {
+            let path = format!("{}.turbulence", site.path);
+            turbulence.check(site.spacing, &path, report);
+        }
+        if self.turbulence.is_some() && self.sound == Sound::Absorb {
+            let path = format!("{}.sound", site.path);
+            report.error(
+                &path,
+                "an opening through which turbulence enters does not absorb sound".into(),
+                "let the outlet absorb it, and take this field out".into(),
+            );
+        }
+        let path = format!("{}.profile", site.path);
+        self.profile.resolve((site, &path), read, report);
+    }
+
+    /// Turbulence enters with the mean flow.
+    fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
+        let mean =
+            || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
+        if self.turbulence.is_some() && mean().is_some_and(|mean| mean <= 0.0) {
+            let path = format!("{}.turbulence", place.site.path);
+            report.error(&path, OUTWARD.into(), TURN_ROUND.into());
+        }
+    }
+
+    fn speed(&self) -> Option<ImposedSpeed> {
+        let (field, fastest) = self.profile.fastest();
+        Some(ImposedSpeed {
+            what: "the imposed velocity",
+            field,
+            value: fastest * Fluctuations::gusts(self.turbulence.as_ref()),
+        })
+    }
+
+    fn inflow(&self, place: &Place<'_>) -> Inflow {
+        self.profile
+            .mean_inflow(place)
+            .map_or(Inflow::Any, Inflow::Mean)
+    }
+
+    fn ramp_time(&self) -> f64 {
+        self.ramp_time.unwrap_or(0.0)
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let profile = self.profile.on_lattice(place, units);
+        let synthetic = match &self.turbulence {
+            None => None,
+            Some(written) => Some(synthetic(written, place, &profile, units)?),
+        };
+        let ramp = Ramp {
+            start: 0.0,
+            end: 1.0,
+            steps: units.time_to_lattice(self.ramp_time.unwrap_or(0.0)),
+        };
+        let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
+        let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
+        let mut links = Links::new(profile, ramp).within(place).balanced(discharge);
+        if let Some(synthetic) = synthetic {
+            let face = place.site.face;
+            links = links.turbulent(synthetic, (face.axis(), face.is_max()));
+        }
+        if self.sound == Sound::Absorb {
+            let length = place.site.cells[place.site.face.axis()];
+            links = links.absorbing(PlaneWave::at_velocity(real(length)));
+        }
+        Ok(Box::new(links))
+    }
+}
+
+/// Turbulence carried in by the mean of a profile over the cells of its patch.
+fn synthetic(
+    written: &Fluctuations,
+    place: &Place<'_>,
+    profile: &Profile,
+    units: &LatticeUnits,
+) -> Result<Synthetic, Error> {
+    let Place { site, from, to, .. } = place;
+    let (axis, inward) = (site.face.axis(), site.face.inward());
+    let (mut sum, mut cells) = (0.0, 0.0);
+    for x in from[0]..to[0] {
+        for y in from[1]..to[1] {
+            for z in from[2]..to[2] {
+                let mut at = [x, y, z].map(|n| real(n) + 0.5);
+                at[axis] = if site.face.is_max() {
+                    real(site.cells[axis])
+                } else {
+                    0.0
+                };
+                let u = profile(at);
+                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                cells += 1.0;
+            }
+        }
+    }
+    let speed = sum / f64::max(cells, 1.0);
+    if speed <= 0.0 {
+        return Err(Error::Case(vec![Problem {
+            path: site.path.into(),
+            value: format!("{speed} of the lattice into the domain on the mean"),
+            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
+                .into(),
+            remedy: TURN_ROUND.into(),
+            severity: Severity::Error,
+        }]));
+    }
+    let lengths = std::array::from_fn(|a| site.periodic[a].then(|| real(site.cells[a])));
+    Ok(Synthetic {
+        // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
+        modes: written.modes(site.dimension, units).periodic(lengths),
+        intensity: written.intensity,
+        speed,
+    })
+}
+
+/// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
+pub struct Links {
+    nature: Nature,
+    profile: Profile,
+    ramp: Ramp,
+    /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
+    within: Option<(usize, [[f64; 2]; 3])>,
+    /// The discharge that is stated, at full speed; none where nothing is.
+    discharge: Option<f64>,
+    /// Discharge of the links of this rank at a factor of one, in quanta.
+    given: i128,
+    /// Factor of the velocities with which all links together let the discharge in.
+    balance: f64,
+    /// What fluctuates, and axis and end of the face.
+    turbulence: Option<(Synthetic, (usize, bool))>,
+    /// The links with fluctuations, from the first link on.
+    inlet: Option<Inlet>,
+    /// What lets sound out, with its links.
+    sound: Option<Absorbing>,
+}
+
+/// The links of an inlet that absorbs sound.
+#[derive(Debug)]
+struct Absorbing {
+    wave: PlaneWave,
+    links: Vec<FaceLink>,
+    /// 6 w_i c_i·u of each at full speed.
+    terms: Vec<f64>,
+}
+
+impl Links {
+    /// The profile times a ramp.
+    #[must_use]
+    pub fn new(profile: Profile, ramp: Ramp) -> Self {
+        Self {
+            nature: NATURE,
+            profile,
+            ramp,
+            within: None,
+            discharge: None,
+            given: 0,
+            balance: 1.0,
+            turbulence: None,
+            inlet: None,
+            sound: None,
+        }
+    }
+
+    /// The same velocity everywhere and always \[cells per step\].
+    #[must_use]
+    pub fn uniform(velocity: [f64; 3]) -> Self {
+        Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
+    }
+
+    /// Returns the rule for a patch whose ends may lie within cells.
+    #[must_use]
+    fn within(mut self, place: &Place<'_>) -> Self {
+        let axis = place.site.face.axis();
+        let whole = |a: usize| place.from[a] == 0 && place.to[a] == place.site.cells[a];
+        let all = (0..place.site.dimension).filter(|a| *a != axis).all(whole);
+        self.within = (!all).then_some((axis, place.ends));
+        self
+    }
+
+    /// Returns the rule with a stated discharge into the domain \[cells² per step times cells\].
+    #[must_use]
+    pub(super) fn balanced(mut self, discharge: Option<f64>) -> Self {
+        self.discharge = discharge;
+        self
+    }
+
+    /// The same with turbulence over the profile; `side` is the axis of the face and whether it is at the upper end.
+    #[must_use]
+    pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
+        self.turbulence = Some((synthetic, side));
+        self
+    }
+
+    /// The same with the plane wave let out.
+    #[must_use]
+    pub(super) fn absorbing(mut self, wave: PlaneWave) -> Self {
+        self.sound = Some(Absorbing {
+            wave,
+            links: Vec::new(),
+            terms: Vec::new(),
+        });
+        self
+    }
+
+    /// The same for a boundary of another nature.
+    pub(super) fn of_nature(mut self, nature: Nature) -> Self {
+        self.nature = nature;
+        self
+    }
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        self.nature
+    }
+
+    fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
+        let u = (self.profile)(crossing.middle).map(|u| crossing.share * u);
+        let (weight, c) = (crossing.weight(), crossing.velocity());
+        if let Some((synthetic, side)) = &self.turbulence {
+            let inlet = self
+                .inlet
+                .get_or_insert_with(|| Inlet::new(*side, synthetic, crossing.cells));
+            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+            let strength = synthetic.intensity * speed;
+            inlet.add(crossing.at, strength, crossing.link, weight, c);
+        }
+        let term = wall::term(weight, c, u);
+        self.given -= i128::from(quanta(term));
+        if let Some(sound) = &mut self.sound {
+            sound.links.push(crossing.face_link());
+            sound.terms.push(term);
+        }
+        Giver::Wall { term }
+    }
+
+    fn is_wall(&self) -> bool {
+        self.turbulence.is_none() && self.sound.is_none()
+    }
+
+    fn velocity(&self, position: [f64; 3]) -> Option<[f64; 3]> {
+        Some((self.profile)(position))
+    }
+
+    fn part(&self, centre: [f64; 3]) -> f64 {
+        let Some((axis, ends)) = self.within else {
+            return 1.0;
+        };
+        let along = |a: usize| {
+            let ([low, high], at) = (ends[a], centre[a]);
+            (high.min(at + 0.5) - low.max(at - 0.5)).clamp(0.0, 1.0)
+        };
+        (0..3).filter(|a| *a != axis).map(along).product()
+    }
+
+    fn factor(&self, step: f64) -> f64 {
+        self.balance * self.ramp.at(step)
+    }
+
+    fn given(&self) -> i128 {
+        self.given
+    }
+
+    fn balance(&mut self, given: i128) {
+        let given = from_quanta(given);
+        if let Some(discharge) = self.discharge
+            && (given - discharge).abs() < MOST_AMISS * discharge.abs()
+        {
+            self.balance = discharge / given;
+        }
+    }
+
+    fn ramp_end(&self) -> f64 {
+        self.ramp.steps
+    }
+
+    fn sums(&self) -> bool {
+        self.sound.is_some()
+    }
+
+    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+        let factor = self.balance * self.ramp.at(moment.step);
+        self.sound.as_ref().map_or_else(Sums::default, |sound| {
+            let into = sound
+                .terms
+                .iter()
+                .map(|term| -i128::from(quanta(term * factor)));
+            (sound.wave).measure(&sound.links, into.sum(), populations)
+        })
+    }
+
+    fn hear(&mut self, sums: Sums, _: &Moment) {
+        if let Some(sound) = &mut self.sound {
+            sound.wave.hear_velocity(sums);
+        }
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.sound.as_ref().and_then(|sound| sound.wave.memory())
+    }
+
+    fn recall(&mut self, memory: Option<f64>) {
+        if let Some(sound) = &mut self.sound {
+            sound.wave.recall(memory);
+        }
+    }
+
+    fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+        if let Some(sound) = &self.sound {
+            let parity = populations.parity();
+            let mut weights = [0.0; 27];
+            for (weight, w) in weights.iter_mut().zip(&populations.velocities().w) {
+                *weight = *w;
+            }
+            let (links, excess) = (&sound.links, sound.wave.excess());
+            each_part(
+                links.len(),
+                LINKS_PER_THREAD,
+                populations,
+                |part, numbers| {
+                    for FaceLink { link, direction } in &links[part] {
+                        let change = 6.0 * weights[*direction] * excess;
+                        // SAFETY: a position in the slab, of this link alone.
+                        unsafe {
+                            let number = numbers.add(link.incoming(parity));
+                            number.write(S::from_f64(number.read().to_f64() + change));
+                        }
+                    }
+                },
+            );
+        }
+        if let Some(inlet) = &mut self.inlet {
+            inlet.apply(populations, moment.step, self.ramp.at(moment.step));
+        }
+    }
+}

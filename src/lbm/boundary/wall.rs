@@ -1,0 +1,288 @@
+//! Half-way bounce-back at a wall at rest, a moving wall, or a face with prescribed velocity (Ladd 1994).
+//!
+//! f_ī(x, t+1) = f*_i(x, t) - 6 w_i c_i·u_w with the reference density one in the last term, which so cancels exactly
+//! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
+//! (`jobs/verification/couette`).
+//!
+//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
+//! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
+//! are still in the cache.
+
+use super::links::{Counted, Row};
+use crate::block::{Block, Line};
+use crate::gpu::copies::Copies;
+use crate::lanes::Stored;
+use crate::populations::{Link, Parity, Populations};
+use base::number::to_u32;
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// One link that ends at a wall.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WallLink {
+    pub(crate) link: Link,
+    pub(crate) patch: usize,
+    pub(crate) direction: usize,
+    /// Plane of the cell across the split axis, and row of the plane.
+    pub(crate) plane: usize,
+    pub(crate) row: u32,
+    /// 6 w_i c_i·u_w at full speed.
+    pub(crate) term: f64,
+}
+
+/// Links of one plane, patch, direction and term at equal distances.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    first: WallLink,
+    line: Line,
+}
+
+impl Run {
+    /// Its links.
+    fn links(&self) -> impl Iterator<Item = WallLink> {
+        let Self { first, line } = *self;
+        (0..line.count).map(move |k| {
+            let Link { near, far } = first.link;
+            let beyond = k * line.stride;
+            WallLink {
+                link: Link {
+                    near: near + beyond,
+                    far: far + beyond,
+                },
+                row: line.row(k),
+                ..first
+            }
+        })
+    }
+
+    /// The run with one more link, where the link continues it.
+    fn with(self, next: &WallLink) -> Option<Self> {
+        let Self { first, line } = self;
+        let apart = next.link.near.checked_sub(first.link.near)?;
+        let far = next.link.far.checked_sub(first.link.far)?;
+        let line = line.with(next.row, apart)?;
+        (apart == far
+            && first.term.to_bits() == next.term.to_bits()
+            && (first.plane, first.patch, first.direction)
+                == (next.plane, next.patch, next.direction))
+            .then_some(Self { first, line })
+    }
+}
+
+/// The links that end at walls.
+#[derive(Debug, Default)]
+pub(crate) struct Walls {
+    runs: Vec<Run>,
+    /// Where the runs of each plane begin, and the end.
+    begins: Vec<usize>,
+    counted: Counted,
+}
+
+impl Walls {
+    /// The links of a slab of `planes`.
+    pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
+        links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
+        let mut runs: Vec<Run> = Vec::new();
+        for link in &links {
+            let longer = runs.last().and_then(|run| run.with(link));
+            match (runs.last_mut(), longer) {
+                (Some(run), Some(longer)) => *run = longer,
+                _ => runs.push(Run {
+                    first: *link,
+                    line: Line::of(link.row),
+                }),
+            }
+        }
+        runs.shrink_to_fit();
+        let begins = (0..=planes)
+            .map(|plane| runs.partition_point(|run| run.first.plane < plane))
+            .collect();
+        let counted = Counted::new(runs.iter().map(|run| run.line.count));
+        Self {
+            runs,
+            begins,
+            counted,
+        }
+    }
+
+    /// Every link.
+    pub(crate) fn links(&self) -> impl Iterator<Item = WallLink> {
+        self.runs.iter().flat_map(Run::links)
+    }
+
+    /// Every link of walls that move or let water in.
+    pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
+        let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
+        moving.flat_map(Run::links)
+    }
+
+    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is the distance from
+    /// plane to plane: runs that stand alike in planes side by side become one rectangle.
+    pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
+        let mut all: Vec<Copies> = Vec::new();
+        // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
+        let mut open: HashMap<(u32, u32), usize> = HashMap::new();
+        for run in &self.runs {
+            let link = run.first.link;
+            let copies = Copies {
+                from: to_u32(link.out(parity)),
+                to: to_u32(link.incoming(parity)),
+                counts: [run.line.count, 1],
+                strides: [run.line.stride, plane],
+                factor: to_u32(run.first.patch),
+                unused: 0,
+                term: run.first.term,
+            };
+            let before =
+                open.remove(&(link.near.wrapping_sub(plane), link.far.wrapping_sub(plane)));
+            let continued = before.filter(|&at| {
+                let Copies {
+                    from, to, counts, ..
+                } = all[at];
+                let alike = Copies {
+                    from,
+                    to,
+                    counts: [run.line.count, counts[1]],
+                    ..copies
+                };
+                all[at] == alike
+            });
+            let at = continued.unwrap_or(all.len());
+            if continued.is_some() {
+                all[at].counts[1] += 1;
+            } else {
+                all.push(copies);
+            }
+            open.insert((link.near, link.far), at);
+        }
+        all
+    }
+
+    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many; `speed` is the factor of a
+    /// patch.
+    pub(super) fn apply<S: Stored>(
+        &self,
+        planes: Range<usize>,
+        speed: impl Fn(usize) -> f64 + Sync,
+        populations: &mut Populations<S>,
+    ) {
+        let parity = populations.parity();
+        let runs = self.begins[planes.start]..self.begins[planes.end];
+        self.counted.each(runs, populations, |run, some, numbers| {
+            let run = &self.runs[run];
+            let term = run.term(&speed);
+            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has them.
+            unsafe { run.row(some, parity).give(term, numbers) };
+        });
+    }
+
+    /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
+    ///
+    /// # Safety
+    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any link of these
+    /// cells.
+    pub(super) unsafe fn give<S: Stored>(
+        &self,
+        Block { planes, rows }: &Block,
+        speed: impl Fn(usize) -> f64,
+        parity: Parity,
+        numbers: *mut S,
+    ) {
+        for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
+            let some = run.line.within(rows);
+            if !some.is_empty() {
+                let term = run.term(&speed);
+                // SAFETY: promised by the caller.
+                unsafe { run.row(some, parity).give(term, numbers) };
+            }
+        }
+    }
+}
+
+impl Run {
+    /// What its links lose, where `speed` is the factor of a patch.
+    fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
+        let WallLink { patch, term, .. } = self.first;
+        // Most walls are at rest.
+        if term == 0.0 {
+            0.0
+        } else {
+            term * speed(patch)
+        }
+    }
+
+    /// The numbers of some of its links.
+    fn row(&self, some: Range<usize>, parity: Parity) -> Row {
+        let link = self.first.link;
+        Row::new(
+            (link.out(parity), link.incoming(parity)),
+            self.line.stride,
+            some,
+        )
+    }
+}
+
+/// 6 w_i c_i·u
+pub(crate) fn term(weight: f64, c: [i8; 3], u: [f64; 3]) -> f64 {
+    6.0 * weight * (f64::from(c[0]) * u[0] + f64::from(c[1]) * u[1] + f64::from(c[2]) * u[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn link(near: u32, far: u32, patch: usize, term: f64) -> WallLink {
+        WallLink {
+            link: Link { near, far },
+            patch,
+            direction: 3,
+            plane: (near / 200) as usize,
+            row: if patch == 0 && term != 0.0 {
+                near / 7
+            } else {
+                2
+            },
+            term,
+        }
+    }
+
+    /// Runs hold the links that they were made of, each once, and bounce them as one by one.
+    #[test]
+    fn runs_are_their_links() {
+        let mut links = Vec::new();
+        for k in 0..40 {
+            links.push(link(10 + k, 1000 + k, 0, 0.0));
+            links.push(link(100 + 7 * k, 2000 + 7 * k, 0, 0.25));
+            links.push(link(500 + k, 3000 + 2 * k, 1, 0.0));
+            links.push(link(700 + k, 4000 + k, 1, f64::from(k / 9)));
+        }
+        let walls = Walls::new(links.iter().rev().copied().collect(), 4);
+        assert!(walls.runs.len() < 50, "{}", walls.runs.len());
+        let key = |w: &WallLink| (w.link.near, w.link.far, w.row, w.patch, w.term.to_bits());
+        let mut held: Vec<_> = walls.links().map(|w| key(&w)).collect();
+        let mut given: Vec<_> = links.iter().map(key).collect();
+        held.sort_unstable();
+        given.sort_unstable();
+        assert_eq!(held, given);
+        let start: Vec<f64> = (0..5000).map(f64::from).collect();
+        for parity in [Parity::Home, Parity::Reversed] {
+            let (mut one_by_one, mut in_runs) = (start.clone(), start.clone());
+            for w in &links {
+                let value = one_by_one[w.link.out(parity)] - 0.5 * w.term;
+                one_by_one[w.link.incoming(parity)] = value;
+            }
+            for planes in [2..4, 0..1, 1..2] {
+                for rows in [30..200, 0..3, 3..30] {
+                    let cells = Block {
+                        planes: planes.clone(),
+                        rows,
+                    };
+                    // SAFETY: all links lie in the list.
+                    unsafe { walls.give(&cells, |_| 0.5, parity, in_runs.as_mut_ptr()) };
+                }
+            }
+            assert!(one_by_one == in_runs, "{parity:?}");
+            assert!(in_runs != start);
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! The cell Reynolds number up to which runs with an operator were stable.
+//!
+//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
+//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a
+//! cylinder behind an inlet (openings in 2-D), square ducts between an inlet and an outlet (openings in 3-D, without and
+//! with an eddy viscosity), a disc and a sphere that start to move.
+
+use crate::lattice::VelocitySet;
+
+/// Bounds of the cell Reynolds number up to a lattice velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Largest lattice velocity U dt/h for which they hold.
+    pub lattice_velocity: f64,
+    /// The largest value up to which every run ended.
+    pub holds: f64,
+    /// The smallest value at which a run failed.
+    pub fails: f64,
+}
+
+impl Bounds {
+    /// Bounds for flows up to a lattice velocity.
+    #[must_use]
+    pub const fn up_to(lattice_velocity: f64, holds: f64, fails: f64) -> Self {
+        Self {
+            lattice_velocity,
+            holds,
+            fails,
+        }
+    }
+
+    /// Bounds for flows of any speed.
+    #[must_use]
+    pub const fn always(holds: f64, fails: f64) -> [Self; 1] {
+        [Self::up_to(f64::INFINITY, holds, fails)]
+    }
+}
+
+/// A border of stability with the map that shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Border {
+    /// Folder of the map under `benches/stability`.
+    pub map: &'static str,
+    /// Its bounds, by rising lattice velocity.
+    pub bounds: &'static [Bounds],
+}
+
+/// What surrounds the fluid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surroundings {
+    /// No walls and no openings.
+    Periodic,
+    /// Walls and no openings.
+    Walls,
+    /// An inlet or outlet.
+    Openings,
+}
+
+/// A flow whose stability is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Situation {
+    /// Velocity set: that with 19 velocities fails before that with 27.
+    pub velocities: VelocitySet,
+    /// What surrounds the fluid.
+    pub surroundings: Surroundings,
+    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
+    pub lid_meets_wall: bool,
+    /// An eddy viscosity is added.
+    pub eddies: bool,
+}
+
+impl Situation {
+    /// Openings in three dimensions, without an eddy viscosity: the flows of the map of the duct.
+    pub(super) fn duct(&self) -> bool {
+        self.surroundings == Surroundings::Openings
+            && self.velocities.dimension() == 3
+            && !self.eddies
+    }
+}
+
+/// A body that moves through the fluid, whose stability is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MovingBody {
+    /// Links at its surface return the populations; otherwise its cells are partially saturated.
+    pub links: bool,
+    /// Number of dimensions of the flow.
+    pub dimension: usize,
+    /// An eddy viscosity is added.
+    pub eddies: bool,
+}
+
+/// A disc that moves, held by links, with any operator of 2-D. Beside the map discs of other sizes failed at 9.7 at a
+/// lattice velocity of 0.15.
+const DISC: &[Bounds] = &[
+    Bounds::up_to(0.11, 10.0, 11.0),
+    Bounds::up_to(0.15, 7.0, 8.0),
+    Bounds::up_to(0.21, 2.0, 4.0),
+    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+];
+
+/// A disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water beside it passes the guard.
+const SATURATED_DISC: &[Bounds] = &[
+    Bounds::up_to(0.11, 80.0, f64::INFINITY),
+    Bounds::up_to(0.15, 20.0, 40.0),
+    Bounds::up_to(0.21, 5.0, 7.0),
+    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+];
+
+/// A sphere that moves, in partially saturated cells, with any operator of 3-D.
+const SATURATED_SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.15, 80.0, f64::INFINITY),
+    Bounds::up_to(f64::INFINITY, 40.0, 80.0),
+];
+
+/// A sphere that moves, held by links, with one or two relaxation times.
+pub(super) const SPHERE: &[Bounds] = &[
+    Bounds::up_to(0.11, 10.0, 12.0),
+    Bounds::up_to(0.15, 7.0, 10.0),
+    Bounds::up_to(f64::INFINITY, 5.0, 7.0),
+];
+
+impl MovingBody {
+    /// Returns the border of an operator that holds a sphere with links within the bounds `sphere`.
+    pub(super) fn border(&self, sphere: &'static [Bounds]) -> Border {
+        let (map, bounds) = match (self.dimension, self.links) {
+            (2, true) => ("moving-disc-10", DISC),
+            (2, false) => ("moving-disc-10", SATURATED_DISC),
+            (_, true) => ("moving-sphere-8", sphere),
+            (_, false) => ("moving-sphere-8", SATURATED_SPHERE),
+        };
+        Border { map, bounds }
+    }
+}
+
+/// Openings in 2-D, with two relaxation times and with one. The map has lattice velocities 0.2 and 0.28; at the latter
+/// eddies pass the guard at 0.3. Between the points of the map cylinders at other places failed from 12 on with two
+/// relaxation times.
+pub(super) const CYLINDER: [Border; 2] = [
+    cylinder(&[
+        Bounds::up_to(0.21, 10.0, 12.0),
+        Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+    ]),
+    cylinder(&[
+        Bounds::up_to(0.11, 30.0, 90.0),
+        Bounds::up_to(0.21, 6.0, 20.0),
+        Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+    ]),
+];
+
+/// A border behind an inlet in 2-D: the map of all flows in 2-D with openings.
+const fn cylinder(bounds: &'static [Bounds]) -> Border {
+    Border {
+        map: "cylinder-10",
+        bounds,
+    }
+}
+
+/// Openings with an eddy viscosity, with one or two relaxation times.
+pub(super) const DUCT_WITH_EDDIES: Border = Border {
+    map: "duct-eddies-16",
+    bounds: &Bounds::always(5.0, 10.0),
+};
+
+/// A border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
+pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
+    Border {
+        map: "cavity-3d-20",
+        bounds,
+    }
+}
+
+/// A border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
+pub(super) const fn duct(bounds: &'static [Bounds]) -> Border {
+    Border {
+        map: "duct-20",
+        bounds,
+    }
+}

@@ -1,0 +1,127 @@
+//! The kernel of TRT ([`super`]).
+
+use crate::collision::kernel::{Collision, Moments, Site, along};
+use crate::lanes::Lanes;
+use crate::lattice::{Lattice, unroll};
+
+/// TRT, with a uniform body force where `FORCED`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Trt<const FORCED: bool> {
+    /// Rate of the symmetric part, 1/τ.
+    pub omega: f64,
+    /// Rate of the antisymmetric part.
+    pub antisymmetric: AntisymmetricRate,
+    /// Force density in lattice units.
+    pub force: [f64; 3],
+}
+
+/// How the rate of the antisymmetric part follows from that of the symmetric part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub enum AntisymmetricRate {
+    /// By the magic parameter Λ.
+    Magic(f64),
+    /// The same rate: BGK.
+    AsSymmetric,
+}
+
+/// Halves of the two rates.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Halves<N> {
+    symmetric: N,
+    antisymmetric: N,
+}
+
+/// ω⁻ from ω⁺ and Λ: 1 / (Λ/(1/ω⁺ - ½) + ½).
+#[must_use]
+pub fn antisymmetric_rate(omega: f64, magic: f64) -> f64 {
+    1.0 / (magic / (1.0 / omega - 0.5) + 0.5)
+}
+
+impl<const FORCED: bool> Collision for Trt<FORCED> {
+    const ON_GPU: Option<&'static str> = Some(if FORCED { "forced_trt" } else { "trt" });
+    type Rates<N: Lanes> = Halves<N>;
+
+    #[inline(always)]
+    fn uniform<N: Lanes>(&self) -> Halves<N> {
+        Halves {
+            symmetric: N::splat(0.5 * self.omega),
+            antisymmetric: N::splat(match self.antisymmetric {
+                AntisymmetricRate::Magic(magic) => 0.5 * antisymmetric_rate(self.omega, magic),
+                AntisymmetricRate::AsSymmetric => 0.5 * self.omega,
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn local<N: Lanes>(&self, omega: N) -> Halves<N> {
+        // ω⁻/2 = a / (2Λω⁺ + a) with a = 1 - ω⁺/2: one division.
+        let symmetric = omega * N::splat(0.5);
+        let open = N::splat(1.0) - symmetric;
+        let antisymmetric = match self.antisymmetric {
+            AntisymmetricRate::Magic(magic) => open / omega.mul_add(N::splat(2.0 * magic), open),
+            AntisymmetricRate::AsSymmetric => symmetric,
+        };
+        Halves {
+            symmetric,
+            antisymmetric,
+        }
+    }
+
+    #[inline(always)]
+    fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
+        &self,
+        g: &mut G,
+        half: &Halves<N>,
+    ) -> [N; 3] {
+        let half_force = if FORCED {
+            self.force.map(|f| 0.5 * f)
+        } else {
+            [0.0; 3]
+        };
+        let p = Moments::of::<L, G, Q>(g, half_force);
+        let base = p.mu.mul_add(N::splat(-1.5), p.drho);
+        // Sources of even and odd part: (1 - ω/2) of 9 (c·u)(c·F) - 3 u·F and of 3 c·F.
+        let mut force = [N::splat(0.0); 3];
+        let mut uf = N::splat(0.0);
+        let (mut even_source, mut odd_source) = (uf, uf);
+        let mut rest = base * N::splat(L::W[0]) - g.incoming(0);
+        rest = rest * half.symmetric;
+        rest = rest + rest;
+        if FORCED {
+            even_source = (N::splat(1.0) - half.symmetric) * N::splat(3.0);
+            odd_source = (N::splat(1.0) - half.antisymmetric) * N::splat(3.0);
+            unroll!(axes a < L::DIMENSION => {
+                force[a] = N::splat(self.force[a]);
+                uf = p.u[a].mul_add(force[a], uf);
+            });
+            rest = (even_source * uf).neg_mul_add(N::splat(L::W[0]), rest);
+        }
+        let rest = g.incoming(0) + rest;
+        g.leave(0, rest);
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            let c = L::C[i];
+            let w = L::W[i];
+            let cm = along(c, &p.m);
+            let cu = along(c, &p.u);
+            // Half of what the pair's sum and difference are short of their equilibria, times the rate. The rates come
+            // last, so that rates that differ from cell to cell cost nothing more.
+            let (one, other) = (g.incoming(i), g.incoming(j));
+            let even = (cm * cu).mul_add(N::splat(4.5), base);
+            let mut even = (even * N::splat(2.0 * w) - (one + other)) * half.symmetric;
+            let mut odd = (cm * N::splat(6.0 * w) - (one - other)) * half.antisymmetric;
+            if FORCED {
+                let cf = along(c, &force);
+                let source = (cu * cf).mul_add(N::splat(3.0), N::splat(0.0) - uf) * even_source;
+                even = source.mul_add(N::splat(w), even);
+                odd = (cf * odd_source).mul_add(N::splat(w), odd);
+            }
+            g.leave(i, one + (even + odd));
+            g.leave(j, other + (even - odd));
+        });
+        p.u
+    }
+}

@@ -1,0 +1,709 @@
+//! One slab of fluid: the fused step with its halo and boundaries.
+
+mod dispatch;
+mod force;
+mod free_surface;
+mod on_gpu;
+mod state;
+mod surfaces;
+mod two_steps;
+
+pub use force::Force;
+pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
+
+use super::block::Block;
+use super::boundary::{Boundaries, Frame, Patch};
+use super::collision::Operator;
+use super::collision::trt::AntisymmetricRate;
+use super::gpu::{Device, Gpu};
+use super::halo::{Halo, wrap};
+use super::initial::{self, Field};
+use super::kernel::Shared;
+use super::lanes::{Level, Stored};
+use super::lattice::VelocitySet;
+use super::populations::Populations;
+use super::saturation::pass::View as CoverView;
+use super::saturation::{Cover, Method};
+use super::surface::Surface;
+use super::term::{self, ClosedCells, Term};
+use super::turbulence::EddyViscosity;
+use super::turbulence::field::{Field as VelocityField, View};
+use base::thread_pool;
+use decomposition::{Communicator, Domain};
+use dispatch::{Choice, Step};
+use std::ops::Range;
+
+/// Parameters of a slab of fluid, in lattice units.
+pub struct Setup<S: Stored = f64> {
+    /// Velocity set.
+    pub set: VelocitySet,
+    /// Operator.
+    pub operator: Operator,
+    /// Relaxation time τ of the fluid itself, above ½.
+    pub relaxation_time: f64,
+    /// Eddy viscosity; none if all scales are resolved.
+    pub turbulence: Option<EddyViscosity>,
+    /// Body force.
+    pub force: Force,
+    /// Cells of the whole domain along x, y, z.
+    pub cells: [usize; 3],
+    /// Periodic axes.
+    pub periodic: [bool; 3],
+    /// Patches of the faces; faces without one are no-slip walls.
+    pub patches: Vec<Patch<S>>,
+    /// The action of solids on covered cells; none if no cell can be covered.
+    pub saturation: Option<Method>,
+    /// What it runs on.
+    pub device: Device,
+    /// Terms of the step that are added to force, boundaries, eddies and covered cells.
+    pub terms: Vec<term::Make<S>>,
+}
+
+impl<S: Stored> Setup<S> {
+    /// Returns the cover of the slab, if cells can be covered.
+    fn cover(
+        &self,
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        threads: usize,
+    ) -> Option<Cover> {
+        let method = self.saturation?;
+        let antisymmetric = self.operator.model().antisymmetric_rate();
+        let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
+        let tau = self.relaxation_time;
+        let mut cover = Cover::new(populations, method, tau, antisymmetric, threads);
+        cover.wall_off(boundaries.behind_walls_at_rest(populations));
+        Some(cover)
+    }
+
+    /// Logs the slab and the models.
+    fn report(
+        &self,
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        rank: usize,
+        threads: usize,
+    ) {
+        let (cells, numbers) = (populations.cells(), populations.velocities().q());
+        log::info!(
+            "rank {rank}: lattice {:?} of {} cells, {numbers} numbers of {} bytes each; \
+             this slab {cells:?}, {} bytes, {threads} threads",
+            self.set,
+            self.cells.iter().product::<usize>(),
+            size_of::<S>(),
+            cells.iter().product::<usize>() * numbers * size_of::<S>()
+        );
+        log::debug!(
+            "rank {rank}: operator {:?}, relaxation time {}, eddy viscosity {:?}, force {:?}, \
+             periodic {:?}, patches {:?}",
+            self.operator,
+            self.relaxation_time,
+            self.turbulence,
+            self.force,
+            self.periodic,
+            boundaries.names().collect::<Vec<_>>()
+        );
+    }
+}
+
+/// Returns the list of all terms of a slab.
+fn terms<'a, S: Stored>(
+    force: &'a Force,
+    eddies: &'a Option<EddyViscosity>,
+    boundaries: &'a Boundaries<S>,
+    cover: Option<&'a Cover>,
+    closed: Option<&'a ClosedCells>,
+    surface: Option<&'a Surface>,
+    added: &'a [Box<dyn Term<S>>],
+) -> impl Iterator<Item = &'a dyn Term<S>> {
+    let built_in: [Option<&'a dyn Term<S>>; 6] = [
+        Some(force),
+        eddies.as_ref().map(|eddies| eddies as &dyn Term<S>),
+        Some(boundaries),
+        cover.map(|cover| cover as &dyn Term<S>),
+        closed.map(|closed| closed as &dyn Term<S>),
+        surface.map(|surface| surface as &dyn Term<S>),
+    ];
+    let added = added.iter().map(AsRef::as_ref);
+    built_in.into_iter().flatten().chain(added)
+}
+
+/// Cells of a thread from which on it is worth waking.
+const CELLS_PER_THREAD: usize = 1000;
+
+/// The planes of worker t.
+fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
+    let begin = |t: usize| planes.start + planes.len() * t / threads;
+    begin(t)..begin(t + 1)
+}
+
+/// The planes of a share that have both neighbours in it.
+fn inner(share: &Range<usize>) -> Range<usize> {
+    let first = share.start + 1;
+    first..(share.end - 1).max(first)
+}
+
+/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones of the shares of the
+/// planes between its ends.
+fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
+    let followed = move |t: usize| inner(&share(&between(planes), threads, t));
+    (0..=threads).map(move |t| {
+        let begin = t.checked_sub(1).map_or(0, |t| followed(t).end);
+        let end = if t == threads {
+            planes
+        } else {
+            followed(t).start
+        };
+        begin..end
+    })
+}
+
+/// The planes between the first and the last.
+fn between(planes: usize) -> Range<usize> {
+    1..planes.max(2) - 1
+}
+
+/// One slab of fluid.
+pub struct Fluid<S: Stored> {
+    /// The GPU that makes the steps, if one does. It uses the memory of the populations: goes before them.
+    gpu: Option<Gpu>,
+    populations: Populations<S>,
+    boundaries: Boundaries<S>,
+    halo: Halo,
+    turbulence: Option<EddyViscosity>,
+    /// Velocities for the eddy viscosity; none without one.
+    field: Option<VelocityField>,
+    /// Where solids are, if cells can be covered.
+    cover: Option<Cover>,
+    /// Free surface, if there is one.
+    surface: Option<Box<Surface>>,
+    closed: ClosedCells,
+    /// Terms that act before the collision.
+    added: Vec<Box<dyn Term<S>>>,
+    describe: fn(&mut Populations<S>, View, CoverView, bool) -> Shared<S>,
+    pass: Box<dyn Step<S>>,
+    relaxation_time: f64,
+    force: Force,
+    cells: [usize; 3],
+    start: [usize; 3],
+    periodic: [bool; 3],
+    periodic_within: [bool; 3],
+    communicator: Communicator,
+    threads: usize,
+    step: u64,
+    /// The GPU holds the populations as they are here.
+    shared_with_gpu: bool,
+}
+
+impl<S: Stored> Fluid<S> {
+    /// Fluid at rest in the slab of this rank.
+    ///
+    /// # Errors
+    /// If the memory cannot be allocated, or a GPU is asked for that does not exist or cannot run this fluid.
+    #[inline(never)]
+    pub fn new(mut setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
+        let split = domain.axis().index();
+        let planes = domain.range();
+        let mut cells = setup.cells;
+        cells[split] = planes.len();
+        let mut start = [0; 3];
+        start[split] = planes.start;
+        let pass = Choice::of(&setup, Level::best()).on(setup.set);
+        let describe = match setup.set {
+            VelocitySet::D2Q9 => Shared::new::<9>,
+            VelocitySet::D3Q19 => Shared::new::<19>,
+            VelocitySet::D3Q27 => Shared::new::<27>,
+        };
+        let populations = Populations::new(setup.set.velocities(), cells, split)?;
+        let patches = std::mem::take(&mut setup.patches);
+        let frame = Frame {
+            cells: setup.cells,
+            start,
+            periodic: setup.periodic,
+        };
+        let field = match setup.turbulence {
+            None => None,
+            Some(_) => Some(VelocityField::new(&populations, &frame, &patches, domain)?),
+        };
+        let threads = thread_pool::threads();
+        // Structures may cover the cells at the faces as well.
+        let mut boundaries = Boundaries::new(&populations, &frame, patches, true);
+        boundaries.balance(domain.communicator());
+        let cover = setup.cover(&populations, &boundaries, threads);
+        let made = setup.terms.iter();
+        let added: Vec<Box<dyn Term<S>>> = made.map(|make| make(&populations, start)).collect();
+        let start_on_gpu = || {
+            let cover = cover.as_ref();
+            let terms = terms(
+                &setup.force,
+                &setup.turbulence,
+                &boundaries,
+                cover,
+                None,
+                None,
+                &added,
+            );
+            on_gpu::start(
+                &setup,
+                &populations,
+                &boundaries,
+                pass.as_ref(),
+                (cover, terms),
+                domain,
+            )
+        };
+        let gpu = match setup.device {
+            Device::Cpu => None,
+            Device::Gpu => Some(start_on_gpu()?),
+            Device::Auto => start_on_gpu()
+                .inspect_err(|why| log::info!("the fluid runs on the processor: {why}"))
+                .ok(),
+        };
+        let halo = Halo::new(&populations, domain)?;
+        let mut periodic_within = setup.periodic;
+        periodic_within[split] = false;
+        // There is nothing to go round.
+        periodic_within[populations.velocities().dimension..].fill(false);
+        setup.report(&populations, &boundaries, domain.rank(), threads);
+        Ok(Self {
+            populations,
+            boundaries,
+            halo,
+            turbulence: setup.turbulence,
+            field,
+            cover,
+            surface: None,
+            closed: ClosedCells::default(),
+            added,
+            describe,
+            pass,
+            relaxation_time: setup.relaxation_time,
+            force: setup.force,
+            cells: setup.cells,
+            start,
+            periodic: setup.periodic,
+            periodic_within,
+            communicator: domain.communicator().clone(),
+            threads,
+            step: 0,
+            gpu,
+            shared_with_gpu: false,
+        })
+    }
+
+    /// Sets every cell from a field; the step is unchanged.
+    #[inline(never)]
+    pub fn initialise(&mut self, field: &dyn Field) {
+        let half = self.half_force();
+        self.shared_with_gpu = false;
+        initial::fill(
+            &mut self.populations,
+            self.start,
+            self.relaxation_time,
+            half,
+            field,
+            self.threads,
+        );
+        if self.corrects_velocities() {
+            let cells: Vec<usize> = self.populations.interior().map(|(_, cell)| cell).collect();
+            for cell in cells {
+                self.shift_to_velocity(cell, half);
+            }
+        }
+        self.renew_velocities();
+    }
+
+    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with all terms.
+    fn shift_to_velocity(&mut self, cell: usize, half: [f64; 3]) {
+        let (drho, momentum) = self.populations.moments(cell);
+        let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
+        let v = self.of_momentum(cell, u);
+        for i in 0..self.populations.velocities().q() {
+            let velocities = self.populations.velocities();
+            let (w, c) = (velocities.w[i], velocities.c[i]);
+            let change = initial::equilibrium(w, c, drho, v) - initial::equilibrium(w, c, drho, u);
+            let position = self.populations.incoming(cell, i);
+            let number = &mut self.populations.numbers_mut()[position];
+            *number = S::from_f64(number.to_f64() + change);
+        }
+    }
+
+    /// Sets a cell to equilibrium.
+    pub fn set_equilibrium(&mut self, cell: usize, drho: f64, u: [f64; 3]) {
+        let half = self.half_force();
+        let u = self.of_momentum(cell, u);
+        self.shared_with_gpu = false;
+        for i in 0..self.populations.velocities().q() {
+            let v = self.populations.velocities();
+            let (w, c) = (v.w[i], v.c[i]);
+            // The velocity holds half the force: the momentum that came in does not.
+            let odd = (0..3).map(|a| f64::from(c[a]) * half[a]).sum::<f64>();
+            let g = initial::equilibrium(w, c, drho, u) - 3.0 * w * odd;
+            let position = self.populations.incoming(cell, i);
+            self.populations.numbers_mut()[position] = S::from_f64(g);
+        }
+    }
+
+    /// What the openings remember from step to step, by patch.
+    pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        self.boundaries.memories()
+    }
+
+    /// Sets what the openings remember, on a restart.
+    pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
+        self.boundaries.recall(memories);
+    }
+
+    /// How many steps may be made at once, where nobody sees the populations between them. The same on every rank.
+    #[must_use]
+    pub fn at_once(&self) -> u64 {
+        if self.gpu.is_some() {
+            u64::MAX
+        } else if self.may_advance_two() {
+            2
+        } else {
+            1
+        }
+    }
+
+    /// Steps between which nobody sees the populations, at most [`Self::at_once`]. Collective.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn advance_many(&mut self, steps: u64) -> Result<(), String> {
+        if self.gpu.is_some() {
+            return self.advance_on_gpu(steps);
+        }
+        for _ in 0..steps / 2 {
+            self.advance_two();
+        }
+        for _ in 0..steps % 2 {
+            self.advance();
+        }
+        Ok(())
+    }
+
+    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every incoming population of the
+    /// slab is in place, except those at moving bodies, which the coupling sets.
+    #[inline(never)]
+    pub fn advance(&mut self) {
+        self.shared_with_gpu = false;
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        let half = self.half_force();
+        let force = half.map(|f| 2.0 * f);
+        for term in &mut self.added {
+            term.act(&mut self.populations, half, self.cover.as_ref());
+        }
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = (self.step + 1) as f64;
+        if planes == 0 {
+            // The other ranks wait for its part of the sums.
+            let populations = &self.populations;
+            self.boundaries
+                .measure(populations, time, half, &self.communicator);
+            // All ranks agree on which pass is next, also those without planes.
+            self.populations.flip();
+            self.step += 1;
+            return;
+        }
+        self.boundaries.remember(&self.populations, half);
+        if let Some(surface) = &mut self.surface {
+            let viscosity = (self.relaxation_time - 0.5) / 3.0;
+            surface.prepare(&mut self.populations, half, viscosity);
+        }
+        // End planes first: their populations travel while the interior is updated.
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
+        let [_, middle, fast] = self.populations.order();
+        let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
+        let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        if let Some(surface) = &self.surface {
+            shared = shared.only_wet(surface.planes());
+        }
+        self.run_ends(&shared, force);
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
+        self.populations.flip();
+        let reversed = self.populations.parity() == super::populations::Parity::Reversed;
+        let last = planes.cast_signed() - 1;
+        if reversed && round_middle {
+            wrap(&mut self.populations, 0..1);
+            wrap(&mut self.populations, last..last + 1);
+        }
+        self.halo.start(&self.populations);
+        let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
+        let interior = between(planes);
+        self.run_followed(&shared, force, interior.clone(), early.then_some(time));
+        self.halo.finish(&mut self.populations);
+        if reversed && round_middle {
+            wrap(&mut self.populations, 1..last);
+        } else if round_middle {
+            // Ghost planes too: beyond a free-slip face they hold populations on their way back.
+            wrap(&mut self.populations, -1..last + 2);
+        }
+        self.step += 1;
+        let threads = self.workers(&interior);
+        self.boundaries
+            .measure(&self.populations, time, half, &self.communicator);
+        self.boundaries.apply(
+            &mut self.populations,
+            time,
+            half,
+            unfollowed(planes, if early { threads } else { 0 }),
+        );
+        if let Some(cover) = &self.cover {
+            let fraction = |cell: usize, _: [usize; 3]| cover.fraction(cell);
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
+        if !self.closed.is_empty() {
+            let fraction = |cell: usize, _: [usize; 3]| self.closed.fraction(cell);
+            self.boundaries
+                .close_covered(fraction, &mut self.populations);
+        }
+        if let Some(surface) = &mut self.surface {
+            surface.silence(&mut self.populations);
+        }
+        self.complete_velocities(unfollowed(planes, threads));
+    }
+
+    /// Closes openings before cells of the slab that bodies hold, after a step: no water enters a body.
+    pub fn close_openings(&mut self, held: impl Fn([usize; 3]) -> bool + Sync) {
+        let fraction = |_: usize, local: [usize; 3]| f64::from(u8::from(held(local)));
+        self.boundaries
+            .close_covered(fraction, &mut self.populations);
+    }
+
+    /// Fills the ghosts of the velocities that follow from the cells of some planes.
+    fn complete_velocities(&mut self, planes: impl Iterator<Item = Range<usize>>) {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = self.step as f64;
+        if let Some(field) = &mut self.field {
+            let boundaries = &self.boundaries;
+            field.complete(planes, |patch| boundaries.velocity_factor(patch, time));
+        }
+    }
+
+    /// Sets the velocities of the next eddy viscosity to the present ones of the cells. Collective.
+    pub fn renew_velocities(&mut self) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        if self.field.is_none() || planes == 0 {
+            return;
+        }
+        let cells: Vec<usize> = self.populations.interior().map(|(_, cell)| cell).collect();
+        for cell in cells {
+            let (_, u) = self.state(cell);
+            if let Some(field) = &mut self.field {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                field.set_velocity(cell, u.map(|x| x as f32));
+            }
+        }
+        self.spread_velocities();
+    }
+
+    /// Ghosts of the velocities that were set cell by cell. Collective.
+    #[inline(never)]
+    pub fn spread_velocities(&mut self) {
+        if let Some(field) = &mut self.field {
+            field.exchange_start();
+        }
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        self.complete_velocities(std::iter::once(0..planes));
+    }
+
+    /// The velocities of the next eddy viscosity; none without turbulence model.
+    #[must_use]
+    pub fn velocities(&self) -> Option<&VelocityField> {
+        self.field.as_ref()
+    }
+
+    /// The same, to be set on a restart and inside bodies; then [`Self::spread_velocities`].
+    pub fn velocities_mut(&mut self) -> Option<&mut VelocityField> {
+        self.field.as_mut()
+    }
+
+    /// Closes the openings before the cells of structures, given by position.
+    pub fn close(&mut self, cells: impl Iterator<Item = usize>) {
+        self.closed.close(&self.populations, cells);
+    }
+
+    /// Returns everything that acts on the populations beside collision and streaming.
+    pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
+        terms(
+            &self.force,
+            &self.turbulence,
+            &self.boundaries,
+            self.cover.as_ref(),
+            Some(&self.closed),
+            self.surface.as_deref(),
+            &self.added,
+        )
+    }
+
+    /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.
+    #[must_use]
+    pub fn eddy_viscosity(&self, cell: usize) -> f64 {
+        let Some(field) = &self.field else { return 0.0 };
+        self.turbulence
+            .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
+    }
+
+    /// How many threads work on some planes.
+    fn workers(&self, planes: &Range<usize>) -> usize {
+        self.threads.min(planes.len())
+    }
+
+    /// Collides and streams some planes, each thread its share.
+    fn run(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
+        let threads = self.workers(&planes);
+        if threads <= 1 {
+            // SAFETY: the only worker.
+            unsafe { self.pass.pass(shared, force, &shared.planes(planes), 0) };
+            return;
+        }
+        thread_pool::each(threads, |t| {
+            let cells = shared.planes(share(&planes, threads, t));
+            // SAFETY: the shares of planes are disjoint, and each worker has one.
+            unsafe { self.pass.pass(shared, force, &cells, t) };
+        });
+    }
+
+    /// Collides and streams the first and the last plane, the rows of both shared out to the threads.
+    fn run_ends(&self, shared: &Shared<S>, force: [f64; 3]) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        let rows = shared.rows();
+        let all = if planes > 1 { 2 * rows } else { rows };
+        let threads = self
+            .threads
+            .min(all * shared.cells() / CELLS_PER_THREAD)
+            .max(1);
+        thread_pool::each(threads, |t| {
+            let mine = share(&(0..all), threads, t);
+            for (plane, first) in [(0, 0), (planes - 1, rows)] {
+                let part = |row: usize| row.clamp(first, first + rows) - first;
+                let cells = Block {
+                    planes: plane..plane + 1,
+                    rows: part(mine.start)..part(mine.end),
+                };
+                // SAFETY: the shares of rows are disjoint, and each worker has one.
+                unsafe { self.pass.pass(shared, force, &cells, t) };
+            }
+        });
+    }
+
+    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the planes round them are done, while
+    /// their numbers are in the cache: velocities of the eddies beyond faces, and, where `walls` tells the time of the step, walls. Walking along
+    /// the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
+    fn run_followed(
+        &self,
+        shared: &Shared<S>,
+        force: [f64; 3],
+        planes: Range<usize>,
+        walls: Option<f64>,
+    ) {
+        if planes.is_empty() {
+            return;
+        }
+        let ghosts = self.field.as_ref().map(VelocityField::ghosts);
+        if walls.is_none() && ghosts.is_none() {
+            return self.run(shared, force, planes);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let time = (self.step + 1) as f64;
+        let threads = self.workers(&planes);
+        let parity = self.populations.parity();
+        let (pass, boundaries) = (&self.pass, &self.boundaries);
+        thread_pool::each(threads, |t| {
+            let share = share(&planes, threads, t);
+            let followed = inner(&share);
+            for plane in share {
+                // SAFETY: the shares of planes are disjoint, and each worker has one.
+                unsafe { pass.pass(shared, force, &shared.planes(plane..plane + 1), t) };
+                if !followed.contains(&(plane - 1)) {
+                    continue;
+                }
+                let cells = shared.planes(plane - 1..plane);
+                if walls.is_some() {
+                    // SAFETY: this worker has the planes on both sides too, and is done with them.
+                    unsafe { boundaries.give_walls(&cells, time, parity, shared.numbers()) };
+                }
+                if let Some(ghosts) = &ghosts {
+                    let ramp = |patch| boundaries.velocity_factor(patch, time);
+                    // SAFETY: as above.
+                    unsafe { ghosts.follow(&cells, shared.velocity(), ramp) };
+                }
+            }
+        });
+    }
+
+    /// The patches by name, in the order of [`Fluid::fluxes`].
+    #[must_use]
+    pub fn boundaries(&self) -> &Boundaries<S> {
+        &self.boundaries
+    }
+
+    /// The cover of the cells, if cells can be covered.
+    #[must_use]
+    pub fn cover(&self) -> Option<&Cover> {
+        self.cover.as_ref()
+    }
+
+    /// The cover of the cells, for the coupling.
+    pub fn cover_mut(&mut self) -> Option<&mut Cover> {
+        self.cover.as_mut()
+    }
+
+    /// The lattice array.
+    #[must_use]
+    pub fn populations(&self) -> &Populations<S> {
+        &self.populations
+    }
+
+    /// The lattice array, for the coupling and for restarts.
+    pub fn populations_mut(&mut self) -> &mut Populations<S> {
+        self.shared_with_gpu = false;
+        &mut self.populations
+    }
+
+    /// Steps done.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Continues from a saved step; the populations must have been set to their own cells.
+    pub fn set_steps(&mut self, step: u64) {
+        self.step = step;
+        self.shared_with_gpu = false;
+        self.populations.set_home();
+    }
+
+    /// Cells of the whole domain.
+    #[must_use]
+    pub fn domain_cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// First cell of the slab.
+    #[must_use]
+    pub fn start(&self) -> [usize; 3] {
+        self.start
+    }
+
+    /// Periodic axes.
+    #[must_use]
+    pub fn periodic(&self) -> [bool; 3] {
+        self.periodic
+    }
+
+    /// Relaxation time τ.
+    #[must_use]
+    pub fn relaxation_time(&self) -> f64 {
+        self.relaxation_time
+    }
+}
+
+#[cfg(test)]
+mod tests;

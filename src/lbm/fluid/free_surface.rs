@@ -1,0 +1,124 @@
+//! Free surface of a fluid ([`crate::surface`]).
+
+use super::Fluid;
+use crate::lanes::Stored;
+use crate::surface::{Ends, Surface};
+use decomposition::Domain;
+
+impl<S: Stored> Fluid<S> {
+    /// Gives the fluid a free surface; its cells hold gas until [`Self::fill`]. Collective.
+    ///
+    /// # Errors
+    /// When the slabs of two neighbours do not fit each other.
+    pub fn open_surface(&mut self, domain: &Domain) -> Result<(), String> {
+        let split = domain.axis().index();
+        let mut mirrored = self.boundaries.mirrored();
+        let local = self.populations.cells();
+        for axis in 0..3 {
+            let start = if axis == split { self.start[axis] } else { 0 };
+            let end = start + local[axis];
+            mirrored[axis][0] &= start == 0 && !self.periodic[axis];
+            mirrored[axis][1] &= end == self.cells[axis] && !self.periodic[axis];
+        }
+        let ends = Ends {
+            periodic: self.periodic_within,
+            mirrored,
+        };
+        let surface = Surface::new(&self.populations, ends, domain)?;
+        self.surface = Some(Box::new(surface));
+        Ok(())
+    }
+
+    /// Returns the free surface, if there is one.
+    #[must_use]
+    pub fn surface(&self) -> Option<&Surface> {
+        self.surface.as_deref()
+    }
+
+    /// Returns the free surface, to set its state.
+    pub fn surface_mut(&mut self) -> Option<&mut Surface> {
+        self.surface.as_deref_mut()
+    }
+
+    /// Fills the cells with water at the start; `level` gives the fill level of a cell by its place in the
+    /// domain. The populations of wet cells must have been set, and solid cells must be known. Collective.
+    pub fn fill(&mut self, level: &dyn Fn([usize; 3]) -> f64) {
+        let Some(surface) = &mut self.surface else {
+            return;
+        };
+        let start = self.start;
+        surface.begin(&mut self.populations, |at| {
+            level(std::array::from_fn(|a| at[a] + start[a]))
+        });
+        self.clear_gas();
+        self.continue_velocities();
+    }
+
+    /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of
+    /// `cells`. Collective.
+    pub fn restore_surface(&mut self, cells: &[usize], saved: &[[f64; 3]], lost: i128) {
+        if let Some(surface) = &mut self.surface {
+            surface.set_lost(lost);
+            surface.restore(&mut self.populations, cells, saved);
+        }
+    }
+
+    /// Moves the free surface: the last part of a step, when all populations that come from water and solids
+    /// are in place. Collective.
+    pub fn move_surface(&mut self) {
+        if let Some(surface) = &mut self.surface
+            && !self.populations.cells().contains(&0)
+        {
+            surface.finish(&mut self.populations);
+            self.enter_velocities();
+            self.continue_velocities();
+        }
+    }
+
+    /// Gives the cells that the surface entered their velocities for the eddy viscosity, and their ghosts. Collective.
+    fn enter_velocities(&mut self) {
+        let (Some(surface), Some(field)) = (&self.surface, &mut self.field) else {
+            return;
+        };
+        for (cell, u) in surface.entered() {
+            #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+            field.set_velocity(cell, u.map(|u| u as f32));
+        }
+        self.spread_velocities();
+    }
+
+    /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients
+    /// there are those of the water. Collective.
+    pub fn continue_velocities(&mut self) {
+        if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
+            let cells = surface.shore(&self.populations, |cell| field.velocity(cell));
+            for (cell, u) in cells {
+                field.set_velocity(cell, u);
+            }
+            self.spread_velocities();
+        }
+    }
+
+    /// Returns `true` if the populations of a cell have a meaning: not where a free surface leaves it without water.
+    #[inline]
+    #[must_use]
+    pub fn holds_water(&self, cell: usize) -> bool {
+        self.surface
+            .as_ref()
+            .is_none_or(|surface| surface.is_wet(cell))
+    }
+
+    /// Sets the populations of the cells without water to rest.
+    fn clear_gas(&mut self) {
+        let Some(surface) = &self.surface else { return };
+        let dry: Vec<usize> = (self.populations.interior().map(|(_, cell)| cell))
+            .filter(|&cell| !surface.is_wet(cell))
+            .collect();
+        for cell in dry {
+            for i in 0..self.populations.velocities().q() {
+                let position = self.populations.incoming(cell, i);
+                self.populations.numbers_mut()[position] = S::from_f64(0.0);
+            }
+        }
+    }
+}

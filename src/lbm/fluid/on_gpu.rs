@@ -1,0 +1,203 @@
+//! Steps on a GPU ([`crate::gpu`]).
+
+use super::dispatch::{Choice, Step};
+use super::{Fluid, Setup};
+use crate::boundary::Boundaries;
+use crate::collision::Operator;
+use crate::extremes::Extremes;
+use crate::gpu::Gpu;
+use crate::gpu::program::Program;
+use crate::lanes::Stored;
+use crate::lattice::VelocitySet;
+use crate::populations::Populations;
+use crate::saturation::Cover;
+use crate::term::Term;
+use base::number::{single, to_u32};
+use decomposition::Domain;
+
+/// What there is no kernel for.
+const KERNEL: &str = "this velocity set, collision operator, force and storage";
+
+/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with a body force, and where
+/// solids may cover cells.
+#[must_use]
+pub fn kernel_exists(
+    set: VelocitySet,
+    operator: Operator,
+    stored: &str,
+    [forced, covered]: [bool; 2],
+) -> bool {
+    let step = Choice::plain(operator, forced, covered).on::<f64>(set);
+    step.kernel_on_gpu()
+        .is_some_and(|kernel| kernel.exists(stored))
+}
+
+/// A GPU for a slab.
+///
+/// # Errors
+/// What stands against it, or what the GPU reports.
+pub(super) fn start<'a, S: Stored>(
+    setup: &Setup<S>,
+    populations: &Populations<S>,
+    boundaries: &Boundaries<S>,
+    step: &dyn Step<S>,
+    (cover, mut terms): (Option<&Cover>, impl Iterator<Item = &'a dyn Term<S>>),
+    domain: &Domain,
+) -> Result<Gpu, String> {
+    let refuse = |what: &str| Err(format!("a GPU does not run {what} yet"));
+    if domain.communicator().size() > 1 {
+        return refuse("a fluid on several ranks");
+    }
+    if let Some(term) = terms.find(|term| !term.runs_on_gpu()) {
+        return refuse(term.name());
+    }
+    let kernel = step.kernel_on_gpu();
+    let Some(kernel) = kernel.filter(|kernel| kernel.exists(S::NAME)) else {
+        return refuse(KERNEL);
+    };
+    let program = Program::new(populations, boundaries, setup.periodic);
+    let numbers = populations.numbers().len();
+    // SAFETY: a fluid has one cover, which goes after the GPU.
+    unsafe { Gpu::new::<S>(&kernel, program, numbers, cover, boundaries.count()) }
+}
+
+impl<S: Stored> Fluid<S> {
+    /// Steps on the GPU, where the populations stay until [`Self::fetch`].
+    pub(super) fn advance_on_gpu(&mut self, steps: u64) -> Result<(), String> {
+        let Some(gpu) = &mut self.gpu else {
+            return Ok(());
+        };
+        if !self.shared_with_gpu {
+            // SAFETY: the one lattice of this fluid, which goes after the GPU.
+            unsafe { gpu.give(self.populations.numbers())? };
+            self.shared_with_gpu = true;
+        }
+        self.populations.set_away(true);
+        for _ in 0..steps {
+            if let Some(cover) = &mut self.cover {
+                gpu.give_cover(cover)?;
+                gpu.clear_loads(cover)?;
+            }
+            #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+            let (now, then) = (self.step as f64, (self.step + 1) as f64);
+            let before = self.populations.parity();
+            self.pass.pass_on_gpu(gpu, before, self.force.at(now))?;
+            let boundaries = &self.boundaries;
+            gpu.copy(before, |patch| boundaries.velocity_factor(patch, then))?;
+            if let Some(cover) = &mut self.cover {
+                gpu.take_loads(cover)?;
+            }
+            self.populations.flip();
+            self.step += 1;
+        }
+        if self.cover.is_some() {
+            // The bodies move while the open cells collide.
+            return Ok(());
+        }
+        gpu.wait()
+    }
+
+    /// Whether a GPU has the populations and finds the cells that bodies cover, so that nobody else has to.
+    #[must_use]
+    pub fn covers_on_gpu(&self) -> bool {
+        self.gpu.is_some()
+            && self.is_away()
+            && self
+                .cover
+                .as_ref()
+                .is_some_and(|cover| cover.balls().is_some())
+    }
+
+    /// Tells a GPU which cells the bodies cover from now on.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn give_cover(&mut self) -> Result<(), String> {
+        match (&mut self.gpu, &mut self.cover) {
+            (Some(gpu), Some(cover)) if self.populations.are_away() => gpu.give_cover(cover),
+            _ => Ok(()),
+        }
+    }
+
+    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where no cell can be covered.
+    pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
+        match (&self.gpu, &self.cover) {
+            (Some(gpu), Some(_)) if self.covers_on_gpu() => {
+                if let Err(error) = gpu.fractions(first, fractions) {
+                    log::error!("{error}");
+                }
+                fractions.iter_mut().for_each(|part| *part = part.min(1.0));
+            }
+            (_, Some(cover)) => {
+                for (fraction, position) in fractions.iter_mut().zip(first..) {
+                    *fraction = single(cover.fraction(position));
+                }
+            }
+            (_, None) => {
+                for (fraction, position) in fractions.iter_mut().zip(first..) {
+                    *fraction = f32::from(u8::from(!self.holds_water(position)));
+                }
+            }
+        }
+    }
+
+    /// Whether the populations are on a GPU.
+    #[must_use]
+    pub fn is_away(&self) -> bool {
+        self.populations.are_away()
+    }
+
+    /// Brings the populations back from a GPU, if they are there.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn fetch(&mut self) -> Result<(), String> {
+        if let Some(gpu) = &self.gpu
+            && self.populations.are_away()
+        {
+            self.populations.set_away(false);
+            gpu.take(self.populations.numbers_mut())?;
+        }
+        Ok(())
+    }
+
+    /// The extreme values of all rows where the populations are on a GPU, in the order of [`Populations::rows`]; none where they are here. None
+    /// of any row where the GPU fails, which the next step reports.
+    pub(crate) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
+        let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
+        let found = gpu.extremes(self.populations.parity(), self.half_force());
+        let found = found.unwrap_or_else(|error| {
+            log::error!("{error}");
+            Vec::new()
+        });
+        let rows = found.into_iter();
+        Some(
+            rows.map(|(squared_speed, compression, finite)| Extremes {
+                squared_speed,
+                compression,
+                finite,
+            })
+            .collect(),
+        )
+    }
+
+    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the populations are.
+    pub fn row_moments(&self, [plane, row]: [usize; 2], moments: &mut [Vec<f64>; 4]) {
+        let [slow, middle, fast] = self.populations.order();
+        match &self.gpu {
+            Some(gpu) if self.populations.are_away() => {
+                let (parity, at) = (self.populations.parity(), [to_u32(plane), to_u32(row)]);
+                if let Err(error) = gpu.row_moments(parity, at, moments) {
+                    log::error!("{error}");
+                }
+            }
+            _ => {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (plane, row);
+                let first = self.populations.interior_cell(at);
+                let length = self.populations.cells()[fast];
+                self.populations.row_moments(first, length, moments);
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Quantities computed from a fluid: force, state of the cells, stress, and flux through its faces.
+
+use super::Fluid;
+use crate::boundary::Flux;
+use crate::extremes::{self, Extremes};
+use crate::initial;
+use crate::lanes::Stored;
+use std::ops::Range;
+
+impl<S: Stored> Fluid<S> {
+    /// F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al. 2002).
+    #[must_use]
+    pub fn half_force(&self) -> [f64; 3] {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let now = self.step as f64;
+        self.force.at(now).map(|f| 0.5 * f)
+    }
+
+    /// Body force of the last step.
+    #[must_use]
+    pub fn last_force(&self) -> [f64; 3] {
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let last = self.step.saturating_sub(1) as f64;
+        self.force.at(last)
+    }
+
+    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves no water.
+    #[must_use]
+    pub fn saved_number(&self, cell: usize, i: usize) -> S {
+        if self.holds_water(cell) {
+            self.populations.numbers()[self.populations.incoming(cell, i)]
+        } else {
+            S::from_f64(0.0)
+        }
+    }
+
+    /// Density deviation and velocity of an interior cell (position from `Populations::cell`).
+    #[must_use]
+    pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
+        if !self.holds_water(cell) {
+            return (0.0, [0.0; 3]);
+        }
+        let (drho, momentum) = self.populations.moments(cell);
+        let half = self.half_force();
+        let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
+        (drho, self.corrected(cell, u))
+    }
+
+    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change it.
+    fn corrected(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
+        let terms = self.added.iter();
+        terms.fold(velocity, |velocity, term| {
+            term.velocity(cell, velocity, self.cover.as_ref())
+        })
+    }
+
+    /// Returns the inverse of [`Self::corrected`].
+    pub(super) fn of_momentum(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
+        let terms = self.added.iter().rev();
+        terms.fold(velocity, |velocity, term| {
+            term.of_momentum(cell, velocity, self.cover.as_ref())
+        })
+    }
+
+    /// Returns `true` if the velocities are not those of momentum and body force alone.
+    pub(crate) fn corrects_velocities(&self) -> bool {
+        self.added.iter().any(|term| term.changes_velocities())
+    }
+
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then the three
+    /// velocities.
+    pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
+        self.populations.row_moments(cell, length, states);
+        let half = self.half_force();
+        let [drho, velocity @ ..] = states;
+        for (u, half) in velocity.iter_mut().zip(half) {
+            for (u, drho) in u.iter_mut().zip(&*drho) {
+                *u = (*u + half) / (1.0 + drho);
+            }
+        }
+        if self.corrects_velocities() {
+            let [_, u, v, w] = states;
+            let components = u.iter_mut().zip(v.iter_mut()).zip(w.iter_mut());
+            for (position, ((u, v), w)) in (cell..).zip(components) {
+                [*u, *v, *w] = self.corrected(position, [*u, *v, *w]);
+            }
+        }
+        let Some(surface) = self.surface() else {
+            return;
+        };
+        let [drho, velocity @ ..] = states;
+        for k in (0..length).filter(|k| !surface.is_wet(cell + k)) {
+            drho[k] = 0.0;
+            for u in velocity.iter_mut() {
+                u[k] = 0.0;
+            }
+        }
+    }
+
+    /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
+    pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
+        if self.corrects_velocities() {
+            self.row_states(cell, length, work);
+            return extremes::of_velocities(work);
+        }
+        let half = self.half_force();
+        self.populations.row_extremes(cell, length, half, work)
+    }
+
+    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\], `row` for work.
+    pub fn band_states(
+        &self,
+        planes: Range<usize>,
+        density: &mut [f64],
+        velocity: &mut [[f64; 3]],
+        row: &mut [Vec<f64>; 4],
+    ) {
+        let [nx, ny, _] = self.populations.cells();
+        let extent = [0..nx, 0..ny, planes];
+        let stride = [1, nx, nx * ny];
+        let [a, b, along] = self.populations.order();
+        for i in extent[a].clone() {
+            for j in extent[b].clone() {
+                let mut first = extent.each_ref().map(|cells| cells.start);
+                (first[a], first[b]) = (i, j);
+                let cell = self.populations.interior_cell(first);
+                self.row_states(cell, extent[along].len(), row);
+                let [rho, u, v, w] = &*row;
+                let mut place: usize = (0..3)
+                    .map(|axis| (first[axis] - extent[axis].start) * stride[axis])
+                    .sum();
+                for ((rho, u), (v, w)) in rho.iter().zip(u).zip(v.iter().zip(w)) {
+                    density[place] = *rho;
+                    velocity[place] = [*u, *v, *w];
+                    place += stride[along];
+                }
+            }
+        }
+    }
+
+    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with turbulence
+    /// that of eddies smaller than a cell too.
+    #[must_use]
+    pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
+        let (drho, u) = self.state(cell);
+        let velocities = self.populations.velocities();
+        let mut stress = [[0.0; 3]; 3];
+        let time = self.relaxation_time + 3.0 * self.eddy_viscosity(cell);
+        let factor = -(1.0 - 0.5 / time);
+        for i in 0..velocities.q() {
+            let c = velocities.c[i];
+            let g = self.populations.numbers()[self.populations.incoming(cell, i)].to_f64();
+            let departure = g - initial::equilibrium(velocities.w[i], c, drho, u);
+            for a in 0..3 {
+                for b in 0..3 {
+                    stress[a][b] += factor * f64::from(c[a]) * f64::from(c[b]) * departure;
+                }
+            }
+        }
+        stress
+    }
+
+    /// What crossed each patch during the last step, on this rank.
+    #[must_use]
+    pub fn fluxes(&self) -> Vec<Flux> {
+        self.boundaries.fluxes(&self.populations)
+    }
+
+    /// As [`Self::fluxes`], into a list that is used again.
+    pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
+        self.boundaries.fluxes_into(&self.populations, fluxes);
+    }
+
+    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is that of those cells
+    /// for which `counts` holds (local coordinates), without the pressure at rest.
+    pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
+        let counts = |position| counts(self.interior_coordinates(position));
+        self.boundaries.left(&self.populations, counts)
+    }
+
+    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells for which `counts`
+    /// holds (local coordinates).
+    pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
+        let counts = |position| counts(self.interior_coordinates(position));
+        self.boundaries
+            .mass_through(&self.populations, counts, masses);
+    }
+
+    /// Local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
+    fn interior_coordinates(&self, position: usize) -> [usize; 3] {
+        let (at, cells) = (
+            self.populations.coordinates(position),
+            self.populations.cells(),
+        );
+        std::array::from_fn(|a| at[a].rem_euclid(cells[a].cast_signed()).cast_unsigned())
+    }
+}

@@ -1,0 +1,159 @@
+//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links of structures.
+
+use super::{Fluid, share};
+use crate::lanes::Stored;
+use crate::links::fixed::FixedLink;
+use crate::links::{BodyLink, Rigid, surface_velocity};
+use crate::turbulence::field::Wall;
+
+/// A cell of which solids fill this part is no water to the gradients beside it.
+const HALF: f64 = 0.5;
+/// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
+const NEAREST: f64 = 0.05;
+
+impl<S: Stored> Fluid<S> {
+    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` gives the share of a thread among
+    /// several in the positions of all cells and ghost cells that may have water beside them.
+    pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
+        &mut self,
+        covered: impl Fn(usize, usize) -> I + Sync,
+    ) {
+        let (Some(field), Some(cover)) = (&mut self.field, &self.cover) else {
+            return;
+        };
+        field.forget_walls();
+        let populations = &self.populations;
+        let cells = populations.cells();
+        if cells.contains(&0) {
+            return;
+        }
+        let origin = populations.cell([0; 3]);
+        let strides: [isize; 3] = std::array::from_fn(|axis| {
+            let mut unit = [0; 3];
+            unit[axis] = 1;
+            (populations.cell(unit) - origin).cast_signed()
+        });
+        let fast = populations.order()[2];
+        field.find_walls(|thread, threads, found| {
+            let (mut last, mut at) = (usize::MAX, [0; 3]);
+            for position in covered(thread, threads) {
+                let part = cover.part(position);
+                if part < HALF {
+                    continue;
+                }
+                // Most follow the one before in their row: to find coordinates takes divisions.
+                if position == last.wrapping_add(1) {
+                    at[fast] += 1;
+                } else {
+                    at = populations.coordinates(position);
+                }
+                last = position;
+                let within = |axis: usize, n: isize| (0..cells[axis].cast_signed()).contains(&n);
+                let inside = [within(0, at[0]), within(1, at[1]), within(2, at[2])];
+                for axis in 0..D {
+                    if !(0..3).all(|other| other == axis || inside[other]) {
+                        continue;
+                    }
+                    for (upper, step) in [(true, -1), (false, 1)] {
+                        if !within(axis, at[axis] + step) {
+                            continue;
+                        }
+                        let water = position.wrapping_add_signed(step * strides[axis]);
+                        if cover.part(water) >= HALF {
+                            continue;
+                        }
+                        let distance = 1.5 - part;
+                        let mut offset = [0.0; 3];
+                        offset[axis] = if upper {
+                            distance - 1.0
+                        } else {
+                            1.0 - distance
+                        };
+                        let local = at.map(|n| i32::try_from(n).unwrap_or(i32::MAX));
+                        found.push(Wall {
+                            cell: water,
+                            side: (axis, upper),
+                            distance,
+                            velocity: cover.velocity_beside::<D>(position, local, offset),
+                        });
+                    }
+                }
+            }
+        });
+    }
+
+    /// Tells the gradients of the eddy viscosity where links bounce: of each body its links and its motion.
+    pub fn know_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        field.forget_walls();
+        let populations = &self.populations;
+        let velocities = populations.velocities();
+        field.find_walls(|thread, threads, found| {
+            let bodies = share(&(0..links.len().min(motion.len())), threads, thread);
+            for (links, motion) in links[bodies.clone()].iter().zip(&motion[bodies]) {
+                for link in links.iter().filter(|link| link.loads) {
+                    let direction = usize::from(link.direction);
+                    let c = velocities.c[direction];
+                    let mut along = (0..D).filter(|a| c[*a] != 0);
+                    let (Some(axis), None) = (along.next(), along.next()) else {
+                        continue;
+                    };
+                    let back = velocities.opposite[direction];
+                    let mut arm = [0.0; 3];
+                    for a in 0..D {
+                        arm[a] = 0.5 * f64::from(link.middle[a]) - motion.position[a];
+                    }
+                    found.push(Wall {
+                        cell: link.link.near as usize - populations.slot(0, back),
+                        side: (axis, c[axis] > 0),
+                        distance: 0.5,
+                        velocity: if link.moves {
+                            surface_velocity::<D>(motion, arm)
+                        } else {
+                            [0.0; 3]
+                        },
+                    });
+                }
+            }
+        });
+    }
+
+    /// As [`Self::know_links`] of surfaces at rest, beside what is known.
+    pub fn know_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        let populations = &self.populations;
+        let velocities = populations.velocities();
+        field.find_walls(|thread, threads, found| {
+            let mine = |group: &Vec<FixedLink>| share(&(0..group.len()), threads, thread);
+            for link in groups.iter().flat_map(|group| &group[mine(group)]) {
+                for end in (0..2).filter(|&end| link.wet[end]) {
+                    let forth = usize::from(link.direction);
+                    let back = velocities.opposite[forth];
+                    let (near, leaves, returns) = if end == 0 {
+                        (link.link.near, forth, back)
+                    } else {
+                        (link.link.far, back, forth)
+                    };
+                    let c = velocities.c[leaves];
+                    let mut along = (0..D).filter(|a| c[*a] != 0);
+                    let (Some(axis), None) = (along.next(), along.next()) else {
+                        continue;
+                    };
+                    // q from its kappa; 1/2 for half-way.
+                    let kappa = link.kappa[end];
+                    let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
+                    found.push(Wall {
+                        cell: near as usize - populations.slot(0, returns),
+                        side: (axis, c[axis] > 0),
+                        distance: distance.max(NEAREST),
+                        velocity: [0.0; 3],
+                    });
+                }
+            }
+        });
+    }
+}

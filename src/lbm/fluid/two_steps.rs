@@ -1,0 +1,264 @@
+//! Two steps in one sweep over the lattice, for water between walls, with eddies or without.
+//!
+//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter. The second step of a
+//! cell needs nothing but the first step of its neighbours. It follows the first two planes and two rows behind, while their populations
+//! are still in the cache: the memory then moves half the bytes (temporal blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig,
+//! G. Wellein, Parallel Process. Lett. 20 (2010) 359). The planes are walked once for every [`ROWS`] rows, so that only as many rows of four
+//! planes lie between the two steps: 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
+//!
+//! Order of the work at plane p and rows up to y, each at its distance behind the one before:
+//!
+//! | plane, row | work | needs |
+//! |---|---|---|
+//! | p, y | even pass | nothing |
+//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
+//! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
+//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass beside |
+//!
+//! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are done. Every number is
+//! computed from the same numbers by the same operations as in two single steps, so that the bits are the same.
+
+use super::dispatch::Step;
+use super::{CoverView, Fluid, View, between, share};
+use crate::block::Block;
+use crate::boundary::Boundaries;
+use crate::kernel::Shared;
+use crate::lanes::Stored;
+use crate::populations::Parity;
+use crate::term::Term;
+use crate::turbulence::field::{Field, Ghosts};
+use base::thread_pool;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor follows longer pieces of
+/// memory better: from 8 to 48 the speed is the same (`benches/README.md`).
+const ROWS: usize = 32;
+
+/// Planes of a thread from which on it has some to sweep.
+const FEWEST_PLANES: usize = 8;
+
+/// A step of the two.
+#[derive(Clone, Copy)]
+struct Moment {
+    force: [f64; 3],
+    time: f64,
+    /// Where the populations are after its pass.
+    parity: Parity,
+}
+
+/// The planes of a share that are so far from its ends.
+fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
+    let first = share.start + distance;
+    first..share.end.saturating_sub(distance).max(first)
+}
+
+impl<S: Stored> Fluid<S> {
+    /// Whether two steps may be made at once: nothing but walls acts on the populations between them. The same on every rank.
+    #[must_use]
+    pub fn may_advance_two(&self) -> bool {
+        let [_, middle, _] = self.populations.order();
+        self.populations.parity() == Parity::Home
+            && !self.periodic_within[middle]
+            && self.terms().all(Term::allows_two_steps)
+    }
+
+    /// Two steps. Between them nobody sees the populations.
+    #[inline(never)]
+    pub fn advance_two(&mut self) {
+        let planes = self.populations.cells()[self.populations.order()[0]];
+        let interior = between(planes);
+        let threads = self.workers(&interior).max(1);
+        if !self.may_advance_two() || interior.len() / threads < FEWEST_PLANES {
+            self.advance();
+            self.advance();
+            return;
+        }
+        self.shared_with_gpu = false;
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let moment = |step: u64, parity: Parity| Moment {
+            force: self.force.at(step as f64),
+            time: (step + 1) as f64,
+            parity,
+        };
+        let first = moment(self.step, Parity::Reversed);
+        let second = moment(self.step + 1, Parity::Home);
+        let shares: Vec<Range<usize>> =
+            (0..threads).map(|t| share(&interior, threads, t)).collect();
+        // Planes beside the ends of shares, and the end planes of the slab: these go with the first and the last share.
+        let rest = |t: usize, distance: usize| {
+            let all = &shares[t];
+            let begin = if t == 0 { 0 } else { all.start };
+            let end = if t + 1 == threads { planes } else { all.end };
+            let done = inside(all, distance);
+            [begin..done.start, done.end..end]
+        };
+
+        // End planes first: their populations travel during the sweep.
+        let even = self.describe_pass();
+        self.run_ends(&even, first.force);
+        self.populations.flip();
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
+        let odd = self.describe_pass();
+        self.halo.start(&self.populations);
+        let sweep = Sweep {
+            step: self.pass.as_ref(),
+            boundaries: &self.boundaries,
+            shared: [&even, &odd],
+            moments: [&first, &second],
+            ghosts: self.field.as_ref().map(Field::ghosts),
+        };
+        thread_pool::each(threads, |t| {
+            // SAFETY: the shares are disjoint, and each worker has one.
+            unsafe { sweep.planes(&shares[t], t) };
+        });
+        self.halo.finish(&mut self.populations);
+        if let Some(field) = &mut self.field {
+            let planes = (0..threads).flat_map(|t| rest(t, 1));
+            field.complete(planes, |patch| {
+                sweep.boundaries.velocity_factor(patch, first.time)
+            });
+        }
+        thread_pool::each(threads, |t| {
+            for planes in rest(t, 1) {
+                // SAFETY: the passes of the first step are done, and each worker has planes of its own.
+                unsafe { sweep.walls(0, &even.planes(planes)) };
+            }
+        });
+        thread_pool::each(threads, |t| {
+            for planes in rest(t, 2) {
+                // SAFETY: as above.
+                unsafe { sweep.pass(1, &odd.planes(planes), t) };
+            }
+        });
+        self.populations.flip();
+        if let Some(field) = &mut self.field {
+            field.swap();
+            field.exchange_start();
+        }
+        self.halo.start(&self.populations);
+        self.halo.finish(&mut self.populations);
+        if let Some(field) = &mut self.field {
+            let planes = (0..threads).flat_map(|t| rest(t, 3));
+            field.complete(planes, |patch| {
+                sweep.boundaries.velocity_factor(patch, second.time)
+            });
+        }
+        thread_pool::each(threads, |t| {
+            for planes in rest(t, 3) {
+                // SAFETY: the passes of the second step are done.
+                unsafe { sweep.walls(1, &odd.planes(planes)) };
+            }
+        });
+        self.step += 2;
+    }
+
+    /// What the next pass sees.
+    fn describe_pass(&mut self) -> Shared<S> {
+        let [.., fast] = self.populations.order();
+        let round_rows = self.periodic_within[fast];
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        (self.describe)(&mut self.populations, velocity, CoverView::NONE, round_rows)
+    }
+}
+
+/// What both steps need, each at its place.
+struct Sweep<'a, S: Stored> {
+    step: &'a dyn Step<S>,
+    boundaries: &'a Boundaries<S>,
+    shared: [&'a Shared<S>; 2],
+    moments: [&'a Moment; 2],
+    /// Of the velocities from which the next eddy viscosity comes, if any.
+    ghosts: Option<Arc<Ghosts>>,
+}
+
+impl<S: Stored> Sweep<'_, S> {
+    /// Both steps of the planes of a share, where they need nothing from beyond it.
+    ///
+    /// # Safety
+    /// Nobody else may work on these planes or be this worker.
+    unsafe fn planes(&self, share: &Range<usize>, worker: usize) {
+        let rows = self.shared[0].rows();
+        for top in (0..rows).step_by(ROWS) {
+            let bottom = (top + ROWS).min(rows);
+            // The rows that are due so far behind.
+            let behind = |distance: usize| {
+                let end = if bottom == rows {
+                    rows
+                } else {
+                    bottom.saturating_sub(distance)
+                };
+                top.saturating_sub(distance)..end
+            };
+            for plane in share.start..share.end + 3 {
+                let due = |distance: usize| {
+                    let plane = plane.checked_sub(distance)?;
+                    let planes = plane..plane + 1;
+                    let rows = behind(distance);
+                    let there = inside(share, distance).contains(&plane);
+                    there.then_some(Block { planes, rows })
+                };
+                // SAFETY: promised by the caller; the order is that of the module.
+                unsafe {
+                    if let Some(cells) = due(0) {
+                        self.pass(0, &cells, worker);
+                    }
+                    if let Some(cells) = due(1) {
+                        self.walls(0, &cells);
+                        self.velocities(0, &cells);
+                    }
+                    if let Some(cells) = due(2) {
+                        self.pass(1, &cells, worker);
+                    }
+                    if let Some(cells) = due(3) {
+                        self.walls(1, &cells);
+                        self.velocities(1, &cells);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The pass of the first or second step (0, 1) over some cells.
+    ///
+    /// # Safety
+    /// Nobody else may work on these cells or be this worker.
+    unsafe fn pass(&self, which: usize, cells: &Block, worker: usize) {
+        let force = self.moments[which].force;
+        // SAFETY: promised by the caller.
+        unsafe {
+            self.step.pass(self.shared[which], force, cells, worker);
+        }
+    }
+
+    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass reads there.
+    ///
+    /// # Safety
+    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    unsafe fn velocities(&self, which: usize, cells: &Block) {
+        if let Some(ghosts) = &self.ghosts {
+            let ramp = |patch| {
+                self.boundaries
+                    .velocity_factor(patch, self.moments[which].time)
+            };
+            // SAFETY: promised by the caller.
+            unsafe { ghosts.follow(cells, self.shared[which].velocity(), ramp) };
+        }
+    }
+
+    /// Gives some cells what comes back from walls in the first or second step (0, 1).
+    ///
+    /// # Safety
+    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    unsafe fn walls(&self, which: usize, cells: &Block) {
+        let &Moment { time, parity, .. } = self.moments[which];
+        let numbers = self.shared[which].numbers();
+        // SAFETY: promised by the caller.
+        unsafe {
+            self.boundaries.give_walls(cells, time, parity, numbers);
+        }
+    }
+}

@@ -1,0 +1,659 @@
+//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the processor.
+//!
+//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for GPUs (the crate root
+//! `src/physics/gpu.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
+//! `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
+//! the program runs as before.
+//!
+//! | file | content |
+//! |---|---|
+//! | `cell` | the pass over one cell, one thread each; also compiled for GPUs |
+//! | `copies` | what enters at walls and goes round periodic axes; also compiled for GPUs |
+//! | `covered`, `loads`, `sums` | the pass over a cell that solids cover, and the forces on them; also compiled for GPUs |
+//! | `balls` | the cover of the cells by balls; also compiled for GPUs |
+//! | `lists` | the lists of the covered cells; also compiled for GPUs |
+//! | `warp` | what the threads of a warp share; for GPUs alone |
+//! | `cover` | the cover of the cells on the GPU |
+//! | `moments` | the extreme values of rows, for the checks of a run; also compiled for GPUs |
+//! | `program` | a step of a slab as passes and copies |
+//! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
+//!
+//! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at populations. Kernels are added
+//! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with TRT and MRT partially saturated cells;
+//! D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A GPU does not run several ranks, structures, eddies and openings yet
+//! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
+//!
+//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor follows when somebody
+//! looks. Of other bodies the processor finds the cells and sends them.
+
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "the host runs what a kernel does only to test it")
+)]
+pub mod balls;
+pub mod cell;
+pub mod copies;
+mod cover;
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "the host runs what a kernel does only to test it")
+)]
+pub mod covered;
+pub mod host;
+mod lists;
+pub mod loads;
+pub mod moments;
+pub mod program;
+
+use super::collision::Collision;
+use super::lanes::Stored;
+use super::populations::Parity;
+use super::saturation::Cover;
+use balls::BLOCK;
+use copies::Copies;
+use cover::{BYTES_BESIDE, Kernels, OnGpu};
+use cudarc::driver::{
+    CudaContext, CudaEvent, CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr,
+    DriverError, LaunchConfig, PushKernelArg, sys,
+};
+use cudarc::nvrtc::Ptx;
+use flate2::read::MultiGzDecoder;
+use moments::{HalfForce, RowExtremes};
+use program::Program;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::ffi::c_void;
+use std::fmt;
+use std::io::Read;
+use std::sync::{Arc, LazyLock};
+use std::time::Instant;
+
+/// What the fluid runs on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Device {
+    /// The cores of the processor.
+    #[default]
+    Cpu,
+    /// A GPU of NVIDIA.
+    Gpu,
+    /// A GPU where there is one and the scene is one that it can run, else the processor.
+    Auto,
+}
+
+/// PTX of the kernels, compressed, as `build.sh` made it.
+const ARCHIVE: &[u8] = include_bytes!("gpu/kernels.ptx.gz");
+
+/// Start of the first line of each text in the archive, before its name.
+const TITLE: &str = "// Kernels: ";
+
+/// PTX by name. The archive is read where a case asks for a GPU.
+static KERNELS: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
+    let mut text = String::new();
+    if let Err(error) = MultiGzDecoder::new(ARCHIVE).read_to_string(&mut text) {
+        log::error!("the kernels of GPUs cannot be read: {error}");
+    }
+    let texts = text.split(TITLE).skip(1);
+    let named = texts.filter_map(|text| {
+        let (name, text) = text.split_once('\n')?;
+        Some((name.to_owned(), text.to_owned()))
+    });
+    named.collect()
+});
+
+/// Returns the PTX that has a kernel.
+fn ptx_of(name: &str) -> Option<&'static str> {
+    let entry = format!(".entry {name}(");
+    let file = KERNELS.iter().find(|(_, text)| text.contains(&entry));
+    file.map(|(_, text)| text.as_str())
+}
+
+/// The kernels for an operator: its name on GPUs, and the velocity set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kernel {
+    /// As [`Collision::ON_GPU`]; where solids may cover cells without the force, which is always there.
+    pub operator: &'static str,
+    /// As [`super::lattice::Lattice::NAME`].
+    pub set: &'static str,
+    /// Whether solids may cover cells.
+    pub covered: bool,
+}
+
+impl Kernel {
+    fn name(&self, kind: &str, stored: &str) -> String {
+        format!("{kind}{}_{}_{stored}", self.operator, self.set)
+    }
+
+    /// Whether it was made for a storage: kernels are added when they have run on a GPU.
+    #[must_use]
+    pub fn exists(&self, stored: &str) -> bool {
+        let kind = if self.covered { "mixed_" } else { "" };
+        ptx_of(&self.name(kind, stored)).is_some()
+    }
+}
+
+/// Rectangles on the GPU, one for each block.
+struct List {
+    rectangles: CudaSlice<u8>,
+    count: u32,
+}
+
+/// A slab on a GPU.
+pub struct Gpu {
+    stream: Arc<CudaStream>,
+    name: String,
+    pass: CudaFunction,
+    copy: CudaFunction,
+    extremes: CudaFunction,
+    moments: CudaFunction,
+    /// The populations on the host, held in place for transfers: goes first.
+    pinned: Option<Pinned>,
+    numbers: CudaSlice<u8>,
+    /// What covers the cells, if anything can.
+    cover: Option<OnGpu>,
+    program: Program,
+    /// The copies after the even and the odd pass.
+    lists: [Vec<List>; 2],
+    /// Factors of the velocities of the patches: on the GPU, and what they are.
+    factors: CudaSlice<f64>,
+    held: Vec<f64>,
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gpu")
+            .field("name", &self.name)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Memory of the host that the GPU reads and writes by itself, at several times the speed.
+struct Pinned(*mut c_void);
+
+// SAFETY: an address, which is used to give the memory free.
+unsafe impl Send for Pinned {}
+// SAFETY: as above.
+unsafe impl Sync for Pinned {}
+
+impl Pinned {
+    /// Holds the memory of some numbers in place; none where the system does not allow it.
+    ///
+    /// # Safety
+    /// The memory must stay until this is dropped.
+    unsafe fn new(bytes: &[u8]) -> Option<Self> {
+        let at = bytes.as_ptr().cast_mut().cast();
+        // SAFETY: memory of the caller.
+        let result = unsafe { sys::cuMemHostRegister_v2(at, bytes.len(), 0) };
+        (result == sys::CUresult::CUDA_SUCCESS).then_some(Self(at))
+    }
+}
+
+impl Drop for Pinned {
+    fn drop(&mut self) {
+        // SAFETY: was registered by `new`.
+        unsafe { sys::cuMemHostUnregister(self.0) };
+    }
+}
+
+/// An argument of a kernel: its bytes are the same on the host and on the GPU.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+struct Argument<T>(T);
+
+// SAFETY: made here of types with `repr(C)` and of numbers alone.
+unsafe impl<T> DeviceRepr for Argument<T> {}
+
+/// What went wrong, in a sentence.
+fn failed(error: DriverError) -> String {
+    format!("the GPU reports: {error}")
+}
+
+/// The first GPU, if there is a driver and a GPU.
+fn context() -> Result<Arc<CudaContext>, String> {
+    // SAFETY: looks for a library.
+    if !unsafe { sys::is_culib_present() } {
+        return Err("there is no CUDA driver (libcuda.so.1) on this machine".into());
+    }
+    CudaContext::new(0).map_err(failed)
+}
+
+/// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is measured by. `bytes` are
+/// copied at a time.
+///
+/// # Errors
+/// When there is no GPU, or it fails.
+pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
+    const TURNS: u32 = 10;
+    let context = context()?;
+    let name = context.name().map_err(failed)?;
+    let measure = || {
+        let stream = context.default_stream();
+        let from = stream.alloc_zeros::<u8>(bytes)?;
+        let mut to = stream.alloc_zeros::<u8>(bytes)?;
+        let mut best = f64::INFINITY;
+        for _ in 0..3 {
+            stream.synchronize()?;
+            let begun = Instant::now();
+            for _ in 0..TURNS {
+                stream.memcpy_dtod(&from, &mut to)?;
+            }
+            stream.synchronize()?;
+            best = best.min(begun.elapsed().as_secs_f64());
+        }
+        Ok(f64::from(2 * TURNS) * base::number::real(bytes) / best)
+    };
+    Ok((name, measure().map_err(failed)?))
+}
+
+impl Gpu {
+    /// Room for the numbers of a slab, and for its cover if there is one, and the kernels for this operator and velocity set. `factors` are the
+    /// patches with a factor of their own.
+    ///
+    /// # Safety
+    /// The cover must be that of each later call, and outlive this.
+    ///
+    /// # Errors
+    /// When there is no GPU, or its memory is too small.
+    pub unsafe fn new<S: Stored>(
+        kernel: &Kernel,
+        program: Program,
+        numbers: usize,
+        cover: Option<&Cover>,
+        factors: usize,
+    ) -> Result<Self, String> {
+        let context = context()?;
+        let name = context.name().map_err(failed)?;
+        let (free, _) = context.mem_get_info().map_err(failed)?;
+        let (stored, bytes) = (S::NAME, numbers * size_of::<S>());
+        let beside = cover.as_ref().map_or(0, |cover| {
+            cover.cells().1.len() * (Cover::BYTES + BYTES_BESIDE)
+        });
+        if bytes + beside > free {
+            return Err(format!(
+                "the lattice needs {:.1} GB and {name} has {:.1} GB free",
+                giga(bytes + beside),
+                giga(free)
+            ));
+        }
+        let function = |name: &str| {
+            let text = ptx_of(name).unwrap_or_default();
+            let module = context.load_module(Ptx::from_src(text))?;
+            module.load_function(name)
+        };
+        let set = kernel.set;
+        let pass = function(&kernel.name(if cover.is_some() { "open_" } else { "" }, stored));
+        let pass = pass.map_err(failed)?;
+        let copy = function(&format!("copies_{stored}")).map_err(failed)?;
+        let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
+        let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
+        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory goes.
+        unsafe { context.disable_event_tracking() };
+        let stream = context.new_stream().map_err(failed)?;
+        let cover = cover.map(|cover| {
+            let names = ["deep_", "mixed_"].map(|kind| kernel.name(kind, stored));
+            let kernels = Kernels::new(names, function)?;
+            // SAFETY: promised by the caller.
+            unsafe { OnGpu::new(&context, kernels, cover, &program) }
+        });
+        let cover = cover.transpose().map_err(failed)?;
+        let list = |copies: &Vec<Copies>| {
+            let pieces: Vec<Copies> = copies.iter().flat_map(|all| all.pieces(BLOCK)).collect();
+            Ok(List {
+                rectangles: stream.clone_htod(as_bytes(&pieces))?,
+                count: base::number::to_u32(pieces.len()),
+            })
+        };
+        let lists = |pass: &program::Pass| pass.copies.iter().map(list).collect();
+        let [even, odd] = &program.passes;
+        let lists: [Result<Vec<List>, DriverError>; 2] = [lists(even), lists(odd)];
+        let [even, odd] = lists;
+        let held = vec![f64::NAN; factors.max(1)];
+        // SAFETY: written before it is read, by `give`.
+        let room = unsafe { stream.alloc::<u8>(bytes) }.map_err(failed)?;
+        log::info!("the fluid runs on the GPU {name}: {kernel:?}, {bytes} bytes");
+        Ok(Self {
+            name,
+            pass,
+            copy,
+            extremes,
+            moments,
+            pinned: None,
+            cover,
+            numbers: room,
+            lists: [even.map_err(failed)?, odd.map_err(failed)?],
+            factors: stream.clone_htod(&held).map_err(failed)?,
+            stream,
+            program,
+            held,
+        })
+    }
+
+    /// Sends the numbers of the slab to the GPU.
+    ///
+    /// # Safety
+    /// These must be the same numbers in each call, and outlive the GPU.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub unsafe fn give<S: Stored>(&mut self, numbers: &[S]) -> Result<(), String> {
+        let bytes: &[u8] = bytemuck::cast_slice(numbers);
+        if self.pinned.is_none() {
+            // SAFETY: promised by the caller.
+            self.pinned = unsafe { Pinned::new(bytes) };
+            log::debug!("transfers to the GPU by itself: {}", self.pinned.is_some());
+        }
+        self.stream
+            .memcpy_htod(bytes, &mut self.numbers)
+            .map_err(failed)?;
+        self.tell(|there| &there.ready)
+    }
+
+    /// Tells the stream of the bodies that the fluid is so far.
+    fn tell(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => so_far(there).record(&self.stream).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// What the fluid does from now on waits until the stream of the bodies is so far.
+    fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => self.stream.wait(so_far(there)).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings the numbers of the slab back.
+    ///
+    /// # Errors
+    /// When the GPU fails, also in a step before.
+    pub fn take<S: Stored>(&self, numbers: &mut [S]) -> Result<(), String> {
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(numbers);
+        self.stream
+            .memcpy_dtoh(&self.numbers, bytes)
+            .and_then(|()| self.stream.synchronize())
+            .map_err(failed)
+    }
+
+    /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed, the largest size of
+    /// the density deviation, and whether every number is finite. `half` is F/2.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn extremes(
+        &self,
+        parity: Parity,
+        half: [f64; 3],
+    ) -> Result<Vec<(f64, f64, bool)>, String> {
+        let [planes, rows, _] = self.program.cells;
+        let slab = Argument(self.program.after(parity).slab);
+        let half = Argument(HalfForce(half));
+        let count = (planes * rows) as usize;
+        let words = size_of::<RowExtremes>() / size_of::<u64>();
+        let found = self.stream.alloc_zeros::<u64>(count * words);
+        let found = found.map_err(failed)?;
+        self.wait_for(|there| &there.made)?;
+        let fraction = self.cover.as_ref().map_or(0, OnGpu::address_of_fractions);
+        let mut launch = self.stream.launch_builder(&self.extremes);
+        launch
+            .arg(&self.numbers)
+            .arg(&slab)
+            .arg(&half)
+            .arg(&fraction)
+            .arg(&found);
+        // SAFETY: the kernel takes these arguments and writes one element for each row.
+        unsafe { launch.launch(self.program.launch()) }.map_err(failed)?;
+        let found = self.stream.clone_dtoh(&found).map_err(failed)?;
+        self.stream.synchronize().map_err(failed)?;
+        let rows = found.chunks_exact(words);
+        Ok(rows
+            .map(|row| (f64::from_bits(row[0]), f64::from_bits(row[1]), row[2] == 0))
+            .collect())
+    }
+
+    /// Density deviation and momenta of the cells of a row, of populations of a parity.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn row_moments(
+        &self,
+        parity: Parity,
+        [plane, row]: [u32; 2],
+        moments: &mut [Vec<f64>; 4],
+    ) -> Result<(), String> {
+        let slab = Argument(self.program.after(parity).slab);
+        let length = slab.0.cells as usize;
+        let found = self.stream.alloc_zeros::<f64>(4 * length);
+        let found = found.map_err(failed)?;
+        let mut shape = self.program.launch();
+        (shape.grid_dim.1, shape.grid_dim.2) = (1, 1);
+        let mut launch = self.stream.launch_builder(&self.moments);
+        launch
+            .arg(&self.numbers)
+            .arg(&slab)
+            .arg(&plane)
+            .arg(&row)
+            .arg(&found);
+        // SAFETY: the kernel takes these arguments and writes four numbers for each cell of the row.
+        unsafe { launch.launch(shape) }.map_err(failed)?;
+        let found = self.stream.clone_dtoh(&found).map_err(failed)?;
+        self.stream.synchronize().map_err(failed)?;
+        for (moments, found) in moments.iter_mut().zip(found.chunks_exact(length)) {
+            moments.clear();
+            moments.extend_from_slice(found);
+        }
+        Ok(())
+    }
+
+    /// Waits until the GPU is done.
+    ///
+    /// # Errors
+    /// When it failed.
+    pub fn wait(&self) -> Result<(), String> {
+        self.stream.synchronize().map_err(failed)
+    }
+
+    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in lattice units.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn pass<C: Collision>(
+        &mut self,
+        before: Parity,
+        operator: C,
+        viscosity: f64,
+    ) -> Result<(), String> {
+        let slab = Argument(self.program.after(before).slab);
+        let rates = Argument(operator.uniform::<f64>());
+        let operator = Argument(operator);
+        let shape = self.program.launch();
+        let numbers = self.numbers.device_ptr(&self.stream).0;
+        let Some(cover) = &self.cover else {
+            let mut launch = self.stream.launch_builder(&self.pass);
+            launch.arg(&numbers).arg(&slab).arg(&operator).arg(&rates);
+            // SAFETY: the kernel takes these arguments; the program is that of the slab for which the room was made.
+            return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
+        };
+        // The covered cells first.
+        let beside = &cover.stream;
+        beside.wait(&cover.ready).map_err(failed)?;
+        let view = Argument(cover.view);
+        let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
+        let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
+        let bodies = cover.bodies;
+        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to do.
+        let of_all = launch_of(cover.covered.cells.div_ceil(BLOCK));
+        let mut launch = beside.launch_builder(&cover.kernels.mixed);
+        launch
+            .arg(&numbers)
+            .arg(&slab)
+            .arg(&operator)
+            .arg(&rates)
+            .arg(&view)
+            .arg(&omega)
+            .arg(&cells)
+            .arg(&loads)
+            .arg(&bodies);
+        // SAFETY: as above.
+        unsafe { launch.launch(of_all) }.map_err(failed)?;
+        let mut launch = beside.launch_builder(&cover.kernels.deep);
+        launch
+            .arg(&numbers)
+            .arg(&slab)
+            .arg(&view)
+            .arg(&cells)
+            .arg(&loads)
+            .arg(&bodies);
+        // SAFETY: as above.
+        unsafe { launch.launch(of_all) }.map_err(failed)?;
+        cover.passed.record(beside).map_err(failed)?;
+        self.wait_for(|there| &there.made)?;
+        let mut launch = self.stream.launch_builder(&self.pass);
+        launch
+            .arg(&numbers)
+            .arg(&slab)
+            .arg(&operator)
+            .arg(&rates)
+            .arg(&view);
+        // SAFETY: as above.
+        unsafe { launch.launch(shape) }.map_err(failed)?;
+        cover.done(&self.stream).map_err(failed)
+    }
+
+    /// Tells the GPU what covers the cells, before a pass or a look at them.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn give_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
+        match &mut self.cover {
+            Some(there) => {
+                let done = there.update(cover, &self.program);
+                done.map_err(failed)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Clears the forces on the bodies of the cover, before a pass.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), String> {
+        match &mut self.cover {
+            Some(there) => {
+                let cleared = there.clear_loads(cover.solids().len());
+                cleared.map_err(failed)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The fractions of the cells of a row of the cover that was given last, from a position on.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), String> {
+        match &self.cover {
+            Some(there) => there.fractions(first, fractions).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits for the forces of a pass, though not for the open cells, and adds them to the sums of the cover.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), String> {
+        match &mut self.cover {
+            Some(there) => there.take_loads(cover).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a patch.
+    ///
+    /// # Errors
+    /// When the GPU fails.
+    pub fn copy(&mut self, before: Parity, factor: impl Fn(usize) -> f64) -> Result<(), String> {
+        let mut same = true;
+        for (patch, held) in self.held.iter_mut().enumerate() {
+            let now = factor(patch);
+            same &= held.to_bits() == now.to_bits();
+            *held = now;
+        }
+        if !same {
+            self.stream
+                .memcpy_htod(&self.held, &mut self.factors)
+                .map_err(failed)?;
+        }
+        self.wait_for(|there| &there.passed)?;
+        for list in &self.lists[usize::from(before == Parity::Reversed)] {
+            let shape = LaunchConfig {
+                grid_dim: (list.count, 1, 1),
+                block_dim: (BLOCK, 1, 1),
+                shared_mem_bytes: 0,
+            };
+            let mut launch = self.stream.launch_builder(&self.copy);
+            launch
+                .arg(&mut self.numbers)
+                .arg(&list.rectangles)
+                .arg(&self.factors);
+            // SAFETY: as above; the rectangles lie within the slab.
+            unsafe { launch.launch(shape) }.map_err(failed)?;
+        }
+        self.tell(|there| &there.ready)
+    }
+}
+
+impl Drop for Gpu {
+    /// No work may use memory that goes.
+    fn drop(&mut self) {
+        let streams = [
+            Some(&self.stream),
+            self.cover.as_ref().map(|there| &there.stream),
+        ];
+        for stream in streams.into_iter().flatten() {
+            if let Err(error) = stream.synchronize() {
+                log::debug!("at the end of the fluid {}", failed(error));
+            }
+        }
+    }
+}
+
+/// The shape of a launch of this many blocks.
+fn launch_of(count: u32) -> LaunchConfig {
+    LaunchConfig {
+        grid_dim: (count, 1, 1),
+        block_dim: (BLOCK, 1, 1),
+        shared_mem_bytes: 0,
+    }
+}
+
+impl Program {
+    /// The shape of a launch with one thread for each cell.
+    fn launch(&self) -> LaunchConfig {
+        let [planes, rows, length] = self.cells;
+        let width = length.next_multiple_of(32).min(BLOCK);
+        LaunchConfig {
+            grid_dim: (length.div_ceil(width), rows, planes),
+            block_dim: (width, 1, 1),
+            shared_mem_bytes: 0,
+        }
+    }
+}
+
+/// Rectangles as the bytes that the GPU reads.
+fn as_bytes(copies: &[Copies]) -> &[u8] {
+    // SAFETY: numbers with `repr(C)` and no gaps between them.
+    unsafe { std::slice::from_raw_parts(copies.as_ptr().cast(), size_of_val(copies)) }
+}
+
+/// Bytes in 10⁹ bytes.
+fn giga(bytes: usize) -> f64 {
+    base::number::real(bytes) * 1e-9
+}
+
+#[cfg(test)]
+mod tests;

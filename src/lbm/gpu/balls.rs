@@ -1,0 +1,479 @@
+//! The cover of the cells by balls, found on a GPU: what [`coupling::cover_map`] finds on the processor, with the same bits.
+//!
+//! A ball has a box of cells that it may reach, and a thread has a cell of a box. The closed forms of [`base::ball`] need the edges of a ball,
+//! three arctangents each, which many cells share. They come first.
+//!
+//! | kernel | a thread has | it leaves |
+//! |---|---|---|
+//! | `clear` | a cell of the slab | no body in it |
+//! | `edge` | a coordinate of the corners of a box, or a pair of them | its cap, or edge |
+//! | `cover` | a cell of a box | its fraction, and the cell of the box at the head of a list of those that are the same cell of the slab |
+//! | `settle` | the same | owner and fraction, if it is the head of the list |
+//!
+//! Where several balls fill parts of a cell, the parts stand in the order of the names of the balls, whatever the order of the threads.
+
+use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, within};
+use crate::rigid::Rigid;
+use crate::saturation::solid::{DEEP, NONE, SHARED, STILL, Share, Shares, Solid, total};
+use base::number::single;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// The cells that a ball may reach. The same bytes on the host and on the GPU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub(crate) struct BallBox {
+    /// Slot of the ball.
+    slot: u32,
+    /// Where its cells begin among those of all boxes, and its edges among all edges.
+    pub(crate) first: u32,
+    edges: u32,
+    /// Its first cell in the slab, whose ghost cells are -1 and the number of cells, and its cells along each axis.
+    low: [i32; 3],
+    cells: [i32; 3],
+}
+
+/// Threads of a warp.
+pub(crate) const WARP: u32 = 32;
+
+/// Threads of a block. The cells of boxes begin at multiples of this, so that a block has cells of one box.
+pub(crate) const BLOCK: u32 = 128;
+
+impl BallBox {
+    /// That of a body in a slab of these cells, behind those that begin at `first` and `edges`; without cells where the ball does not reach the slab.
+    #[cfg(not(target_arch = "nvptx64"))]
+    fn new(slot: u32, solid: &Solid, slab: [i32; 3], (first, edges): (u32, u32)) -> Self {
+        use base::number::floor_i32;
+        let Rigid {
+            position, radius, ..
+        } = solid.motion;
+        let (mut low, mut cells) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            low[a] = (floor_i32(position[a] - radius) + solid.frame[a]).max(-1);
+            let high = (floor_i32(position[a] + radius) + 1 + solid.frame[a]).min(slab[a] + 1);
+            cells[a] = (high - low[a]).max(0);
+        }
+        if cells.contains(&0) {
+            cells = [0; 3];
+        }
+        Self {
+            slot,
+            first,
+            edges,
+            low,
+            cells,
+        }
+    }
+
+    /// How many blocks its cells have, and how many edges there may be: the same wherever the ball stands.
+    #[cfg(not(target_arch = "nvptx64"))]
+    fn room(solid: &Solid) -> (u32, u32) {
+        use base::number::floor_i32;
+        let across = floor_i32(2.0 * solid.motion.radius).cast_unsigned() + 2;
+        let corners = across + 1;
+        (
+            across.pow(3).div_ceil(BLOCK),
+            3 * corners * corners + 6 * corners,
+        )
+    }
+
+    /// The boxes of all balls in a slab, and which of them each block has. Returns how many edges there may be.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn of_all(
+        solids: &[Solid],
+        slab: [i32; 3],
+        boxes: &mut Vec<Self>,
+        of_blocks: &mut Vec<u32>,
+    ) -> u32 {
+        boxes.clear();
+        of_blocks.clear();
+        let mut edges = 0;
+        for (slot, solid) in (0..).zip(solids) {
+            if solid.motion.radius > 0.0 {
+                let first = base::number::to_u32(of_blocks.len()) * BLOCK;
+                let (blocks, more) = Self::room(solid);
+                let number = base::number::to_u32(boxes.len());
+                of_blocks.extend((0..blocks).map(|_| number));
+                boxes.push(Self::new(slot, solid, slab, (first, edges)));
+                edges += more;
+            }
+        }
+        edges
+    }
+
+    /// How many cells.
+    #[inline(always)]
+    fn count(&self) -> u32 {
+        let [x, y, z] = self.cells.map(i32::cast_unsigned);
+        x * y * z
+    }
+
+    /// Where the edges of an axis and the next one begin, and how many corners there are along the next one.
+    #[inline(always)]
+    fn edges_of(&self, axis: u32) -> (u32, u32) {
+        let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
+        match axis {
+            0 => (0, y),
+            1 => (x * y, z),
+            _ => (x * y + y * z, x),
+        }
+    }
+
+    /// Where the coordinates end.
+    #[inline(always)]
+    fn end_of_coordinates(&self) -> u32 {
+        let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
+        x * y + y * z + z * x + 2 * (x + y + z)
+    }
+
+    /// Where the coordinates along an axis begin, behind all edges: each a coordinate in radii, and the cap beyond it.
+    #[inline(always)]
+    fn coordinates_of(&self, axis: u32) -> u32 {
+        let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
+        let edges = x * y + y * z + z * x;
+        match axis {
+            0 => edges,
+            1 => edges + 2 * x,
+            _ => edges + 2 * (x + y),
+        }
+    }
+}
+
+/// Counters that threads raise: [`Share`]s, lists of them, cells deep inside bodies, and other covered cells.
+#[derive(Debug, Default)]
+#[repr(C)]
+pub(crate) struct Counters {
+    shares: AtomicU32,
+    pub lists: AtomicU32,
+    pub(crate) deep: AtomicU32,
+    pub(crate) mixed: AtomicU32,
+}
+
+/// What belongs to an axis. A GPU has registers only for those places of an array that it knows before.
+#[inline(always)]
+fn of_axis<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
+    match axis {
+        0 => x,
+        1 => y,
+        _ => z,
+    }
+}
+
+/// Balls, the cells of a slab, and the arrays with which the cover is made. The same bytes on the host and on the GPU.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub(crate) struct Balls {
+    /// By slot.
+    pub(crate) solids: *const Solid,
+    /// In the order of their cells.
+    pub(crate) boxes: *const BallBox,
+    /// Which box each block has.
+    pub(crate) of_blocks: *const u32,
+    /// Of all boxes.
+    pub(crate) edges: *mut f64,
+    /// Fraction of each cell of the boxes, its position in the slab, and the next one in its list.
+    pub(crate) parts: *mut f32,
+    pub(crate) positions: *mut u32,
+    pub(crate) next: *mut u32,
+    /// First in the list of each cell of the slab, by position.
+    pub(crate) heads: *const AtomicU32,
+    /// What covers the cells, by position.
+    pub(crate) fraction: *mut f32,
+    pub(crate) owner: *mut u32,
+    /// Parts of the cells of several balls.
+    pub(crate) shares: *mut Share,
+    pub(crate) shared: *mut Shares,
+    pub(crate) counters: *const Counters,
+    /// How many cells of boxes, and positions.
+    pub(crate) cells_of_boxes: u32,
+    pub(crate) count_of_positions: u32,
+    /// Position of cell 0, 0, 0 of the slab, from cell to cell along each axis, and how many cells.
+    pub(crate) origin: u32,
+    pub(crate) strides: [i32; 3],
+    pub(crate) cells: [i32; 3],
+    /// Axes from slowest to fastest.
+    pub(crate) order: [u32; 3],
+}
+
+impl Balls {
+    /// The box of cell `n` of the boxes.
+    ///
+    /// # Safety
+    /// There must be one.
+    #[inline(always)]
+    unsafe fn box_of(&self, n: u32) -> &BallBox {
+        // SAFETY: promised by the caller.
+        unsafe {
+            let number = self.of_blocks.add((n / BLOCK) as usize).read();
+            &*self.boxes.add(number as usize)
+        }
+    }
+
+    /// # Safety
+    /// The slot must be that of a box.
+    #[inline(always)]
+    unsafe fn ball(&self, slot: u32) -> ([f64; 3], f64, [i32; 3]) {
+        // SAFETY: promised by the caller.
+        let solid = unsafe { &*self.solids.add(slot as usize) };
+        (solid.motion.position, solid.motion.radius, solid.frame)
+    }
+
+    /// Takes bodies out of the cell at a position.
+    ///
+    /// # Safety
+    /// All arrays must be as described, and no other thread may have this position.
+    #[inline(always)]
+    pub(crate) unsafe fn clear(&self, position: u32) {
+        if position >= self.count_of_positions {
+            return;
+        }
+        let at = position as usize;
+        // SAFETY: promised by the caller.
+        unsafe {
+            (*self.heads.add(at)).store(NONE, Ordering::Relaxed);
+            if self.owner.add(at).read() != STILL {
+                self.owner.add(at).write(NONE);
+                self.fraction.add(at).write(0.0);
+            }
+        }
+    }
+
+    /// Finds edges of a box, or coordinates: number `thread` and each [`BLOCK`]th behind it.
+    ///
+    /// # Safety
+    /// As for [`Self::clear`].
+    #[inline(always)]
+    pub(crate) unsafe fn edge(&self, number: u32, thread: u32) {
+        // SAFETY: promised by the caller.
+        let of = unsafe { &*self.boxes.add(number as usize) };
+        let mut place = thread;
+        while of.cells[0] > 0 && place < of.end_of_coordinates() {
+            // SAFETY: promised by the caller.
+            unsafe { self.one_edge(of, place) };
+            place += BLOCK;
+        }
+    }
+
+    /// # Safety
+    /// As for [`Self::edge`].
+    #[inline(always)]
+    unsafe fn one_edge(&self, of: &BallBox, place: u32) {
+        // SAFETY: its ball.
+        let (centre, radius, frame) = unsafe { self.ball(of.slot) };
+        let coordinate = |axis: u32, corner: u32| {
+            let axis = axis % 3;
+            let x = of_axis(of.low, axis) - of_axis(frame, axis) + corner.cast_signed();
+            Coordinate::of(x, of_axis(centre, axis), radius)
+        };
+        let last = |start: fn(&BallBox, u32) -> u32| {
+            let from = |axis: u32| u32::from(place >= start(of, axis));
+            from(1) + from(2)
+        };
+        let value = if place >= of.coordinates_of(0) {
+            let axis = last(BallBox::coordinates_of);
+            let place = place - of.coordinates_of(axis);
+            let Coordinate { size, sign, cap } = coordinate(axis, place / 2);
+            if place.is_multiple_of(2) {
+                sign * size
+            } else {
+                cap
+            }
+        } else {
+            let axis = last(|of, axis| of.edges_of(axis).0);
+            let (start, along) = of.edges_of(axis);
+            // Never zero: without this the division could panic, for which a GPU has no function.
+            let (place, along) = (place - start, along.max(1));
+            let size = |axis: u32, corner: u32| coordinate(axis, corner).size;
+            edge(size(axis, place / along), size(axis + 1, place % along))
+        };
+        // SAFETY: its place.
+        unsafe { self.edges.add((of.edges + place) as usize).write(value) };
+    }
+
+    /// Finds how much of cell `n` of the boxes its ball fills.
+    ///
+    /// # Safety
+    /// As for [`Self::clear`]; the edges must have been found.
+    #[inline(always)]
+    pub(crate) unsafe fn cover(&self, n: u32) {
+        if n >= self.cells_of_boxes {
+            return;
+        }
+        // SAFETY: promised by the caller.
+        unsafe {
+            let of = self.box_of(n);
+            let (part, position) = self.part(of, n - of.first);
+            let covers = part != 0.0 && self.owner.add(position as usize).read() != STILL;
+            self.parts
+                .add(n as usize)
+                .write(if covers { part } else { 0.0 });
+            if covers {
+                self.positions.add(n as usize).write(position);
+                let before = (*self.heads.add(position as usize)).swap(n, Ordering::Relaxed);
+                self.next.add(n as usize).write(before);
+            }
+        }
+    }
+
+    /// How much of a cell of a box its ball fills: [`DEEP`] deep inside, of a ghost cell the negative; and its position.
+    ///
+    /// # Safety
+    /// As for [`Self::cover`].
+    #[inline(always)]
+    unsafe fn part(&self, of: &BallBox, place: u32) -> (f32, u32) {
+        let [slow, middle, fast] = self.order;
+        // SAFETY: the ball of a box.
+        let (centre, radius, frame) = unsafe { self.ball(of.slot) };
+        let count = |axis: u32| of_axis(of.cells, axis).cast_unsigned().max(1);
+        if place >= of.count() {
+            return (0.0, 0);
+        }
+        let in_order = [
+            place / count(fast) / count(middle),
+            place / count(fast) % count(middle),
+            place % count(fast),
+        ];
+        let along = |axis: u32| {
+            if axis == slow {
+                in_order[0]
+            } else if axis == middle {
+                in_order[1]
+            } else {
+                in_order[2]
+            }
+        };
+        let in_box = [along(0), along(1), along(2)];
+        let (mut cell, mut raw) = ([0; 3], [0; 3]);
+        let (mut ghost, mut position) = (false, self.origin.cast_signed());
+        for a in 0..3 {
+            cell[a] = of.low[a] + in_box[a].cast_signed();
+            raw[a] = cell[a] - frame[a];
+            ghost |= cell[a] < 0 || cell[a] >= self.cells[a];
+            position += self.strides[a] * cell[a];
+        }
+        let beside = |axis: u32| Beside::of(of_axis(centre, axis), f64::from(of_axis(raw, axis)));
+        let beside = beside(slow) + beside(middle);
+        let (cell, centre, frame) = (
+            of_axis(cell, fast),
+            of_axis(centre, fast),
+            of_axis(frame, fast),
+        );
+        let line = |squared: f64| chord(centre, radius, squared);
+        let lies_in = |[first, end]: [i32; 2]| first <= cell && cell < end;
+        if !lies_in(around(line(beside.nearest), frame)) {
+            return (0.0, 0);
+        }
+        let part = if lies_in(within(line(beside.farthest), 0, frame)) {
+            if lies_in(within(line(beside.beyond), 1, frame)) {
+                DEEP
+            } else {
+                1.0
+            }
+        } else {
+            // SAFETY: promised by the caller.
+            single(unsafe { self.at_surface(of, in_box, radius) })
+        };
+        let part = if ghost { 0.0 - part } else { part };
+        (part, position.cast_unsigned())
+    }
+
+    /// How much of a cell the surface of its ball leaves inside.
+    ///
+    /// # Safety
+    /// As for [`Self::cover`].
+    #[inline(always)]
+    unsafe fn at_surface(&self, of: &BallBox, in_box: [u32; 3], radius: f64) -> f64 {
+        // SAFETY: of the edges and coordinates of the box.
+        let read = |at: u32| unsafe { self.edges.add((of.edges + at) as usize).read() };
+        let mut ends = [[Coordinate::default(); 2]; 3];
+        // By axis, and upper ends of it and of the next one.
+        let mut edges = [[0.0; 4]; 3];
+        for a in 0..3 {
+            let (start, along) = of.edges_of(a);
+            let (one, other) = (in_box[a as usize], in_box[(a as usize + 1) % 3]);
+            for upper in 0..2 {
+                let place = of.coordinates_of(a) + 2 * (one + upper);
+                let (at, cap) = (read(place), read(place + 1));
+                ends[a as usize][upper as usize] = Coordinate {
+                    size: at.abs(),
+                    sign: at.signum(),
+                    cap,
+                };
+            }
+            for ends in 0..4 {
+                let place = (one + ends / 2) * along + other + ends % 2;
+                edges[a as usize][ends as usize] = read(start + place);
+            }
+        }
+        let mut corners = [0.0; 8];
+        for (c, corner) in corners.iter_mut().enumerate() {
+            let upper = [c & 1, c >> 1 & 1, c >> 2 & 1];
+            let at = [ends[0][upper[0]], ends[1][upper[1]], ends[2][upper[2]]];
+            let edge = |a: usize, b: usize| edges[a][2 * upper[a] + upper[b]];
+            *corner = at[0].sign
+                * at[1].sign
+                * at[2].sign
+                * octant_of(
+                    [at[0].size, at[1].size, at[2].size],
+                    [at[0].cap, at[1].cap, at[2].cap],
+                    [edge(0, 1), edge(1, 2), edge(2, 0)],
+                );
+        }
+        filled(corners, radius)
+    }
+
+    /// Makes the cover of a cell from the list of its balls, if cell `n` of the boxes is the head of the list.
+    ///
+    /// # Safety
+    /// As for [`Self::clear`]; all cells of the boxes must have been covered.
+    #[inline(always)]
+    pub(crate) unsafe fn settle(&self, n: u32) {
+        // SAFETY: promised by the caller.
+        unsafe {
+            if n >= self.cells_of_boxes || self.parts.add(n as usize).read() == 0.0 {
+                return;
+            }
+            let at = self.positions.add(n as usize).read() as usize;
+            if (*self.heads.add(at)).load(Ordering::Relaxed) != n {
+                return;
+            }
+            let slot_of = |n: u32| self.box_of(n).slot;
+            let part_of = |n: u32| self.parts.add(n as usize).read();
+            let next_of = |n: u32| self.next.add(n as usize).read();
+            if next_of(n) == NONE {
+                self.owner.add(at).write(slot_of(n));
+                self.fraction.add(at).write(part_of(n));
+                return;
+            }
+            let mut count = 0;
+            let mut k = n;
+            while k != NONE {
+                (count, k) = (count + 1, next_of(k));
+            }
+            let counters = &*self.counters;
+            let first = counters.shares.fetch_add(count, Ordering::Relaxed);
+            let list = counters.lists.fetch_add(1, Ordering::Relaxed);
+            let shares = self.shares.add(first as usize);
+            let mut k = n;
+            while k != NONE {
+                let slot = slot_of(k);
+                let name = (*self.solids.add(slot as usize)).name;
+                let (mut before, mut other) = (0, n);
+                while other != NONE {
+                    let beside = (*self.solids.add(slot_of(other) as usize)).name;
+                    before += usize::from(beside < name);
+                    other = next_of(other);
+                }
+                let part = part_of(k);
+                let fraction = if part < 0.0 { -part } else { part }.min(1.0);
+                shares.add(before).write(Share { slot, fraction });
+                k = next_of(k);
+            }
+            let shares = core::slice::from_raw_parts(shares, count as usize);
+            self.shared.add(list as usize).write(Shares::of(shares));
+            let sum = single(total(shares).min(1.0));
+            let ghost = part_of(n) < 0.0;
+            self.owner.add(at).write(SHARED | list);
+            self.fraction.add(at).write(if ghost { -sum } else { sum });
+        }
+    }
+}

@@ -1,0 +1,476 @@
+//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds fractions and owners, which are
+//! sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many of them that a list of those, twelve bytes each from all
+//! over memory, takes longer. Bodies are sent before each pass.
+
+use super::balls::{BLOCK, BallBox, Balls, Counters, WARP};
+use super::lists::CoveredCells;
+use super::loads::BodyLoad;
+use super::program::Program;
+use super::{Argument, Pinned, launch_of};
+use crate::saturation::Cover;
+use crate::saturation::pass::View;
+use crate::saturation::solid::{Share, Shares};
+use base::number::to_u32;
+use cudarc::driver::{
+    CudaContext, CudaEvent, CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr,
+    DriverError, PushKernelArg, ValidAsZeroBits,
+};
+use std::mem::MaybeUninit;
+use std::sync::Arc;
+
+/// The kernels of a cover.
+pub(super) struct Kernels {
+    /// The passes over the covered cells, deep inside bodies and elsewhere.
+    pub(super) deep: CudaFunction,
+    pub(super) mixed: CudaFunction,
+    list_covered: CudaFunction,
+    /// Of [`Balls`], in the order of the work.
+    balls: [CudaFunction; 4],
+}
+
+impl Kernels {
+    /// By names.
+    pub(super) fn new<E>(
+        [deep, mixed]: [String; 2],
+        function: impl Fn(&str) -> Result<CudaFunction, E>,
+    ) -> Result<Self, E> {
+        Ok(Self {
+            deep: function(&deep)?,
+            mixed: function(&mixed)?,
+            list_covered: function("list_covered")?,
+            balls: [
+                function("ball_clear")?,
+                function("ball_edges")?,
+                function("ball_cover")?,
+                function("ball_settle")?,
+            ],
+        })
+    }
+}
+
+/// Bytes on the GPU beside those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
+/// covered cells, and the fraction before.
+pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
+
+/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the bodies while the open cells
+/// collide.
+pub(super) struct OnGpu {
+    pub(super) stream: Arc<CudaStream>,
+    /// On that stream: the cover was made; the covered cells have collided.
+    pub(super) made: CudaEvent,
+    pub(super) passed: CudaEvent,
+    /// On the stream of the fluid: the populations are those before a pass; the open cells no longer need each of the two covers.
+    pub(super) ready: CudaEvent,
+    done: [CudaEvent; 2],
+    pub(super) kernels: Kernels,
+    /// The cells on the host, held in place for transfers.
+    _pinned: [Option<Pinned>; 2],
+    /// What the cells on the GPU were made from: the version of the cells on the host, or that of the balls.
+    made_from: MadeFrom,
+    /// Of the cover and of that before it, which open cells may still need; which of them is that of the cover.
+    fractions: [CudaSlice<f32>; 2],
+    now: usize,
+    owner: CudaSlice<u32>,
+    solids: Room,
+    shares: Room,
+    parts: Room,
+    mapping: Mapping,
+    /// Numbers of the covered cells.
+    _numbers: CudaSlice<u32>,
+    counters: CudaSlice<u32>,
+    /// How often the bodies had changed when they were sent, and whether what was sent may still be on its way.
+    motions: u64,
+    on_its_way: bool,
+    /// [`BodyLoad::COPIES`] times one load for each slot, and how many slots there are.
+    pub(super) loads: Room,
+    pub(super) bodies: u32,
+    /// What the next pass sees.
+    pub(super) view: View,
+    pub(super) covered: CoveredCells,
+    /// Rooms on the host that are used again.
+    work: Work,
+}
+
+/// See [`OnGpu::made_from`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum MadeFrom {
+    Nothing,
+    Cells(u64),
+    Balls(u64),
+}
+
+/// Arrays with which balls are mapped.
+struct Mapping {
+    heads: CudaSlice<u32>,
+    boxes: Room,
+    of_blocks: Room,
+    edges: Room,
+    fractions: Room,
+    positions: Room,
+    next: Room,
+}
+
+/// Lists that are sent.
+#[derive(Default)]
+struct Work {
+    parts: Vec<Share>,
+    shares: Vec<[u64; 2]>,
+    boxes: Vec<BallBox>,
+    of_blocks: Vec<u32>,
+    sent_of_blocks: Vec<u32>,
+}
+
+/// An array on the GPU that grows, and one beside it on the host from which or to which the GPU copies by itself.
+pub(super) struct Room {
+    there: CudaSlice<Byte>,
+    /// Goes before the bytes.
+    pinned: Option<Pinned>,
+    here: Vec<u64>,
+}
+
+/// A byte of a number, or of what lies between those of a struct.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+struct Byte(MaybeUninit<u8>);
+
+// SAFETY: a byte, and any.
+unsafe impl DeviceRepr for Byte {}
+// SAFETY: as above.
+unsafe impl ValidAsZeroBits for Byte {}
+
+impl Room {
+    fn new(stream: &Arc<CudaStream>) -> Result<Self, DriverError> {
+        Ok(Self {
+            there: stream.alloc_zeros(1 << 12)?,
+            pinned: None,
+            here: Vec::new(),
+        })
+    }
+
+    /// Its address.
+    pub(super) fn address(&self, stream: &Arc<CudaStream>) -> u64 {
+        self.there.device_ptr(stream).0
+    }
+
+    /// Room for a count of numbers; its address.
+    fn of<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
+        let bytes = count * size_of::<T>();
+        if bytes > self.there.len() {
+            self.there = stream.alloc_zeros(bytes.next_power_of_two())?;
+        }
+        Ok(self.address(stream))
+    }
+
+    /// The bytes of the host, at least so many.
+    fn here(&mut self, bytes: usize) -> &mut [u8] {
+        if bytes > size_of_val(&self.here[..]) {
+            self.pinned = None;
+            self.here = vec![0; bytes.next_power_of_two().max(1 << 12) / size_of::<u64>()];
+            // SAFETY: stays until the pin has gone.
+            self.pinned = unsafe { Pinned::new(bytemuck::cast_slice(&self.here)) };
+        }
+        &mut bytemuck::cast_slice_mut(&mut self.here)[..bytes]
+    }
+
+    /// Sends a list, without waiting; its address.
+    fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
+        let address = self.of::<T>(stream, list.len())?;
+        let count = size_of_val(list);
+        if count > 0 {
+            let here = self.here(count);
+            // SAFETY: as many bytes, which may hold anything; kernels read numbers of the same layout (`repr(C)`).
+            unsafe {
+                std::ptr::copy_nonoverlapping(list.as_ptr().cast(), here.as_mut_ptr(), count);
+            }
+            let here = std::ptr::from_ref(here);
+            let mut there = self.there.slice_mut(..count);
+            // SAFETY: the bytes of before; each is a `Byte`.
+            let bytes: &[Byte] = unsafe { &*(here as *const [Byte]) };
+            stream.memcpy_htod(bytes, &mut there)?;
+        }
+        Ok(address)
+    }
+
+    /// Brings numbers back, and waits for them.
+    fn take(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<&[u64], DriverError> {
+        let bytes = count * size_of::<u64>();
+        if bytes == 0 {
+            stream.synchronize()?;
+            return Ok(&[]);
+        }
+        let here = std::ptr::from_mut(self.here(bytes));
+        // SAFETY: the bytes of before; each is a `Byte`.
+        let to: &mut [Byte] = unsafe { &mut *(here as *mut [Byte]) };
+        stream.memcpy_dtoh(&self.there.slice(..bytes), to)?;
+        stream.synchronize()?;
+        Ok(&self.here[..count])
+    }
+}
+
+/// An address on the GPU.
+pub(super) fn pointer<T>(address: u64) -> *mut T {
+    // A GPU has addresses of 64 bits, as has any host that it serves.
+    std::ptr::without_provenance_mut(usize::try_from(address).unwrap_or(0))
+}
+
+impl OnGpu {
+    /// Sends the cells of a cover.
+    ///
+    /// # Safety
+    /// It must be the cover of each update, and outlive this.
+    pub(super) unsafe fn new(
+        context: &Arc<CudaContext>,
+        kernels: Kernels,
+        cover: &Cover,
+        program: &Program,
+    ) -> Result<Self, DriverError> {
+        // Before the fluid where both have work: the host waits for the forces.
+        let stream = &context.new_stream_with_priority(-1)?;
+        let (owner, fraction) = cover.cells();
+        // SAFETY: promised by the caller: lists of cells stay where they are.
+        let pinned = unsafe {
+            [
+                Pinned::new(bytemuck::cast_slice(owner)),
+                Pinned::new(bytemuck::cast_slice(fraction)),
+            ]
+        };
+        let [planes, rows, length] = program.cells;
+        let cells = planes * rows * length;
+        let numbers = stream.alloc_zeros(cells as usize)?;
+        let counters = stream.alloc_zeros(size_of::<Counters>() / size_of::<u32>())?;
+        let covered = CoveredCells {
+            numbers: pointer(numbers.device_ptr(stream).0),
+            counters: pointer(counters.device_ptr(stream).0),
+            planes,
+            rows,
+            cells,
+        };
+        Ok(Self {
+            made: context.new_event(None)?,
+            passed: context.new_event(None)?,
+            ready: context.new_event(None)?,
+            done: [context.new_event(None)?, context.new_event(None)?],
+            kernels,
+            _pinned: pinned,
+            made_from: MadeFrom::Nothing,
+            mapping: Mapping {
+                heads: stream.alloc_zeros(fraction.len())?,
+                boxes: Room::new(stream)?,
+                of_blocks: Room::new(stream)?,
+                edges: Room::new(stream)?,
+                fractions: Room::new(stream)?,
+                positions: Room::new(stream)?,
+                next: Room::new(stream)?,
+            },
+            fractions: [stream.clone_htod(fraction)?, stream.clone_htod(fraction)?],
+            now: 0,
+            owner: stream.clone_htod(owner)?,
+            solids: Room::new(stream)?,
+            shares: Room::new(stream)?,
+            parts: Room::new(stream)?,
+            _numbers: numbers,
+            counters,
+            motions: u64::MAX,
+            on_its_way: false,
+            loads: Room::new(stream)?,
+            bodies: 0,
+            view: View::NONE,
+            covered,
+            work: Work::default(),
+            stream: stream.clone(),
+        })
+    }
+
+    /// Makes the cover of the cells and sends the bodies, where they have changed. Does not wait for the GPU.
+    pub(super) fn update(
+        &mut self,
+        cover: &mut Cover,
+        program: &Program,
+    ) -> Result<(), DriverError> {
+        let balls = cover.balls();
+        let wanted = balls.map_or(MadeFrom::Cells(cover.version()), MadeFrom::Balls);
+        if self.motions == cover.motions() && self.made_from == wanted {
+            return Ok(());
+        }
+        let stream = &self.stream.clone();
+        if std::mem::replace(&mut self.on_its_way, true) {
+            stream.synchronize()?;
+        }
+        let solids = self.solids.send(stream, cover.solids())?;
+        self.motions = cover.motions();
+        self.view.move_solids(solids);
+        if self.made_from != wanted {
+            self.now = 1 - self.now;
+            stream.wait(&self.done[self.now])?;
+            stream.memset_zeros(&mut self.counters)?;
+            let shares = if balls.is_some() {
+                self.map_balls(stream, cover, program, solids)?
+            } else {
+                self.send_cells(stream, cover)?
+            };
+            let addresses = [
+                self.fractions[self.now].device_ptr(stream).0,
+                self.owner.device_ptr(stream).0,
+                solids,
+                shares,
+            ];
+            self.view = View::on_gpu(cover, addresses);
+            let mut launch = stream.launch_builder(&self.kernels.list_covered);
+            let (slab, view) = (Argument(program.passes[0].slab), Argument(self.view));
+            let covered = Argument(self.covered);
+            launch.arg(&slab).arg(&view).arg(&covered);
+            let rows = self.covered.planes * self.covered.rows;
+            let shape = launch_of((rows * WARP).div_ceil(BLOCK));
+            // SAFETY: the kernel takes these arguments, and has room for each cell.
+            unsafe { launch.launch(shape) }?;
+            self.made_from = wanted;
+            self.made.record(stream)?;
+        }
+        Ok(())
+    }
+
+    /// Sends the cells; the address of the lists of parts.
+    fn send_cells(
+        &mut self,
+        stream: &Arc<CudaStream>,
+        cover: &mut Cover,
+    ) -> Result<u64, DriverError> {
+        let (owner, fraction) = cover.cells();
+        stream.memcpy_htod(fraction, &mut self.fractions[self.now])?;
+        stream.memcpy_htod(owner, &mut self.owner)?;
+        let Work { parts, shares, .. } = &mut self.work;
+        parts.clear();
+        parts.extend(cover.shared().flatten().copied());
+        let mut at = self.parts.send(stream, parts)?;
+        shares.clear();
+        shares.extend(cover.shared().map(|of_cell| {
+            let here = Shares::words(at, of_cell.len());
+            at += size_of_val(of_cell) as u64;
+            here
+        }));
+        self.shares.send(stream, shares)
+    }
+
+    /// Maps balls, whose bodies are on the GPU; the address of the lists of parts.
+    fn map_balls(
+        &mut self,
+        stream: &Arc<CudaStream>,
+        cover: &Cover,
+        program: &Program,
+        solids: u64,
+    ) -> Result<u64, DriverError> {
+        let order = cover.order();
+        let slab = &program.passes[0].slab;
+        let (mut cells, mut strides) = ([0; 3], [0; 3]);
+        for (axis, (count, stride)) in order
+            .iter()
+            .zip(program.cells.iter().zip([slab.plane, slab.row, 1]))
+        {
+            (cells[*axis], strides[*axis]) = (count.cast_signed(), stride.cast_signed());
+        }
+        let Work {
+            boxes,
+            of_blocks,
+            sent_of_blocks,
+            ..
+        } = &mut self.work;
+        let edges = BallBox::of_all(cover.solids(), cells, boxes, of_blocks) as usize;
+        // The same until bodies come or go.
+        if of_blocks != sent_of_blocks {
+            self.mapping.of_blocks.send(stream, of_blocks)?;
+            sent_of_blocks.clone_from(of_blocks);
+        }
+        let blocks = to_u32(of_blocks.len());
+        let cells_of_boxes = of_blocks.len() * BLOCK as usize;
+        let shares = self.shares.of::<Shares>(stream, cells_of_boxes)?;
+        let balls = Balls {
+            solids: pointer(solids),
+            boxes: pointer(self.mapping.boxes.send(stream, boxes)?),
+            of_blocks: pointer(self.mapping.of_blocks.address(stream)),
+            edges: pointer(self.mapping.edges.of::<f64>(stream, edges)?),
+            parts: pointer(self.mapping.fractions.of::<f32>(stream, cells_of_boxes)?),
+            positions: pointer(self.mapping.positions.of::<u32>(stream, cells_of_boxes)?),
+            next: pointer(self.mapping.next.of::<u32>(stream, cells_of_boxes)?),
+            heads: pointer(self.mapping.heads.device_ptr(stream).0),
+            fraction: pointer(self.fractions[self.now].device_ptr(stream).0),
+            owner: pointer(self.owner.device_ptr(stream).0),
+            shares: pointer(self.parts.of::<Share>(stream, cells_of_boxes)?),
+            shared: pointer(shares),
+            counters: pointer(self.counters.device_ptr(stream).0),
+            cells_of_boxes: blocks * BLOCK,
+            count_of_positions: to_u32(self.fractions[0].len()),
+            origin: slab.first[0],
+            strides,
+            cells,
+            order: order.map(to_u32),
+        };
+        let grids = [
+            balls.count_of_positions.div_ceil(BLOCK),
+            to_u32(boxes.len()),
+            blocks,
+            blocks,
+        ];
+        let balls = Argument(balls);
+        for (kernel, blocks) in self.kernels.balls.iter().zip(grids) {
+            if blocks > 0 {
+                let mut launch = stream.launch_builder(kernel);
+                launch.arg(&balls);
+                // SAFETY: the kernel takes this argument; the arrays have this room.
+                unsafe { launch.launch(launch_of(blocks)) }?;
+            }
+        }
+        Ok(shares)
+    }
+
+    /// Clears the forces before a pass.
+    pub(super) fn clear_loads(&mut self, bodies: usize) -> Result<(), DriverError> {
+        self.bodies = to_u32(bodies);
+        let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
+        self.loads.of::<u8>(&self.stream, bytes)?;
+        // A driver refuses to set nothing.
+        if bytes == 0 {
+            return Ok(());
+        }
+        let mut loads = self.loads.there.slice_mut(..bytes);
+        self.stream.memset_zeros(&mut loads)
+    }
+
+    /// Waits for the forces, and adds them to the sums of the cover.
+    pub(super) fn take_loads(&mut self, cover: &mut Cover) -> Result<(), DriverError> {
+        let words = self.bodies as usize * BodyLoad::WORDS;
+        let copies = BodyLoad::COPIES as usize;
+        let received = self.loads.take(&self.stream, copies * words)?;
+        self.on_its_way = false;
+        for slot in 0..self.bodies as usize {
+            let mut sums = [0_u64; BodyLoad::WORDS];
+            for copy in 0..copies {
+                let load = &received[copy * words + slot * BodyLoad::WORDS..];
+                for (sum, part) in sums.iter_mut().zip(load) {
+                    *sum = sum.wrapping_add(*part);
+                }
+            }
+            if sums.iter().any(|&part| part != 0) {
+                let total = BodyLoad::of(&sums).total(&cover.solids()[slot]);
+                cover.receive(to_u32(slot), &total);
+            }
+        }
+        Ok(())
+    }
+
+    /// What the open cells need the cover for is done on a stream.
+    pub(super) fn done(&self, stream: &Arc<CudaStream>) -> Result<(), DriverError> {
+        self.done[self.now].record(stream)
+    }
+
+    /// Address of the fractions.
+    pub(super) fn address_of_fractions(&self) -> u64 {
+        self.fractions[self.now].device_ptr(&self.stream).0
+    }
+
+    /// The fractions of the cells of a row from a position on.
+    pub(super) fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), DriverError> {
+        let there = self.fractions[self.now].slice(first..first + fractions.len());
+        self.stream.memcpy_dtoh(&there, fractions)?;
+        self.stream.synchronize()
+    }
+}

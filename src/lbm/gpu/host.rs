@@ -1,0 +1,70 @@
+//! The cover of the cells by balls as the kernels of a GPU find it, run on the host thread after thread, from the last to the first.
+//!
+//! A comparison of these kernels with the processor's own cover needs no GPU.
+
+use super::balls::{BLOCK, BallBox, Balls, Counters};
+use crate::saturation::solid::{NONE, Share, Shares, Solid};
+use base::number::to_u32;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell of several, as a GPU finds them.
+///
+/// `owner` holds the cells behind walls. The last arguments are the position of the first cell, the strides along the axes, the cells of
+/// the slab, and the axes in the order of the boxes.
+#[must_use]
+pub fn cover(
+    solids: &[Solid],
+    (mut owner, mut fraction): (Vec<u32>, Vec<f32>),
+    (origin, strides, cells, order): (u32, [i32; 3], [i32; 3], [u32; 3]),
+) -> (Vec<u32>, Vec<f32>, Vec<Vec<Share>>) {
+    let (mut boxes, mut of_blocks) = (Vec::new(), Vec::new());
+    let count_of_edges = BallBox::of_all(solids, cells, &mut boxes, &mut of_blocks);
+    let most = of_blocks.len() * BLOCK as usize;
+    let none = Share {
+        slot: NONE,
+        fraction: 0.0,
+    };
+    let mut edges = vec![0.0; count_of_edges as usize];
+    let (mut parts, mut positions, mut next) = (vec![0.0; most], vec![0; most], vec![0; most]);
+    let (mut shares, mut shared) = (vec![none; most], vec![Shares::of(&[]); most]);
+    let heads: Vec<AtomicU32> = owner.iter().map(|_| AtomicU32::new(7)).collect();
+    let counters = Counters::default();
+    let balls = Balls {
+        solids: solids.as_ptr(),
+        boxes: boxes.as_ptr(),
+        of_blocks: of_blocks.as_ptr(),
+        edges: edges.as_mut_ptr(),
+        parts: parts.as_mut_ptr(),
+        positions: positions.as_mut_ptr(),
+        next: next.as_mut_ptr(),
+        heads: heads.as_ptr(),
+        fraction: fraction.as_mut_ptr(),
+        owner: owner.as_mut_ptr(),
+        shares: shares.as_mut_ptr(),
+        shared: shared.as_mut_ptr(),
+        counters: &raw const counters,
+        cells_of_boxes: to_u32(most),
+        count_of_positions: to_u32(heads.len()),
+        origin,
+        strides,
+        cells,
+        order,
+    };
+    // More threads than there is work.
+    let threads = |count: u32| (0..count + 50).rev();
+    // SAFETY: arrays as described.
+    unsafe {
+        threads(balls.count_of_positions).for_each(|n| balls.clear(n));
+        for n in (0..to_u32(boxes.len())).rev() {
+            (0..BLOCK).rev().for_each(|thread| balls.edge(n, thread));
+        }
+        threads(balls.cells_of_boxes).for_each(|n| balls.cover(n));
+        threads(balls.cells_of_boxes).for_each(|n| balls.settle(n));
+    }
+    let lists = counters.lists.load(Ordering::Relaxed) as usize;
+    let shared = shared[..lists].iter();
+    // SAFETY: made by `settle`.
+    let shared = shared.map(|list| unsafe { list.parts() }.to_vec());
+    let shared = shared.collect();
+    (owner, fraction, shared)
+}

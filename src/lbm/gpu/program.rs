@@ -1,0 +1,213 @@
+//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies that follow each.
+//!
+//! | after the pass | copies, in this order |
+//! |---|---|
+//! | even | round the rows, round the middle axis, round the slab axis; walls |
+//! | odd | round the rows, round the slab axis, round the middle axis; walls |
+//!
+//! The order is that of [`crate::fluid::Fluid::advance`], so that corners follow.
+
+use super::cell::Slab;
+use super::copies::Copies;
+use crate::boundary::Boundaries;
+use crate::lanes::Stored;
+use crate::populations::{Parity, Populations};
+use base::number::to_u32;
+
+/// One of the two passes with what follows it.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    /// Where the cells have their numbers.
+    pub slab: Slab,
+    /// Copies that follow, one list after the other; those of a list in any order.
+    pub copies: Vec<Vec<Copies>>,
+}
+
+/// The work of a step.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The even and the odd pass.
+    pub passes: [Pass; 2],
+    /// Planes, rows and cells of a row.
+    pub cells: [u32; 3],
+}
+
+impl Program {
+    /// The work for a slab that is the whole domain.
+    #[must_use]
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        periodic: [bool; 3],
+    ) -> Self {
+        let cells = populations
+            .order()
+            .map(|axis| to_u32(populations.cells()[axis]));
+        let passes = [Parity::Home, Parity::Reversed]
+            .map(|before| Pass::new(populations, boundaries, periodic, before));
+        Self { passes, cells }
+    }
+
+    /// The pass that follows populations of a parity.
+    #[must_use]
+    pub fn after(&self, parity: Parity) -> &Pass {
+        &self.passes[usize::from(parity == Parity::Reversed)]
+    }
+}
+
+impl Pass {
+    /// The pass over populations that lie as after `before`.
+    fn new<S: Stored>(
+        populations: &Populations<S>,
+        boundaries: &Boundaries<S>,
+        periodic: [bool; 3],
+        before: Parity,
+    ) -> Self {
+        let after = match before {
+            Parity::Home => Parity::Reversed,
+            Parity::Reversed => Parity::Home,
+        };
+        let [slow, middle, fast] = populations.order();
+        let origin = populations.cell([0; 3]);
+        let mut first = [0; 27];
+        for (i, first) in first
+            .iter_mut()
+            .enumerate()
+            .take(populations.velocities().q())
+        {
+            *first = to_u32(populations.incoming_after(before, origin, i));
+        }
+        let slab = Slab {
+            first,
+            plane: step(populations, slow),
+            row: step(populations, middle),
+            cells: to_u32(populations.cells()[fast]),
+        };
+        let round = Round {
+            populations,
+            periodic,
+            after,
+        };
+        let [one, other] = match after {
+            Parity::Reversed => [
+                round.axis(middle, slow, false),
+                round.axis(slow, middle, true),
+            ],
+            Parity::Home => [
+                round.axis(slow, middle, true),
+                round.axis(middle, slow, true),
+            ],
+        };
+        let mut copies = vec![
+            round.rows(&slab),
+            one,
+            other,
+            boundaries.wall_copies(after, slab.plane),
+        ];
+        copies.retain(|list| !list.is_empty());
+        Self { slab, copies }
+    }
+}
+
+/// Returns the distance of neighbours along an axis.
+fn step<S: Stored>(populations: &Populations<S>, axis: usize) -> u32 {
+    let mut at = [0; 3];
+    at[axis] = 1;
+    to_u32(populations.cell(at) - populations.cell([0; 3]))
+}
+
+/// Periodic axes of a slab after a pass.
+struct Round<'a, S: Stored> {
+    populations: &'a Populations<S>,
+    periodic: [bool; 3],
+    after: Parity,
+}
+
+impl<S: Stored> Round<'_, S> {
+    /// Returns the component of a direction along an axis; 0 where nothing goes round it.
+    fn along(&self, axis: usize, i: usize) -> i8 {
+        let velocities = self.populations.velocities();
+        if self.periodic[axis] && axis < velocities.dimension {
+            velocities.c[i][axis]
+        } else {
+            0
+        }
+    }
+
+    /// Returns the copies round the rows: what the first cell of a row left for the cell before it belongs to the one
+    /// behind the last as well, and the reverse.
+    fn rows(&self, slab: &Slab) -> Vec<Copies> {
+        let [slow, middle, fast] = self.populations.order();
+        let cells = self.populations.cells();
+        let (first, length) = (&slab.first, to_u32(cells[fast]));
+        let mut all = Vec::new();
+        for i in 0..self.populations.velocities().q() {
+            let (from, to) = match self.along(fast, i) {
+                1 => (first[i], first[i] + length),
+                -1 => (first[i] + length - 1, first[i] - 1),
+                _ => continue,
+            };
+            all.push(Copies {
+                from,
+                to,
+                counts: [to_u32(cells[middle]), to_u32(cells[slow])],
+                strides: [slab.row, slab.plane],
+                ..PLAIN
+            });
+        }
+        all
+    }
+
+    /// Returns the copies round another axis: whole rows, with their ghosts. After an even pass ghosts are filled,
+    /// after an odd one delivered. Round the middle axis the planes have their turn before the slab axis, or after it
+    /// with its ghosts (`beyond`).
+    fn axis(&self, axis: usize, other: usize, beyond: bool) -> Vec<Copies> {
+        let populations = self.populations;
+        let (velocities, cells) = (populations.velocities(), populations.cells());
+        let fast = populations.order()[2];
+        let ghosts = |axis: usize| isize::from(axis < velocities.dimension);
+        let mut all = Vec::new();
+        for i in 0..velocities.q() {
+            let last = cells[axis].cast_signed() - 1;
+            let (outside, inside) = match self.along(axis, i) {
+                -1 => (-1, last),
+                1 => (last + 1, 0),
+                _ => continue,
+            };
+            let (from, to) = match self.after {
+                Parity::Reversed => (inside, outside),
+                Parity::Home => (outside, inside),
+            };
+            let margin = if beyond { ghosts(other) } else { 0 };
+            let place = |at_axis: isize| {
+                let mut at = [0; 3];
+                at[axis] = at_axis;
+                at[other] = -margin;
+                at[fast] = -ghosts(fast);
+                to_u32(populations.slot(populations.cell(at), i))
+            };
+            all.push(Copies {
+                from: place(from),
+                to: place(to),
+                counts: [
+                    to_u32(cells[fast]) + 2 * u32::from(ghosts(fast) > 0),
+                    to_u32(cells[other]) + 2 * u32::from(margin > 0),
+                ],
+                strides: [1, step(populations, other)],
+                ..PLAIN
+            });
+        }
+        all
+    }
+}
+
+/// Copy of one number without a term.
+const PLAIN: Copies = Copies {
+    from: 0,
+    to: 0,
+    counts: [1, 1],
+    strides: [0, 0],
+    factor: 0,
+    unused: 0,
+    term: 0.0,
+};

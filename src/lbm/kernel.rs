@@ -1,0 +1,520 @@
+//! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
+//!
+//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written where its opposite
+//! was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in ghosts and padding, whose contents
+//! the boundaries renew after every pass.
+
+use super::block::Block;
+use super::collision::{Collision, Site};
+use super::lanes::{Level, Memory, Stored, prefetch};
+use super::lattice::{Lattice, unroll};
+use super::populations::{ACROSS, Populations};
+use super::saturation::Solids;
+use super::saturation::pass::{Covers, Place, View as CoverView};
+use super::surface::lists::Plane as WetPlane;
+use super::turbulence::Eddies;
+use super::turbulence::field::View;
+use base::number::to_u32;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+/// Bytes of a cache line.
+const LINE: usize = 64;
+
+/// Bytes from the cells at work to those that are asked for. The work on a vector of cells of 19 or 27 populations is longer than what the
+/// processor looks ahead. Nine populations it sees coming, but not beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is
+/// 15 % faster where memory is slow, and one in the cache as fast as without.
+const fn bytes_ahead<const Q: usize>() -> usize {
+    if Q > 9 { 4 * LINE } else { 8 * LINE }
+}
+
+/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the address is
+/// at hand then. Else they are asked for once a line.
+const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
+    (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
+}
+
+/// What happens to a cell: an operator with an eddy viscosity.
+#[derive(Clone, Copy, Debug)]
+pub struct Update<C, T> {
+    /// The operator.
+    pub collision: C,
+    /// Eddy viscosity.
+    pub eddies: T,
+    /// Viscosity of the fluid itself, lattice units.
+    pub viscosity: f64,
+    /// Which worker this is, from 0.
+    pub worker: usize,
+}
+
+/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and processor.
+pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &Block);
+
+/// What the threads of one pass share.
+pub struct Shared<S> {
+    base: *mut S,
+    /// Position read for each population by the row at plane 0, row 0.
+    first: [usize; 27],
+    plane: usize,
+    row: usize,
+    rows: usize,
+    cells: usize,
+    velocity: View,
+    cover: CoverView,
+    /// Every row as a whole, the part of a row that the pass collides without a free surface.
+    whole: [u32; 2],
+    /// Wet parts of the rows of each plane; null without a free surface.
+    wet: *const WetPlane,
+    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go round.
+    around: [Vec<usize>; 2],
+}
+
+// SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each row of
+// cells is given to one thread, so no two threads touch the same number; sums over bodies are one for each worker.
+unsafe impl<S> Sync for Shared<S> {}
+
+impl<S> Shared<S> {
+    /// The numbers of all populations.
+    pub(crate) fn numbers(&self) -> *mut S {
+        self.base
+    }
+
+    /// What the pass reads and leaves of the velocities.
+    pub(crate) fn velocity(&self) -> &View {
+        &self.velocity
+    }
+
+    /// Rows of a plane.
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Cells of a row.
+    pub(crate) fn cells(&self) -> usize {
+        self.cells
+    }
+
+    /// Leaves out the cells that hold no water. The lists of the planes must stay as they are during the pass.
+    pub(crate) fn only_wet(mut self, planes: &[WetPlane]) -> Self {
+        self.wet = planes.as_ptr();
+        self
+    }
+
+    /// Returns the parts of a row that the pass collides.
+    ///
+    /// # Safety
+    /// The slab must have the row.
+    #[inline(always)]
+    unsafe fn spans(&self, plane: usize, row: usize) -> &[[u32; 2]] {
+        if self.wet.is_null() {
+            std::slice::from_ref(&self.whole)
+        } else {
+            // SAFETY: there are lists for each plane, for as long as the pass takes.
+            unsafe { (*self.wet.add(plane)).spans(row) }
+        }
+    }
+
+    /// Some planes as a whole.
+    pub(crate) fn planes(&self, planes: Range<usize>) -> Block {
+        Block {
+            planes,
+            rows: 0..self.rows,
+        }
+    }
+
+    /// Takes what left the row that starts `start` numbers after the first one at its ends round to its other end.
+    ///
+    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and the reverse; after an
+    /// even pass these are what the ghosts of the row have to hold, after an odd pass they are delivered. Both are the same copies.
+    ///
+    /// # Safety
+    /// The cells of the row must be done, and nobody else may work on them.
+    #[inline(always)]
+    unsafe fn go_round(&self, start: usize) {
+        let row = self.base.wrapping_add(start);
+        let [forth, back] = &self.around;
+        for &first in forth {
+            let at = row.wrapping_add(first);
+            // SAFETY: the numbers of the first cell and of the one behind the last, which no other cell has.
+            unsafe { at.add(self.cells).write(at.read()) };
+        }
+        for &first in back {
+            let at = row.wrapping_add(first);
+            // SAFETY: the numbers of the last cell and of the one before the first.
+            unsafe { at.sub(1).write(at.add(self.cells - 1).read()) };
+        }
+    }
+}
+
+impl<S: Stored> Shared<S> {
+    /// Describes the coming pass over `populations`; `round` where the axis of the rows is periodic.
+    pub(crate) fn new<const Q: usize>(
+        populations: &mut Populations<S>,
+        velocity: View,
+        cover: CoverView,
+        round: bool,
+    ) -> Self {
+        let [slow, middle, fast] = populations.order();
+        let cells = populations.cells();
+        let unit = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            populations.cell(at) - populations.cell([0; 3])
+        };
+        let positions: [usize; Q] = populations.row_positions(populations.cell([0; 3]));
+        let mut first = [0; 27];
+        first[..Q].copy_from_slice(&positions);
+        let streams = |sign: i8| {
+            let c = &populations.velocities().c;
+            let along = (0..Q).filter(|&i| round && c[i][fast] == sign);
+            along.map(|i| positions[i]).collect()
+        };
+        let around = [streams(1), streams(-1)];
+        Self {
+            plane: unit(slow),
+            row: unit(middle),
+            rows: cells[middle],
+            cells: cells[fast],
+            first,
+            base: populations.base(),
+            velocity,
+            cover,
+            whole: [0, to_u32(cells[fast])],
+            wet: std::ptr::null(),
+            around,
+        }
+    }
+}
+
+/// The pass for this lattice, operator, storage and level.
+#[must_use]
+pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    level: Level,
+) -> Pass<S, C, T> {
+    match level {
+        Level::Scalar => scalar::<L, C, T, P, S, Q>,
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => avx2::<L, C, T, P, S, Q>,
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => avx512::<L, C, T, P, S, Q>,
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    block: &Block,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx2, Q>(shared, update, block) }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
+unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    block: &Block,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, super::lanes::Avx512, Q>(shared, update, block) }
+}
+
+unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    block: &Block,
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
+}
+
+/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from there to where
+/// c_x is 1 and -1 (see [`super::populations`]).
+struct Row<'a, L, S, const Q: usize> {
+    at: &'a [*mut S; 9],
+    along: [isize; 2],
+    lattice: PhantomData<L>,
+}
+
+/// The velocities of a set by their places in memory.
+struct Places<L, const Q: usize>(PhantomData<L>);
+
+impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
+    /// The place of (c_y, c_z) of each population in [`ACROSS`].
+    const ACROSS: [usize; Q] = {
+        let mut places = [0; Q];
+        let mut i = 0;
+        while i < Q {
+            let c = L::C[i];
+            let mut n = 0;
+            while ACROSS[n][0] != c[1] || ACROSS[n][1] != c[2] {
+                n += 1;
+            }
+            places[i] = n;
+            i += 1;
+        }
+        places
+    };
+    /// The population with c_x = 0 for each of [`ACROSS`]; that at rest, where the set has none.
+    const FIRST: [usize; 9] = {
+        let mut first = [0; 9];
+        let mut i = 0;
+        while i < Q {
+            if L::C[i][0] == 0 {
+                first[Self::ACROSS[i]] = i;
+            }
+            i += 1;
+        }
+        first
+    };
+    /// The populations along x and against it.
+    const ALONG: [usize; 2] = {
+        let mut along = [0; 2];
+        let mut i = 0;
+        while i < Q {
+            if Self::ACROSS[i] == 0 && L::C[i][0] != 0 {
+                along[if L::C[i][0] > 0 { 0 } else { 1 }] = i;
+            }
+            i += 1;
+        }
+        along
+    };
+}
+
+impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
+    /// # Safety
+    /// From each of `at` and those beside them on, a vector must be numbers that nobody else reads or writes.
+    #[inline(always)]
+    unsafe fn new(at: &'a [*mut S; 9], along: [isize; 2]) -> Self {
+        Self {
+            at,
+            along,
+            lattice: PhantomData,
+        }
+    }
+
+    /// Where population i is read.
+    #[inline(always)]
+    fn address(&self, i: usize) -> *mut S {
+        let c = L::C[i];
+        let base = self.at[Places::<L, Q>::ACROSS[i]];
+        match c[0] {
+            0 => base,
+            1 => base.wrapping_offset(self.along[0]),
+            _ => base.wrapping_offset(self.along[1]),
+        }
+    }
+
+    /// What [`Site::leave`] left along i.
+    #[inline(always)]
+    fn outgoing<N: super::lanes::Lanes>(&self, i: usize) -> N
+    where
+        S: Memory<N>,
+    {
+        // SAFETY: promised to `new`.
+        unsafe { <S as Memory<N>>::load(self.address(L::OPPOSITE[i])) }
+    }
+
+    /// Asks for the numbers that are needed some vectors later.
+    #[inline(always)]
+    fn prefetch(&self, i: usize) {
+        prefetch(
+            self.address(i)
+                .wrapping_add(bytes_ahead::<Q>() / size_of::<S>()),
+        );
+    }
+}
+
+impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N, Q>
+    for Row<'_, L, S, Q>
+{
+    #[inline(always)]
+    fn incoming(&self, i: usize) -> N {
+        if const { ahead_of_each::<S, N>() } {
+            self.prefetch(i);
+        }
+        // SAFETY: promised to `new`.
+        unsafe { <S as Memory<N>>::load(self.address(i)) }
+    }
+    #[inline(always)]
+    fn leave(&mut self, i: usize, outgoing: N) {
+        // SAFETY: promised to `new`.
+        unsafe { <S as Memory<N>>::store(self.address(L::OPPOSITE[i]), outgoing) }
+    }
+}
+
+/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of nine before the loop, and
+/// fetch most of them from the stack in every turn.
+#[inline(always)]
+fn opaque(along: &mut [isize; 2]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let [a, b] = along;
+        // SAFETY: no instruction at all.
+        unsafe {
+            std::arch::asm!(
+                "/* {} {} */",
+                inout(reg) * a,
+                inout(reg) * b,
+                options(nomem, nostack, preserves_flags)
+            );
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = along;
+}
+
+/// # Safety
+/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of `N`.
+#[inline(always)]
+unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
+    shared: &Shared<S>,
+    update: &Update<C, T>,
+    block: &Block,
+) where
+    L: Lattice<Q>,
+    C: Collision,
+    T: Eddies,
+    P: Solids,
+    S: Memory<N>,
+    f32: Memory<N>,
+    f64: Memory<N>,
+    N: Covers,
+{
+    // A copy on the stack that nothing else can change keeps the operator's rates in registers.
+    let Update {
+        collision,
+        eddies,
+        viscosity,
+        worker,
+    } = *update;
+    let velocity = shared.velocity;
+    let cover = shared.cover;
+    let sums = cover.sums_of(worker);
+    let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
+    let mut rates = collision.uniform::<N>();
+    let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| shared.first[i]);
+    let along = [
+        ahead.wrapping_sub(shared.first[0]).cast_signed(),
+        behind.wrapping_sub(shared.first[0]).cast_signed(),
+    ];
+    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing them takes time.
+    let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
+    for plane in block.planes.clone() {
+        for row in block.rows.clone() {
+            let start = plane * shared.plane + row * shared.row;
+            // Population 0 is at its cell, so that its position is that of the cell in other arrays too.
+            let cell = shared.first[0] + start;
+            // SAFETY: promised by the caller.
+            for &[begin, end] in unsafe { shared.spans(plane, row) } {
+                let (mut k, end) = (begin as usize, end as usize);
+                // The addresses move with the cells, so that each number is an address and at most one distance away.
+                let mut at = [std::ptr::null_mut::<S>(); 9];
+                unroll!(nine n < 9 => {
+                    let first = shared.first[Places::<L, Q>::FIRST[n]];
+                    at[n] = shared.base.wrapping_add(first + start + k);
+                });
+                while k < end {
+                    let mut along = along;
+                    opaque(&mut along);
+                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                    let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
+                    if T::ACTIVE && eddies.present() {
+                        // SAFETY: an interior cell.
+                        let gradient = unsafe { velocity.gradient::<N>(cell + k) };
+                        omega = eddies.rate(viscosity, &gradient);
+                        rates = collision.local(omega);
+                    }
+                    if k.is_multiple_of(LINE / size_of::<S>()) {
+                        if !const { ahead_of_each::<S, N>() } {
+                            unroll!(populations i < Q => {
+                                site.prefetch(i);
+                            });
+                        }
+                        if T::ACTIVE && eddies.present() {
+                            velocity.prefetch(cell + k, bytes_ahead::<Q>() / size_of::<S>());
+                        }
+                    }
+                    let place = Place {
+                        cell: cell + k,
+                        at: [plane, row, k],
+                        sums,
+                    };
+                    // SAFETY: an interior cell.
+                    let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
+                    // Eddies ask for the velocity of the fluid there, too.
+                    let mut deep = false;
+                    if covered {
+                        unroll!(populations i < Q => {
+                            before[i] = site.incoming(i);
+                        });
+                        if !(T::ACTIVE && eddies.present()) {
+                            // SAFETY: an interior cell.
+                            deep = unsafe { cover.fills::<N>(cell + k) };
+                        }
+                    }
+                    let mut u = [N::splat(0.0); 3];
+                    if deep {
+                        // SAFETY: an interior cell; no other thread is this worker.
+                        unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
+                        unroll!(populations i < Q => {
+                            site.leave(i, g[i]);
+                        });
+                    } else if !covered || const { size_of::<S>() == size_of::<f64>() } {
+                        u = collision.collide::<L, N, _, Q>(&mut site, &rates);
+                        if covered {
+                            unroll!(populations i < Q => {
+                                fluid[i] = site.outgoing(i);
+                            });
+                            // SAFETY: as above.
+                            u = unsafe {
+                                N::mix::<L, Q>(
+                                    &shared.cover,
+                                    place,
+                                    &before,
+                                    &fluid,
+                                    &mut g,
+                                    (u, omega),
+                                )
+                            };
+                            unroll!(populations i < Q => {
+                                site.leave(i, g[i]);
+                            });
+                        }
+                    } else {
+                        // Rounded once, after both.
+                        fluid = before;
+                        u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
+                        // SAFETY: as above.
+                        u = unsafe {
+                            N::mix::<L, Q>(
+                                &shared.cover,
+                                place,
+                                &before,
+                                &fluid,
+                                &mut g,
+                                (u, omega),
+                            )
+                        };
+                        unroll!(populations i < Q => {
+                            site.leave(i, g[i]);
+                        });
+                    }
+                    if T::ACTIVE && eddies.present() {
+                        // SAFETY: this cell is ours, and ghosts are renewed after the pass.
+                        unsafe { velocity.leave(cell + k, u) };
+                    }
+                    k += N::WIDTH;
+                    unroll!(nine n < 9 => {
+                        at[n] = at[n].wrapping_add(N::WIDTH);
+                    });
+                }
+            }
+            // SAFETY: the row is done, and nobody else works on it.
+            unsafe { shared.go_round(start) };
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! The instruction sets of the processor, and the widest that it offers.
+
+/// Instruction set that the cell loop uses. All levels give the same bits; they differ in speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// One number at a time, any processor.
+    Scalar,
+    /// Four lanes, AVX2 with FMA.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// Eight lanes, AVX-512 with F, DQ, BW and VL.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers and desktops.
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512vl")
+}
+
+impl Level {
+    /// The widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and comparisons).
+    #[must_use]
+    pub fn best() -> Self {
+        let wish = std::env::var("SOLVER_LANES").unwrap_or_default();
+        if wish == "scalar" {
+            return Self::Scalar;
+        }
+        #[cfg(target_arch = "x86_64")]
+        {
+            if wish != "avx2" && has_avx512() {
+                return Self::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Self::Avx2;
+            }
+        }
+        Self::Scalar
+    }
+
+    /// Name for the provenance of a run.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => "avx2+fma",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set ([`Level::run`]).
+pub trait Work {
+    /// The loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction set.
+    fn run(self);
+}
+
+impl Level {
+    /// Runs the version of some work for this level.
+    pub fn run(self, work: impl Work) {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 if has_avx512() => {
+                // SAFETY: the processor has it, and AVX2 with it.
+                unsafe { run_avx512(work) };
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 | Self::Avx2 if is_x86_feature_detected!("avx2") => {
+                // SAFETY: the processor has it.
+                unsafe { run_avx2(work) };
+            }
+            _ => work.run(),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2")]
+fn run_avx512(work: impl Work) {
+    work.run();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2(work: impl Work) {
+    work.run();
+}

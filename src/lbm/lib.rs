@@ -1,0 +1,67 @@
+//! Lattice Boltzmann: populations, collision, streaming, boundaries, moments.
+//!
+//! All quantities are in lattice units: cells, steps, deviations of the density from one. [`fluid::Fluid::advance`] is the step: one fused
+//! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab ([`halo`]), and the boundary conditions
+//! ([`boundary`]). The module [`coupling`] handles moving bodies, through [`populations::Link`] or through the cells that they cover
+//! ([`saturation`]).
+//!
+//! | file | content |
+//! |---|---|
+//! | `fluid` | one slab of fluid: the step, its state, surfaces told to the eddy viscosity |
+//! | `kernel` | the fused pass over the rows of a slab |
+//! | `gpu` | the pass and the walls on a GPU, by the same operators |
+//! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |
+//! | `halo` | populations that leave a slab |
+//! | `initial` | populations from density and velocity at the start |
+//! | `lattice` | velocity sets |
+//! | `lanes` | numbers and vectors of numbers in the pass |
+//! | `collision` | collision operators, one file each |
+//! | `turbulence` | eddy viscosities, one file each, and the velocities that they read |
+//! | `boundary` | boundaries, one file each, with their parameters in a case |
+//! | `surface` | free surface of water: kinds of cells, exchange of mass, conversions |
+//! | `synthetic` | synthetic turbulence of inlets and initial flows |
+//! | `links` | bounce-back on links that cross the surface of a body or of a structure |
+//! | `rigid` | the motion of a body |
+//! | `saturation` | partially saturated cells, solid collision operators |
+//! | `term` | everything that acts on the populations in a step; porous zones |
+//! | `extremes` | largest speed and compression of each row |
+//! | `quanta` | sums that do not depend on the order |
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod block;
+pub mod boundary;
+pub mod collision;
+pub mod extremes;
+pub mod fluid;
+pub mod gpu;
+pub mod halo;
+pub mod initial;
+pub mod instances;
+pub mod kernel;
+pub mod lanes;
+pub mod lattice;
+pub mod links;
+mod pages;
+pub mod populations;
+pub mod quanta;
+pub mod rigid;
+pub mod saturation;
+pub mod surface;
+pub mod synthetic;
+pub mod term;
+pub mod turbulence;

@@ -1,0 +1,458 @@
+//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid Mech. 271
+//! (1994) 285).
+//!
+//! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
+//! kept (Ladd 1994), so that both ends bounce back:
+//!
+//! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1).
+//!
+//! This only exchanges the two numbers of the link and conserves the mass of the whole lattice to round-off. u_w is the
+//! velocity of the body's surface at the middle of the link. The body receives 2 f*_i - T along c_i.
+//!
+//! The interpolated scheme computes the outer half by the central linear interpolation of Ginzburg, Verhaeghe and
+//! d'Humières 2008 ("CLI"). It is of second order for a surface at any fraction q of the link, measured from x:
+//!
+//! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
+//!
+//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for discs and spheres,
+//! the last face that the link enters for convex polyhedra.
+//!
+//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not affect them.
+
+pub mod fixed;
+
+pub use super::rigid::Rigid;
+
+use super::lanes::Stored;
+use super::populations::{Link, Parity, Populations};
+use super::quanta::quanta;
+pub(crate) use super::rigid::surface_velocity;
+use base::thread_pool;
+
+/// The two numbers of a link and where it crosses the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BodyLink {
+    /// Where the two populations lie.
+    pub link: Link,
+    /// Middle of the link in half cells, in the frame of the body's raw position.
+    pub middle: [i32; 3],
+    /// Direction from the outer to the inner cell.
+    pub direction: u8,
+    /// The outer cell is fluid of this slab: the link counts in the load.
+    pub loads: bool,
+    /// The wall's velocity enters (not in narrow gaps).
+    pub moves: bool,
+    /// The cell behind the outer one is fluid.
+    pub backed: bool,
+}
+
+/// The half-space `normal . x <= offset` of a convex polyhedron, in cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, outwards.
+    pub normal: [f64; 3],
+    /// Distance from the origin along it.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// Height of a point over it \[cells\].
+    #[inline(always)]
+    #[must_use]
+    pub fn height(&self, at: [f64; 3]) -> f64 {
+        dot::<3>(self.normal, at) - self.offset
+    }
+}
+
+/// Force, and twice the moment about the origin of the cells, in quanta.
+pub type Load = [i128; 6];
+
+/// How the surface is placed on a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// At the middle of the link.
+    HalfWay,
+    /// Where the surface is.
+    Interpolated,
+}
+
+/// Adds `g` quanta along direction `c` at a point given in half cells: one product of 64 by 64 bits for each moment.
+#[inline(always)]
+fn add_along<const D: usize>(load: &mut Load, g: i64, c: [i64; 3], at: [i32; 3]) {
+    let lever = |a: usize, b: usize| {
+        let (x, y) = (i64::from(at[a]), i64::from(at[b]));
+        i128::from(x * c[b] - y * c[a])
+    };
+    for a in 0..D {
+        load[a] += i128::from(c[a] * g);
+    }
+    load[5] += lever(0, 1) * i128::from(g);
+    if D == 3 {
+        load[3] += lever(1, 2) * i128::from(g);
+        load[4] += lever(2, 0) * i128::from(g);
+    }
+}
+
+/// Adds a force in quanta at a point given in half cells: multiplications of 64 by 64 bits, as |f| stays below 2^63.
+#[inline(always)]
+pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
+    for a in 0..D {
+        load[a] += i128::from(f[a]);
+    }
+    add_moment::<D>(load, f, at);
+}
+
+/// Adds the moment of a force `f` at `at` alone; units as in [`add_force`].
+#[inline(always)]
+pub fn add_moment<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
+    let moment = |a: usize, b: usize| {
+        i128::from(at[a]) * i128::from(f[b]) - i128::from(at[b]) * i128::from(f[a])
+    };
+    load[5] += moment(0, 1);
+    if D == 3 {
+        load[3] += moment(1, 2);
+        load[4] += moment(2, 0);
+    }
+}
+
+/// Pointer to the populations, shared by the threads of one call.
+struct Numbers<S>(*mut S);
+// SAFETY: each link owns its two numbers, and every link stands in one list only, so threads that work on different
+// lists never touch the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
+unsafe impl<S> Sync for Numbers<S> {}
+
+/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the links that it made.
+pub const BODIES_PER_THREAD: usize = 16;
+
+/// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
+const AHEAD: usize = 16;
+
+/// Asks for a number that is needed soon.
+#[inline(always)]
+fn prefetch<S>(numbers: *const S, at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch of any address is allowed and changes nothing.
+        unsafe { _mm_prefetch(numbers.wrapping_add(at).cast::<i8>(), _MM_HINT_T0) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (numbers, at);
+}
+
+/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
+/// body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
+///
+/// # Panics
+/// Never: positions come from [`Populations::link`] of the same lattice.
+pub fn bounce<'a, S: Stored, const D: usize>(
+    populations: &mut Populations<S>,
+    scheme: Scheme,
+    links: &[Vec<BodyLink>],
+    motion: &[Rigid],
+    faces: impl Fn(usize) -> &'a [Plane] + Sync,
+    loads: &mut [Load],
+) {
+    let parity = populations.parity();
+    let table = Table::new(populations);
+    let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
+    let numbers = &numbers;
+    thread_pool::each_item_in_runs(loads, BODIES_PER_THREAD, |k, load| {
+        let (links, motion, faces) = (&links[k], &motion[k], faces(k));
+        // Kept in registers while the links pass.
+        let mut sum = [0; 6];
+        let all = Along {
+            numbers: numbers.0,
+            parity,
+            table: &table,
+            motion,
+        };
+        // SAFETY: positions made by `Populations::link` lie in the array; see `Numbers` for the absence of races.
+        unsafe {
+            match scheme {
+                Scheme::HalfWay => walk(links, &all, |link| half_way::<S, D>(&all, link, &mut sum)),
+                Scheme::Interpolated if faces.is_empty() => walk(links, &all, |link| {
+                    let ball = |d, c| into_ball::<D>(d, c, motion.radius);
+                    interpolated::<S, D>(&all, link, &mut sum, ball);
+                }),
+                Scheme::Interpolated => walk(links, &all, |link| {
+                    let block = |d, c| into_block(d, c, motion.position, faces);
+                    interpolated::<S, D>(&all, link, &mut sum, block);
+                }),
+            }
+        }
+        *load = sum;
+    });
+}
+
+/// What the links of a body share.
+struct Along<'a, S> {
+    numbers: *mut S,
+    parity: Parity,
+    table: &'a Table,
+    motion: &'a Rigid,
+}
+
+/// Calls `each` with every link, its numbers fetched ahead.
+#[inline(always)]
+fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) {
+    for (n, link) in links.iter().enumerate() {
+        if let Some(later) = links.get(n + AHEAD) {
+            prefetch(all.numbers, later.link.near as usize);
+            prefetch(all.numbers, later.link.far as usize);
+        }
+        each(link);
+    }
+}
+
+/// Where the link from `d`, about the centre, along `c` enters a disc or sphere, as a part of its length.
+#[inline(always)]
+fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
+    let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
+    let excess = dot::<D>(d, d) - radius * radius;
+    let root = (dc * dc - cc * excess).max(0.0).sqrt();
+    (-dc - root) / cc
+}
+
+/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the link's start
+/// in front of them.
+#[inline(always)]
+fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
+    let start = std::array::from_fn(|a| centre[a] + d[a]);
+    let mut q = 0.0_f64;
+    for face in faces {
+        let height = face.height(start);
+        if height > 0.0 {
+            // A face that the link leaves in front of it is one that the body has turned away since the link was found.
+            let descent = -dot::<3>(face.normal, c);
+            q = q.max(if descent > height {
+                height / descent
+            } else {
+                1.0
+            });
+        }
+    }
+    q
+}
+
+/// What a link needs to know of its direction.
+#[derive(Clone, Copy, Default)]
+struct Direction {
+    c: [f64; 3],
+    /// 6 w_i.
+    six_weights: f64,
+    ci: [i64; 3],
+    /// Distance from slot ī of x to slot i of x, and to slot ī of x - c_i.
+    swap: isize,
+    behind: isize,
+}
+
+/// All directions, as many as a byte can name: no lookup is out of bounds.
+struct Table([Direction; 32]);
+
+impl Table {
+    fn new<S: Stored>(populations: &Populations<S>) -> Self {
+        let v = populations.velocities();
+        let mut table = Self([Direction::default(); 32]);
+        let slot = |k: usize| populations.slot(0, k).cast_signed();
+        for (i, direction) in table.0.iter_mut().enumerate().take(v.q()) {
+            *direction = Direction {
+                c: v.c[i].map(f64::from),
+                six_weights: 6.0 * v.w[i],
+                ci: v.c[i].map(i64::from),
+                swap: slot(i) - slot(v.opposite[i]),
+                behind: -populations.offset(i),
+            };
+        }
+        table
+    }
+
+    #[inline(always)]
+    fn of(&self, link: &BodyLink) -> &Direction {
+        &self.0[usize::from(link.direction % 32)]
+    }
+}
+
+#[inline(always)]
+fn dot<const D: usize>(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let mut sum = a[0] * b[0] + a[1] * b[1];
+    if D == 3 {
+        sum += a[2] * b[2];
+    }
+    sum
+}
+
+/// # Safety
+/// The numbers must be the array that the link's positions refer to, and no other thread may touch those two numbers.
+#[inline(always)]
+unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, load: &mut Load) {
+    let &Along {
+        numbers,
+        parity,
+        table,
+        motion,
+    } = all;
+    let along = table.of(link);
+    let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
+    let u = surface_velocity::<D>(motion, r);
+    let term = if link.moves {
+        along.six_weights * dot::<D>(along.c, u)
+    } else {
+        0.0
+    };
+    // SAFETY: promised by the caller.
+    let (outer, inner) = unsafe {
+        (
+            numbers.add(link.link.out(parity)),
+            numbers.add(link.link.incoming(parity)),
+        )
+    };
+    // SAFETY: as above.
+    let (leaves, streams) = unsafe { (outer.read().to_f64(), inner.read().to_f64()) };
+    // SAFETY: as above.
+    unsafe {
+        inner.write(S::from_f64(leaves - term));
+        outer.write(S::from_f64(streams + term));
+    }
+    if link.loads {
+        add_along::<D>(load, quanta(2.0 * leaves - term), along.ci, link.middle);
+    }
+}
+
+/// # Safety
+/// As for [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be written
+/// by any thread: both cells are fluid, so no link stands between them.
+#[inline(always)]
+unsafe fn interpolated<S: Stored, const D: usize>(
+    all: &Along<S>,
+    link: &BodyLink,
+    load: &mut Load,
+    cut: impl Fn([f64; 3], [f64; 3]) -> f64,
+) {
+    if !(link.loads && link.backed) {
+        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose outer
+        // cell belongs to the neighbouring slab is interpolated there.
+        // SAFETY: promised by the caller.
+        unsafe { half_way::<S, D>(all, link, load) };
+        return;
+    }
+    let &Along {
+        numbers,
+        parity,
+        table,
+        motion,
+    } = all;
+    let along = table.of(link);
+    let c = along.c;
+    let d: [f64; 3] =
+        std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);
+    let q = cut(d, c).clamp(0.0, 1.0);
+    let on_surface = std::array::from_fn(|a| d[a] + q * c[a]);
+    let wall = dot::<D>(c, surface_velocity::<D>(motion, on_surface));
+    let at_middle = std::array::from_fn(|a| d[a] + 0.5 * c[a]);
+    let middle = dot::<D>(c, surface_velocity::<D>(motion, at_middle));
+    let six_weights = if link.moves { along.six_weights } else { 0.0 };
+    let near = link.link.near as usize;
+    let home = near.wrapping_add_signed(along.swap);
+    let behind = near.wrapping_add_signed(along.behind);
+    let (entering, returning) = match parity {
+        Parity::Home => (home, behind),
+        Parity::Reversed => (behind, home),
+    };
+    // SAFETY: promised by the caller.
+    let (outer, inner) = unsafe {
+        (
+            numbers.add(link.link.out(parity)),
+            numbers.add(link.link.incoming(parity)),
+        )
+    };
+    // SAFETY: as above.
+    let (leaves, streams, entering, returning) = unsafe {
+        (
+            outer.read().to_f64(),
+            inner.read().to_f64(),
+            numbers.add(entering).read().to_f64(),
+            numbers.add(returning).read().to_f64(),
+        )
+    };
+    let kappa = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
+    let alpha = 4.0 / (1.0 + 2.0 * q);
+    let back = leaves + kappa * (entering - returning) - 0.5 * alpha * six_weights * wall;
+    // SAFETY: as above.
+    unsafe {
+        inner.write(S::from_f64(back));
+        outer.write(S::from_f64(streams + six_weights * middle));
+    }
+    add_along::<D>(load, quanta(leaves + back), along.ci, link.middle);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::random::Stream;
+
+    /// A turned cuboid about a centre that no cell favours.
+    fn cuboid(centre: [f64; 3]) -> Vec<Plane> {
+        let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
+        let edges = [5.0, 6.0, 7.0];
+        (0..6)
+            .map(|k| {
+                let mut normal = nalgebra::Vector3::zeros();
+                normal[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
+                let normal: [f64; 3] = (turn * normal).into();
+                Plane {
+                    normal,
+                    offset: 0.5 * edges[k / 2] + dot::<3>(normal, centre),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_link_is_cut_where_it_enters_the_polyhedron() {
+        let centre = [20.37, 20.14, 20.71];
+        let faces = cuboid(centre);
+        let height = |at: [f64; 3]| {
+            let heights = faces.iter().map(|face| face.height(at));
+            heights.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let mut draw = Stream::new(3, 0, 0);
+        let mut cut = 0;
+        for _ in 0..200_000 {
+            let cell: [f64; 3] = std::array::from_fn(|_| (41.0 * draw.uniform()).floor() + 0.5);
+            let c: [f64; 3] = std::array::from_fn(|_| (3.0 * draw.uniform()).floor() - 1.0);
+            let at = |q: f64| std::array::from_fn(|a| cell[a] + q * c[a]);
+            if height(at(0.0)) < 0.0 || height(at(1.0)) >= 0.0 {
+                continue;
+            }
+            let (mut outside, mut inside) = (0.0_f64, 1.0_f64);
+            for _ in 0..60 {
+                let middle = 0.5 * (outside + inside);
+                if height(at(middle)) < 0.0 {
+                    inside = middle;
+                } else {
+                    outside = middle;
+                }
+            }
+            let d = std::array::from_fn(|a| cell[a] - centre[a]);
+            let q = into_block(d, c, centre, &faces);
+            assert!((q - outside).abs() < 1e-12, "{q} {outside}");
+            cut += 1;
+        }
+        assert!(cut > 100, "{cut} links");
+    }
+
+    #[test]
+    fn a_polyhedron_that_turned_away_keeps_its_link_within_bounds() {
+        let faces = [Plane {
+            normal: [0.0, 0.0, 1.0],
+            offset: 4.0,
+        }];
+        let q = |z: f64, c: f64| into_block([0.0, 0.0, z], [0.0, 0.0, c], [0.0; 3], &faces);
+        // Beyond the end of the link, away from it, and already inside.
+        assert!((q(5.5, -1.0) - 1.0).abs() < 1e-15);
+        assert!((q(4.5, 1.0) - 1.0).abs() < 1e-15);
+        assert!(q(3.9, -1.0).abs() < 1e-15);
+        assert!((q(4.25, -1.0) - 0.25).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,705 @@
+//! The lattice array: populations of one slab, streamed in place.
+//!
+//! # Position of a population
+//!
+//! Two passes alternate (the AA pattern of Bailey et al. 2009). Slot i of cell x is one number in memory:
+//!
+//! | after the | outgoing f*_i(x), after collision | incoming f_j(x), before the next collision |
+//! |---|---|---|
+//! | even pass | slot ī of x | slot j̄ of x - c_j |
+//! | odd pass | slot i of x + c_i | slot j of x |
+//!
+//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either pass; only their roles
+//! change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only this file depends on the parity.
+//! Each number is accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
+//!
+//! # Layout
+//!
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one ghost cell on every
+//! side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
+//! third of the speed. Memory comes from `mmap` with huge pages advised before the first access.
+//!
+//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers that a cell reads and
+//! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
+//! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
+
+#[cfg(target_arch = "x86_64")]
+use super::lanes::{Avx2, Avx512};
+use super::lanes::{Lanes, Level, Memory, Stored, WIDEST, prefetch};
+use super::lattice::Velocities;
+use super::pages::Pages;
+use super::quanta::{quanta, sum_of_quanta};
+use base::number::real;
+use base::thread_pool;
+
+/// Whether the last pass was even or odd: it decides which end of a link is "in".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parity {
+    /// Populations lie in their own cell: the state at start and after an odd pass.
+    Home,
+    /// After an even pass: outgoing populations still lie, reversed, where they were read.
+    Reversed,
+}
+
+/// The two numbers at the ends of a link from cell x along direction i: positions in the whole array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// Slot ī of x.
+    pub near: u32,
+    /// Slot i of x + c_i.
+    pub far: u32,
+}
+
+/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends of rows are the
+/// dearest, a line of the cache for each number.
+fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
+    (0..dimension)
+        .filter(|&a| a != split)
+        .rev()
+        .max_by_key(|&a| cells[a])
+        .unwrap_or(0)
+}
+
+/// Sums of a thread over rows and the moments of one row: room that is kept.
+#[derive(Clone, Debug, Default)]
+pub struct RowSums {
+    sums: [i128; 4],
+    moments: [Vec<f64>; 4],
+}
+
+/// Populations that a cell has at most.
+const MOST_VELOCITIES: usize = 27;
+
+impl Link {
+    /// Position of the outgoing f*_i(x).
+    #[inline(always)]
+    #[must_use]
+    pub fn out(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.near,
+            Parity::Home => self.far,
+        }) as usize
+    }
+
+    /// Position of the incoming f_ī(x) of the next step.
+    #[inline(always)]
+    #[must_use]
+    pub fn incoming(self, parity: Parity) -> usize {
+        (match parity {
+            Parity::Reversed => self.far,
+            Parity::Home => self.near,
+        }) as usize
+    }
+}
+
+/// Populations g_i = f_i - w_i of one slab.
+///
+/// Local cell coordinates run from -1 (ghost) over `0..cells` to `cells` (ghost) along each axis.
+pub struct Populations<S: Stored> {
+    memory: Pages<S>,
+    /// Interior cells along x, y, z (z = 1 in 2-D).
+    cells: [usize; 3],
+    /// Distance in elements between neighbours along x, y, z.
+    strides: [usize; 3],
+    /// Positions of one array, and the room up to the next.
+    array: usize,
+    /// Where the array of each population begins.
+    begins: Vec<usize>,
+    /// Position of cell (0, 0, 0) within an array.
+    origin: usize,
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    velocities: Velocities,
+    parity: Parity,
+    /// Instructions for sums over rows.
+    level: Level,
+    /// The numbers of these cells are elsewhere: those here are of an earlier step.
+    away: bool,
+}
+
+/// Places of a slab in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// Axes from slowest to fastest.
+    order: [usize; 3],
+    /// Numbers from row to row.
+    pitch: usize,
+    /// Rows of a plane, with ghosts.
+    rows: usize,
+    /// Planes, with ghosts.
+    planes: usize,
+    /// Numbers from one population to the next.
+    array: usize,
+}
+
+impl Layout {
+    /// The places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    #[must_use]
+    pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
+        let fast = fastest(cells, velocities.dimension, split);
+        let middle = 3 - split - fast;
+        // Room for whole vectors beyond the last cell; never a multiple of a page.
+        let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
+        if pitch.is_multiple_of(512) {
+            pitch += 8;
+        }
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
+        let rows = cells[middle] + 2 * ghosts(middle);
+        let planes = cells[split] + 2 * ghosts(split);
+        let page = 4096 / size_of::<S>();
+        let stagger = 1600 / size_of::<S>();
+        let used = pitch.saturating_mul(rows).saturating_mul(planes);
+        Self {
+            order: [split, middle, fast],
+            pitch,
+            rows,
+            planes,
+            array: used.saturating_add(page - 1) / page * page + stagger,
+        }
+    }
+
+    /// Places of cells, with ghosts and the ends of rows.
+    #[must_use]
+    pub fn positions(&self) -> f64 {
+        real(self.pitch) * real(self.rows) * real(self.planes)
+    }
+}
+
+impl<S: Stored> Populations<S> {
+    /// Allocates a slab of `cells` (x, y, z), all populations at rest. `split` is the slab axis.
+    ///
+    /// # Errors
+    /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
+    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+        let layout = Layout::of::<S>(&velocities, cells, split);
+        let Layout {
+            order,
+            pitch,
+            rows,
+            array,
+            ..
+        } = layout;
+        let [split, middle, fast] = order;
+        let ghosts = |axis: usize| usize::from(axis < velocities.dimension);
+        let mut strides = [0; 3];
+        strides[fast] = 1;
+        strides[middle] = pitch;
+        strides[split] = pitch * rows;
+        let origin = 8 + strides[middle] * ghosts(middle) + strides[split] * ghosts(split);
+        let ranks: Vec<usize> = velocities.c.iter().map(|c| rank(*c, &velocities)).collect();
+        let arrays = ranks.iter().max().map_or(0, |last| last + 1);
+        let total = array
+            .checked_mul(arrays)
+            .filter(|&n| u32::try_from(n).is_ok())
+            .ok_or_else(|| {
+                format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
+            })?;
+        Ok(Self {
+            memory: Pages::new(total)?,
+            cells,
+            strides,
+            array,
+            begins: ranks.iter().map(|rank| rank * array).collect(),
+            origin,
+            order,
+            velocities,
+            parity: Parity::Home,
+            level: Level::best(),
+            away: false,
+        })
+    }
+
+    /// Interior cells along x, y, z.
+    #[must_use]
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Axes from slowest (the slab axis) to fastest (unit stride).
+    #[must_use]
+    pub fn order(&self) -> [usize; 3] {
+        self.order
+    }
+
+    /// The velocity set.
+    #[must_use]
+    pub fn velocities(&self) -> &Velocities {
+        &self.velocities
+    }
+
+    /// Which pass ran last.
+    #[must_use]
+    pub fn parity(&self) -> Parity {
+        self.parity
+    }
+
+    /// Bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.memory.len() * size_of::<S>()
+    }
+
+    /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
+    #[must_use]
+    pub fn cell_positions(&self) -> usize {
+        self.array
+    }
+
+    /// Position within one array of a cell, ghosts included.
+    #[inline(always)]
+    #[must_use]
+    pub fn cell(&self, at: [isize; 3]) -> usize {
+        self.origin
+            .wrapping_add_signed(at[0] * self.strides[0].cast_signed())
+            .wrapping_add_signed(at[1] * self.strides[1].cast_signed())
+            .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
+    }
+
+    /// The same of a cell that is no ghost.
+    #[must_use]
+    pub fn interior_cell(&self, at: [usize; 3]) -> usize {
+        self.cell(at.map(usize::cast_signed))
+    }
+
+    /// Distance in positions from a cell to its neighbour along direction `i`.
+    #[inline(always)]
+    #[must_use]
+    pub fn offset(&self, i: usize) -> isize {
+        let c = self.velocities.c[i];
+        (0..3)
+            .map(|a| isize::from(c[a]) * self.strides[a].cast_signed())
+            .sum()
+    }
+
+    /// The link that leaves the cell at position `cell` along direction `i`.
+    #[inline]
+    #[must_use]
+    pub fn link(&self, cell: usize, i: usize) -> Link {
+        let neighbour = cell.wrapping_add_signed(self.offset(i));
+        Link {
+            near: position(self.begins[self.velocities.opposite[i]] + cell),
+            far: position(self.begins[i] + neighbour),
+        }
+    }
+
+    /// Position of slot `i` of a cell, independently of the parity.
+    #[inline(always)]
+    #[must_use]
+    pub fn slot(&self, cell: usize, i: usize) -> usize {
+        self.begins[i] + cell
+    }
+
+    /// Position of the incoming f_j of a cell.
+    #[inline]
+    #[must_use]
+    pub fn incoming(&self, cell: usize, j: usize) -> usize {
+        self.incoming_after(self.parity, cell, j)
+    }
+
+    /// Position of the incoming f_j of a cell after a pass of this parity.
+    #[inline]
+    #[must_use]
+    pub fn incoming_after(&self, parity: Parity, cell: usize, j: usize) -> usize {
+        match parity {
+            Parity::Home => self.begins[j] + cell,
+            Parity::Reversed => {
+                self.begins[self.velocities.opposite[j]] + cell.wrapping_add_signed(-self.offset(j))
+            }
+        }
+    }
+
+    /// Position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
+    #[inline]
+    #[must_use]
+    pub fn outgoing(&self, cell: usize, i: usize) -> usize {
+        match self.parity {
+            Parity::Reversed => self.begins[self.velocities.opposite[i]] + cell,
+            Parity::Home => self.begins[i] + cell.wrapping_add_signed(self.offset(i)),
+        }
+    }
+
+    /// The whole array.
+    ///
+    /// # Panics
+    /// If the numbers are on a GPU and nobody has fetched them: an old state would pass for the present one.
+    #[must_use]
+    pub fn numbers(&self) -> &[S] {
+        assert!(!self.away, "the populations are on the GPU");
+        &self.memory
+    }
+
+    /// The whole array, to write.
+    ///
+    /// # Panics
+    /// As [`Self::numbers`].
+    pub fn numbers_mut(&mut self) -> &mut [S] {
+        assert!(!self.away, "the populations are on the GPU");
+        &mut self.memory
+    }
+
+    /// Starts over with populations in their own cells (after filling every incoming population).
+    pub fn set_home(&mut self) {
+        self.parity = Parity::Home;
+    }
+
+    /// Every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
+    pub fn interior(&self) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
+        let [s, m, f] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).flat_map(move |j| {
+                (0..cells[f]).map(move |k| {
+                    let mut at = [0; 3];
+                    at[s] = i;
+                    at[m] = j;
+                    at[f] = k;
+                    (at, self.cell(at.map(usize::cast_signed)))
+                })
+            })
+        })
+    }
+
+    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its first cell.
+    pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
+        let [s, m, _] = self.order;
+        let cells = self.cells;
+        (0..cells[s]).flat_map(move |i| {
+            (0..cells[m]).map(move |j| {
+                let mut at = [0; 3];
+                at[s] = i;
+                at[m] = j;
+                (at, self.cell(at.map(usize::cast_signed)))
+            })
+        })
+    }
+
+    pub(crate) fn flip(&mut self) {
+        self.parity = match self.parity {
+            Parity::Home => Parity::Reversed,
+            Parity::Reversed => Parity::Home,
+        };
+    }
+
+    /// For each population, where a row of cells starting at `cell` reads it; the opposite is written there.
+    pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
+        std::array::from_fn(|i| self.incoming(cell, i))
+    }
+
+    /// Whether the numbers are elsewhere.
+    pub(crate) fn are_away(&self) -> bool {
+        self.away
+    }
+
+    /// The numbers go elsewhere, or come back.
+    pub(crate) fn set_away(&mut self, away: bool) {
+        self.away = away;
+    }
+
+    pub(crate) fn base(&mut self) -> *mut S {
+        assert!(!self.away, "the populations are on the GPU");
+        self.memory.start()
+    }
+
+    /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
+    #[must_use]
+    pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.incoming(cell, i))
+    }
+
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
+    /// in memory: density deviation, then the three momenta.
+    #[inline(never)]
+    pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
+        // Whole vectors: a row has room for them.
+        let padded = length.next_multiple_of(WIDEST);
+        for m in moments.iter_mut() {
+            m.clear();
+            m.resize(padded, 0.0);
+        }
+        let base = self.numbers().as_ptr();
+        let mut rows = [base; MOST_VELOCITIES];
+        for (i, row) in rows.iter_mut().take(self.velocities.q()).enumerate() {
+            *row = base.wrapping_add(self.incoming(cell, i));
+        }
+        let velocities = &self.velocities.c[..];
+        match self.level {
+            // SAFETY: the level was chosen from what the processor offers; the rows are in the array.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { add_rows_avx512(velocities, &rows, moments) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Level::Avx2 => unsafe { add_rows_avx2(velocities, &rows, moments) },
+            // SAFETY: as above.
+            Level::Scalar => unsafe { add_rows::<S, f64>(velocities, &rows, moments) },
+        }
+        for m in moments.iter_mut() {
+            m.truncate(length);
+        }
+    }
+
+    /// The sum of values of cells in quanta, in any order the same.
+    #[must_use]
+    pub fn in_quanta(&self, values: &[f64]) -> i128 {
+        sum_of_quanta(self.level, values)
+    }
+
+    /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
+    #[must_use]
+    pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
+        self.sum_rows(room, |_, moments, sums| {
+            for (sum, values) in sums.iter_mut().zip(moments) {
+                *sum += self.in_quanta(values);
+            }
+        })
+    }
+
+    /// The same with the momenta of some cells only; the density is that of all.
+    #[must_use]
+    pub fn totals_within(
+        &self,
+        room: &mut Vec<RowSums>,
+        within: impl Fn([usize; 3]) -> bool + Sync,
+    ) -> [i128; 4] {
+        let [.., fast] = self.order;
+        self.sum_rows(room, |mut at, [drho, momentum @ ..], sums| {
+            sums[0] += self.in_quanta(drho);
+            for k in 0..drho.len() {
+                at[fast] = k;
+                if within(at) {
+                    for (sum, m) in sums[1..].iter_mut().zip(momentum) {
+                        *sum += i128::from(quanta(m[k]));
+                    }
+                }
+            }
+        })
+    }
+
+    /// Sums over the moments of all rows, by all threads.
+    fn sum_rows(
+        &self,
+        room: &mut Vec<RowSums>,
+        add: impl Fn([usize; 3], &[Vec<f64>; 4], &mut [i128; 4]) + Sync,
+    ) -> [i128; 4] {
+        room.resize_with(thread_pool::threads(), RowSums::default);
+        for part in &mut *room {
+            part.sums = [0; 4];
+        }
+        let length = self.cells[self.order[2]];
+        self.by_rows(room, |at, part| {
+            self.row_moments(self.interior_cell(at), length, &mut part.moments);
+            add(at, &part.moments, &mut part.sums);
+        });
+        let mut totals = [0; 4];
+        for part in room {
+            for (total, sum) in totals.iter_mut().zip(part.sums) {
+                *total += sum;
+            }
+        }
+        totals
+    }
+
+    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a place of its own.
+    pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
+        let [slow, middle, _] = self.order;
+        let rows = self.cells[slow] * self.cells[middle];
+        let pieces = thread_pool::threads().min(rows).min(gathered.len());
+        thread_pool::each_item(&mut gathered[..pieces], 1, |piece, gathered| {
+            for row in rows * piece / pieces..rows * (piece + 1) / pieces {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (row / self.cells[middle], row % self.cells[middle]);
+                each(at, gathered);
+            }
+        });
+    }
+
+    /// Local coordinates of the interior or ghost cell at a position within an array.
+    #[must_use]
+    pub fn coordinates(&self, position: usize) -> [isize; 3] {
+        let [slow, middle, fast] = self.order;
+        let mut at = [0; 3];
+        // From the first ghost of all, so that no part is negative; rows have 8 positions before their first cell.
+        let ghosts = |axis: usize| usize::from(axis < self.velocities.dimension);
+        let first = 8 - ghosts(fast).min(8);
+        let rest = position - first;
+        at[slow] = (rest / self.strides[slow]).cast_signed() - ghosts(slow).cast_signed();
+        let rest = rest % self.strides[slow];
+        at[middle] = (rest / self.strides[middle]).cast_signed() - ghosts(middle).cast_signed();
+        at[fast] = (rest % self.strides[middle]).cast_signed() - ghosts(fast).cast_signed();
+        at
+    }
+
+    /// The same from the outgoing populations: momentum after the collision.
+    #[must_use]
+    pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
+        self.sums(|i| self.outgoing(cell, i))
+    }
+
+    #[inline]
+    fn sums(&self, at: impl Fn(usize) -> usize) -> (f64, [f64; 3]) {
+        let numbers = self.numbers();
+        let mut drho = 0.0;
+        let mut m = [0.0; 3];
+        for (i, c) in self.velocities.c.iter().enumerate() {
+            let g = numbers[at(i)].to_f64();
+            drho += g;
+            for a in 0..3 {
+                m[a] += f64::from(c[a]) * g;
+            }
+        }
+        (drho, m)
+    }
+}
+
+/// The order of (c_y, c_z) in memory: those of D2Q9 first, those that D3Q19 does not combine with c_x last.
+pub(super) const ACROSS: [[i8; 2]; 9] = [
+    [0, 0],
+    [1, 0],
+    [-1, 0],
+    [0, 1],
+    [0, -1],
+    [1, 1],
+    [-1, -1],
+    [1, -1],
+    [-1, 1],
+];
+
+/// Which of the arrays is that of a velocity.
+fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
+    let across = ACROSS.iter().position(|a| *a == [c[1], c[2]]).unwrap_or(0);
+    let all = if velocities.dimension == 2 { 3 } else { 9 };
+    let along = match c[0] {
+        0 => 0,
+        1 => 1,
+        _ => 2,
+    };
+    along * all + across
+}
+
+/// Bytes ahead that are asked for where rows are summed.
+const AHEAD: usize = 256;
+
+/// Density deviation and momenta of the cells of a row from where it has each population.
+///
+/// # Safety
+/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the instructions of `N`.
+#[inline(always)]
+unsafe fn add_rows<S: Memory<N>, N: Lanes>(
+    velocities: &[[i8; 3]],
+    rows: &[*const S; MOST_VELOCITIES],
+    [drho, x, y, z]: &mut [Vec<f64>; 4],
+) where
+    f64: Memory<N>,
+{
+    for k in (0..drho.len()).step_by(N::WIDTH) {
+        let mut sum = N::splat(0.0);
+        let mut m = [sum; 3];
+        for (c, row) in velocities.iter().zip(rows) {
+            // The processor follows fewer streams by itself.
+            prefetch(row.wrapping_add(k + AHEAD / size_of::<S>()));
+            // SAFETY: promised by the caller.
+            let g = unsafe { <S as Memory<N>>::load(row.add(k)) };
+            sum = sum + g;
+            for a in 0..3 {
+                match c[a] {
+                    1 => m[a] = m[a] + g,
+                    -1 => m[a] = m[a] - g,
+                    _ => {}
+                }
+            }
+        }
+        for (values, value) in [
+            (&mut *drho, sum),
+            (&mut *x, m[0]),
+            (&mut *y, m[1]),
+            (&mut *z, m[2]),
+        ] {
+            // SAFETY: whole vectors have room.
+            unsafe { <f64 as Memory<N>>::store(values.as_mut_ptr().add(k), value) };
+        }
+    }
+}
+
+/// # Safety
+/// As [`add_rows`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn add_rows_avx2<S: Stored>(
+    velocities: &[[i8; 3]],
+    rows: &[*const S; MOST_VELOCITIES],
+    moments: &mut [Vec<f64>; 4],
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { add_rows::<S, Avx2>(velocities, rows, moments) };
+}
+
+/// # Safety
+/// As [`add_rows`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
+unsafe fn add_rows_avx512<S: Stored>(
+    velocities: &[[i8; 3]],
+    rows: &[*const S; MOST_VELOCITIES],
+    moments: &mut [Vec<f64>; 4],
+) {
+    // SAFETY: forwarded from the caller.
+    unsafe { add_rows::<S, Avx512>(velocities, rows, moments) };
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "`Populations::new` refuses slabs with more positions than u32 can number"
+)]
+#[inline(always)]
+fn position(n: usize) -> u32 {
+    n as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lattice::D3Q19;
+
+    #[test]
+    fn a_position_leads_back_to_its_cell() {
+        for split in 0..3 {
+            let velocities = Velocities::of::<D3Q19, 19>();
+            let lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
+            for z in -1..4 {
+                for y in -1..5 {
+                    for x in -1..6 {
+                        let cell = lattice.cell([x, y, z]);
+                        assert_eq!(lattice.coordinates(cell), [x, y, z]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn moments_of_a_row_are_those_of_its_cells() {
+        for split in 0..3 {
+            let velocities = Velocities::of::<D3Q19, 19>();
+            let mut lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
+            for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
+                *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;
+            }
+            for _ in 0..2 {
+                let fast = lattice.order()[2];
+                let mut row = [(); 4].map(|()| vec![7.0; 2]);
+                let mut rows = lattice.rows();
+                for (at, cell) in lattice.interior() {
+                    if at[fast] == 0 {
+                        assert_eq!(rows.next(), Some((at, cell)));
+                        lattice.row_moments(cell, lattice.cells()[fast], &mut row);
+                    }
+                    let (one, m) = lattice.moments(cell);
+                    assert_eq!(row[0][at[fast]].to_bits(), one.to_bits());
+                    assert_eq!([1, 2, 3].map(|a| row[a][at[fast]]), m);
+                }
+                assert!(rows.next().is_none());
+                drop(rows);
+                lattice.flip();
+            }
+        }
+    }
+}

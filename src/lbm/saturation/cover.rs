@@ -1,0 +1,640 @@
+//! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
+
+pub use super::solid::Solid;
+use super::solid::{BETWEEN, DEEP, NONE, SHARED, STILL, Shares};
+use super::solid::{Share, total};
+use super::sums::Sums;
+use super::{CoveredFluid, Method};
+use crate::collision::trt::AntisymmetricRate;
+use crate::lanes::{Stored, WIDEST, prefetch};
+use crate::links::{Load, surface_velocity};
+use crate::populations::Populations;
+use crate::quanta::{from_quanta, quanta};
+use base::thread_pool;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What covers the cells of a slab.
+#[derive(Debug)]
+pub struct Cover {
+    pub(super) method: Method,
+    pub(super) fluid: CoveredFluid,
+    /// Axes from slowest to fastest.
+    pub(super) order: [usize; 3],
+    /// ε by position of a cell; of a ghost cell its negative.
+    pub(super) fraction: Vec<f32>,
+    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus the number of the list.
+    pub(super) owner: Vec<u32>,
+    /// One for each worker.
+    lists: Vec<Shelf>,
+    /// Those of the lists that are in use, for the pass.
+    shares: Vec<Shares>,
+    pub(super) solids: Vec<Solid>,
+    pub(super) sums: Vec<Sums>,
+    /// From a cell to the next one along each axis.
+    pub(super) strides: [isize; 3],
+    /// Something changed since this was last asked.
+    changed: AtomicBool,
+    /// How often cells have changed.
+    version: AtomicU64,
+    /// All bodies are balls, of which the fractions are exact and the cells are those of [`Solid`] alone.
+    balls: bool,
+    /// How often bodies have changed place, size or slot, and how often anything of them.
+    moves: u64,
+    motions: u64,
+}
+
+// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the cover alone, and what
+// changes besides is atomic or behind its lock.
+unsafe impl Sync for Cover {}
+
+impl Cover {
+    /// No body over the cells of `populations`, for passes by this many `workers`.
+    #[must_use]
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        method: Method,
+        relaxation_time: f64,
+        antisymmetric: AntisymmetricRate,
+        workers: usize,
+    ) -> Self {
+        let positions = populations.cell_positions();
+        let origin = populations.cell([0; 3]);
+        let stride = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            (populations.cell(at) - origin).cast_signed()
+        };
+        Self {
+            method,
+            fluid: CoveredFluid {
+                weighting: method.weighting,
+                time: relaxation_time - 0.5,
+                antisymmetric,
+            },
+            order: populations.order(),
+            fraction: vec![0.0; positions],
+            // A vector of neighbours may reach beyond the last cell.
+            owner: vec![NONE; positions + WIDEST],
+            lists: (0..workers.max(1)).map(|_| Shelf::default()).collect(),
+            shares: Vec::new(),
+            solids: Vec::new(),
+            sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
+            strides: [stride(0), stride(1), stride(2)],
+            changed: AtomicBool::new(true),
+            version: AtomicU64::new(1),
+            balls: false,
+            moves: 0,
+            motions: 0,
+        }
+    }
+
+    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the cells itself.
+    pub fn set_balls(&mut self, balls: bool) {
+        self.balls = balls;
+    }
+
+    /// If all bodies are balls that a GPU can map, how often they have moved.
+    pub fn balls(&self) -> Option<u64> {
+        self.balls.then_some(self.moves)
+    }
+
+    /// How often bodies have changed.
+    pub(crate) fn motions(&self) -> u64 {
+        self.motions
+    }
+
+    /// Axes from slowest to fastest.
+    pub(crate) fn order(&self) -> [usize; 3] {
+        self.order
+    }
+
+    /// Rises whenever cells change.
+    pub(crate) fn version(&self) -> u64 {
+        self.version.load(Ordering::Relaxed)
+    }
+
+    /// Owner and fraction of all cells, by position.
+    pub fn cells(&self) -> (&[u32], &[f32]) {
+        (&self.owner, &self.fraction)
+    }
+
+    /// The bodies by slot.
+    pub fn solids(&self) -> &[Solid] {
+        &self.solids
+    }
+
+    /// The parts of each cell of several bodies, by the place in its owner.
+    pub fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
+        let lists = self.lists.iter_mut().map(Shelf::get);
+        let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
+        let longest = lists.iter().map(|shared| shared.len()).max().unwrap_or(0);
+        (0..longest * lists.len()).map(move |place| {
+            let shared = lists[place % lists.len()];
+            shared
+                .get(place / lists.len())
+                .map_or(&[][..], Vec::as_slice)
+        })
+    }
+
+    /// What the coming pass sees of the cells of several bodies.
+    pub(super) fn list_shares(&mut self) -> *const Shares {
+        let count = self.lists.len();
+        self.shares.clear();
+        for (shelf, lists) in self.lists.iter_mut().enumerate() {
+            let shared = &lists.get().shared;
+            let room = shared.len() * count;
+            if self.shares.len() < room {
+                self.shares.resize(room, Shares::of(&[]));
+            }
+            for (k, parts) in shared.iter().enumerate() {
+                self.shares[k * count + shelf] = Shares::of(parts);
+            }
+        }
+        self.shares.as_ptr()
+    }
+
+    /// Looks at the bodies of a cell of several bodies, given by its owner.
+    fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
+        let (shelf, place) = shelved(owner, self.lists.len());
+        let lists = self.lists[shelf].lock();
+        look(lists.shared.get(place).map_or(&[][..], Vec::as_slice))
+    }
+
+    /// Adds a force that was summed elsewhere to that on a slot.
+    pub(crate) fn receive(&mut self, slot: u32, load: &Load) {
+        if let Some(sums) = self.sums.first_mut() {
+            sums.add_load(slot, load);
+        }
+    }
+
+    /// Whether cells or motions have changed since this was last asked.
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(self.changed.get_mut())
+    }
+
+    /// A wall at rest fills these ghost cells.
+    pub fn wall_off(&mut self, ghosts: impl Iterator<Item = usize>) {
+        for position in ghosts {
+            self.fraction[position] = -1.0;
+            self.owner[position] = STILL;
+        }
+    }
+
+    /// Bytes beside the populations for each cell.
+    pub const BYTES: usize = size_of::<f32>() + size_of::<u32>();
+
+    /// Room for bodies in these many slots.
+    pub fn make_room(&mut self, slots: usize) {
+        self.moves += 1;
+        self.motions += 1;
+        self.solids.resize(slots, Solid::default());
+        for sums in &mut self.sums {
+            sums.fit(slots);
+        }
+    }
+
+    /// Who is in a slot and how it moves.
+    pub fn set(&mut self, slot: u32, solid: Solid) {
+        if let Some(there) = self.solids.get_mut(slot as usize) {
+            *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
+            let place = |solid: &Solid| (solid.motion.position, solid.motion.radius, solid.frame);
+            self.motions += u64::from(*there != solid);
+            self.moves += u64::from(place(there) != place(&solid) || there.name != solid.name);
+            *there = solid;
+        }
+    }
+
+    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
+    pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
+        self.whole().cover(position, slot, fraction);
+    }
+
+    /// All cells, to be covered by one worker.
+    pub fn whole(&mut self) -> Part<'_> {
+        Part {
+            first: 0,
+            fraction: &mut self.fraction,
+            owner: &mut self.owner,
+            lists: Access::Alone(&mut self.lists),
+            solids: &self.solids,
+            all_changed: &self.changed,
+            version: &self.version,
+            changed: false,
+        }
+    }
+
+    /// Cuts the cells at some rising positions and hands a part to each worker: there is one more of them than cuts.
+    pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut Part<'_>) + Sync) {
+        let mut parts = Vec::with_capacity(cuts.len() + 1);
+        let (mut fractions, mut owners) = (&mut self.fraction[..], &mut self.owner[..]);
+        let mut first = 0;
+        for &cut in cuts.iter().chain([&usize::MAX]) {
+            let count = cut.saturating_sub(first).min(fractions.len());
+            let (fraction, fractions_beyond) = fractions.split_at_mut(count);
+            let (owner, owners_beyond) = owners.split_at_mut(count);
+            (fractions, owners) = (fractions_beyond, owners_beyond);
+            parts.push(Part {
+                first,
+                fraction,
+                owner,
+                lists: Access::Shared(&self.lists, parts.len() % self.lists.len()),
+                solids: &self.solids,
+                all_changed: &self.changed,
+                version: &self.version,
+                changed: false,
+            });
+            first += count;
+        }
+        thread_pool::each_item(&mut parts, 1, |_, part| work(part));
+    }
+
+    /// The part of a cell that is solid.
+    #[must_use]
+    pub fn fraction(&self, position: usize) -> f64 {
+        f64::from(self.fraction[position].min(1.0))
+    }
+
+    /// Returns the fraction as it is stored: [`DEEP`] deep inside a body, negative in a ghost cell.
+    #[must_use]
+    pub fn held(&self, position: usize) -> f32 {
+        self.fraction[position]
+    }
+
+    /// Id of the body that fills most of a cell, if solids fill half of it.
+    #[must_use]
+    pub fn body_at(&self, position: usize) -> Option<u64> {
+        if self.fraction[position] < 0.5 {
+            return None;
+        }
+        let owner = self.owner[position];
+        let slot = if owner & SHARED == 0 {
+            owner
+        } else {
+            self.at_shares(owner, |shares| {
+                let mut most = shares.first()?;
+                for share in shares {
+                    if share.fraction > most.fraction {
+                        most = share;
+                    }
+                }
+                Some(most.slot)
+            })?
+        };
+        self.solids.get(slot as usize).map(|solid| solid.name.id)
+    }
+
+    /// B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
+    #[must_use]
+    pub fn weight(&self, position: usize) -> i64 {
+        let fraction = self.fraction(position);
+        quanta(if self.fraction[position] > 1.0 {
+            1.0
+        } else {
+            self.method.operator.share(&self.fluid, fraction)
+        })
+    }
+
+    /// Velocity of the solids in a cell: `at` are its local coordinates.
+    #[must_use]
+    pub fn velocity<const D: usize>(&self, position: usize, at: [i32; 3]) -> [f64; 3] {
+        let owner = self.owner[position];
+        let mean_of = |shares: &[Share]| {
+            let mut mean = [0.0; 3];
+            for share in shares {
+                if let Some(solid) = self.solids.get(share.slot as usize) {
+                    let v = solid.velocity::<D>(solid.raw(at));
+                    let part = f64::from(share.fraction) / total(shares);
+                    for a in 0..D {
+                        mean[a] += part * v[a];
+                    }
+                }
+            }
+            mean
+        };
+        let fraction = 1.0;
+        if owner == NONE {
+            [0.0; 3]
+        } else if owner & SHARED == 0 {
+            let slot = owner;
+            mean_of(&[Share { slot, fraction }])
+        } else {
+            self.at_shares(owner, mean_of)
+        }
+    }
+
+    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are its local
+    /// coordinates. Ghost cells count, what is behind walls does not.
+    #[must_use]
+    pub fn velocity_beside<const D: usize>(
+        &self,
+        position: usize,
+        at: [i32; 3],
+        offset: [f64; 3],
+    ) -> [f64; 3] {
+        let owner = self.owner[position];
+        let of = |slot: u32| {
+            let Some(solid) = self.solids.get(slot as usize) else {
+                return [0.0; 3];
+            };
+            let raw = solid.raw(at);
+            let mut arm = [0.0; 3];
+            for a in 0..D {
+                arm[a] = f64::from(raw[a]) + 0.5 + offset[a] - solid.motion.position[a];
+            }
+            surface_velocity::<D>(&solid.motion, arm)
+        };
+        if owner & SHARED == 0 {
+            return of(owner);
+        }
+        self.at_shares(owner, |shares| {
+            let all = total(shares);
+            let mut mean = [0.0; 3];
+            for share in shares {
+                let v = of(share.slot);
+                let part = f64::from(share.fraction) / all;
+                for a in 0..D {
+                    mean[a] += part * v[a];
+                }
+            }
+            mean
+        })
+    }
+
+    /// The part of a cell or ghost cell that bodies fill; none behind a wall.
+    #[must_use]
+    pub fn part(&self, position: usize) -> f64 {
+        match self.owner[position] {
+            NONE | STILL => 0.0,
+            _ => f64::from(self.fraction[position].abs().min(1.0)),
+        }
+    }
+
+    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw frame.
+    pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
+        for sums in &mut self.sums {
+            for &slot in &sums.touched {
+                let k = slot as usize;
+                give(slot, &sums.loads[k]);
+                sums.loads[k] = [0; 6];
+                sums.known[k] = false;
+            }
+            sums.touched.clear();
+        }
+    }
+}
+
+/// The bodies of the cells of several bodies.
+#[derive(Debug, Default)]
+struct Lists {
+    /// With their parts, in the order of their names.
+    shared: Vec<Vec<Share>>,
+    /// Those of them that have the cell deep inside.
+    deep: Vec<Vec<u32>>,
+    /// Places to use again.
+    unused: Vec<usize>,
+}
+
+/// The lists of a worker, on lines of the cache of their own.
+#[derive(Debug, Default)]
+#[repr(align(128))]
+struct Shelf(Mutex<Lists>);
+
+impl Shelf {
+    fn get(&mut self) -> &mut Lists {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Lists> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The list of a cell of several bodies, of so many, and its place there, given by its owner.
+fn shelved(owner: u32, count: usize) -> (usize, usize) {
+    let place = (owner & !SHARED) as usize;
+    (place % count, place / count)
+}
+
+/// The list of a cell of several bodies, of so many, and its place there; none if it had one body before.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    shelf: usize,
+    count: usize,
+    place: Option<usize>,
+}
+
+/// How a worker comes to the lists, which belong to the cells of all: few cells have several bodies.
+#[derive(Debug)]
+enum Access<'a> {
+    /// There is no other worker.
+    Alone(&'a mut [Shelf]),
+    /// New places are taken from this list, seldom from that of another worker.
+    Shared(&'a [Shelf], usize),
+}
+
+/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other workers lie beside it.
+#[derive(Debug)]
+#[repr(align(128))]
+pub struct Part<'a> {
+    /// Position of the first.
+    first: usize,
+    fraction: &'a mut [f32],
+    owner: &'a mut [u32],
+    lists: Access<'a>,
+    solids: &'a [Solid],
+    /// Something changed: in all parts, told at the end, and in this one.
+    all_changed: &'a AtomicBool,
+    version: &'a AtomicU64,
+    changed: bool,
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        if self.changed {
+            self.all_changed.store(true, Ordering::Relaxed);
+            self.version.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Part<'_> {
+    /// Its positions.
+    #[must_use]
+    pub fn positions(&self) -> Range<usize> {
+        self.first..self.first + self.fraction.len()
+    }
+
+    /// Fetches what is known of the cell at a position into the cache.
+    #[inline(always)]
+    pub fn ask(&self, position: usize) {
+        let at = position.wrapping_sub(self.first);
+        prefetch(self.owner.as_ptr().wrapping_add(at));
+        prefetch(self.fraction.as_ptr().wrapping_add(at));
+    }
+
+    /// As [`Cover::cover`], of a cell of this part.
+    #[inline]
+    pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
+        let at = position - self.first;
+        let owner = self.owner[at];
+        if owner == STILL {
+            return;
+        }
+        self.changed = true;
+        let held = self.fraction[at];
+        let sign = if held < 0.0 || fraction < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let fraction = fraction.abs();
+        if owner == NONE || owner == slot {
+            // Not -0: a cell that is not covered has one form.
+            self.fraction[at] = sign * fraction + 0.0;
+            self.owner[at] = if fraction > 0.0 { slot } else { NONE };
+        } else {
+            self.share(at, slot, sign, fraction);
+        }
+    }
+
+    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and stay so; else it does nothing
+    /// and returns false.
+    #[inline]
+    pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
+        let first = position - self.first;
+        let cells = first..first + parts.len();
+        let (fractions, owners) = (&mut self.fraction[cells.clone()], &self.owner[cells]);
+        let (mut alone, mut changed) = (true, false);
+        for ((held, owner), part) in fractions.iter().zip(owners).zip(parts) {
+            // Both of a cell of the slab, or both of a ghost cell, and neither 0.
+            alone &= (*owner == slot) & (held * part > 0.0);
+            changed |= held.to_bits() != part.to_bits();
+        }
+        if alone && changed {
+            fractions.copy_from_slice(parts);
+            self.changed = true;
+        }
+        alone
+    }
+
+    /// The same where another body is too, at a place from the first position on.
+    #[inline(never)]
+    fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
+        let cell = (&mut self.owner[at], &mut self.fraction[at]);
+        if *cell.0 & SHARED == 0 && fraction <= 0.0 {
+            return;
+        }
+        let (own, count) = match &self.lists {
+            Access::Alone(lists) => (0, lists.len()),
+            Access::Shared(lists, own) => (*own, lists.len()),
+        };
+        let known = *cell.0 & SHARED != 0;
+        let (shelf, place) = if known {
+            let (shelf, place) = shelved(*cell.0, count);
+            (shelf, Some(place))
+        } else {
+            (own, None)
+        };
+        let place = Place {
+            shelf,
+            count,
+            place,
+        };
+        match &mut self.lists {
+            Access::Alone(lists) => {
+                let lists = lists[shelf].get();
+                lists.share(cell, place, self.solids, (slot, sign, fraction));
+            }
+            Access::Shared(lists, _) => {
+                let mut lists = lists[shelf].lock();
+                lists.share(cell, place, self.solids, (slot, sign, fraction));
+            }
+        }
+    }
+}
+
+impl Lists {
+    /// Body `slot` fills a fraction of a cell, given by its owner and fraction, in which another body is.
+    fn share(
+        &mut self,
+        (owner, held): (&mut u32, &mut f32),
+        at: Place,
+        solids: &[Solid],
+        (slot, sign, fraction): (u32, f32, f32),
+    ) {
+        let Self {
+            shared,
+            deep,
+            unused,
+        } = self;
+        let place = at.place.unwrap_or_else(|| {
+            let first = Share {
+                slot: *owner,
+                fraction: held.abs().min(1.0),
+            };
+            let place = unused.pop().unwrap_or_else(|| {
+                shared.push(Vec::new());
+                deep.push(Vec::new());
+                shared.len() - 1
+            });
+            shared[place].push(first);
+            if held.abs() > BETWEEN {
+                deep[place].push(*owner);
+            }
+            *owner = SHARED | number(place * at.count + at.shelf);
+            place
+        });
+        let (shares, deep) = (&mut shared[place], &mut deep[place]);
+        deep.retain(|&other| other != slot);
+        if fraction > BETWEEN {
+            deep.push(slot);
+        }
+        match shares.iter().position(|share| share.slot == slot) {
+            Some(at) if fraction > 0.0 => shares[at].fraction = fraction.min(1.0),
+            Some(at) => {
+                shares.remove(at);
+            }
+            None if fraction > 0.0 => {
+                let name = |slot: u32| solids.get(slot as usize).map(|solid| solid.name);
+                let at = shares.partition_point(|share| name(share.slot) < name(slot));
+                let fraction = fraction.min(1.0);
+                shares.insert(at, Share { slot, fraction });
+            }
+            None => {}
+        }
+        if let [only] = shares[..] {
+            shares.clear();
+            unused.push(place);
+            *owner = only.slot;
+            // As if it had been alone.
+            *held = sign * if deep.is_empty() { only.fraction } else { DEEP };
+            deep.clear();
+        } else {
+            *held = sign * rounded(total(shares).min(1.0));
+        }
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cell holds its fraction in f32"
+)]
+fn rounded(fraction: f64) -> f32 {
+    fraction as f32
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "far fewer than 2^31 cells are shared"
+)]
+fn number(n: usize) -> u32 {
+    n as u32
+}
+
+/// Sum of quanta of B as a number of cells.
+#[must_use]
+pub fn cells(weight: i128) -> f64 {
+    from_quanta(weight)
+}

@@ -1,0 +1,662 @@
+//! The collision pass of covered cells.
+
+#[cfg(not(target_arch = "nvptx64"))]
+use super::cover::Cover;
+use super::solid::{BETWEEN, DEEP, SHARED, Share, Shares, Solid, total};
+use super::sums::Sums;
+use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
+use crate::collision::trt::AntisymmetricRate;
+use crate::lanes::{Lanes, Memory, WIDEST};
+use crate::lattice::{Lattice, unroll};
+use crate::quanta::quanta;
+
+/// What a pass sees of a [`Cover`].
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub(crate) struct View {
+    pub(super) fraction: *const f32,
+    pub(super) owner: *const u32,
+    pub(super) solids: *const Solid,
+    pub(super) shared: *const Shares,
+    pub(super) sums: *mut Sums,
+    pub(super) operator: SolidOperator,
+    pub(super) fluid: CoveredFluid,
+    pub(super) order: [usize; 3],
+    /// From a cell to the next one along each axis.
+    pub(super) strides: [isize; 3],
+}
+
+/// Which cells a pass is at.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// Position of the first.
+    pub(crate) cell: usize,
+    /// Plane, row and place in the row of the first.
+    pub(crate) at: [usize; 3],
+    /// The sums of this worker.
+    pub(crate) sums: *mut Sums,
+}
+
+/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not compiled into the pass
+/// of every operator and number type.
+pub(crate) trait Covers: Lanes {
+    /// See [`View::mix`].
+    ///
+    /// # Safety
+    /// As for [`View::mix`], and the processor must offer the instructions of these lanes.
+    unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+        view: &View,
+        place: Place,
+        before: &[Self; Q],
+        fluid: &[Self; Q],
+        g: &mut [Self; Q],
+        site: ([Self; 3], Self),
+    ) -> [Self; 3];
+
+    /// See [`View::fill`].
+    ///
+    /// # Safety
+    /// As for [`Covers::mix`].
+    unsafe fn fill<L: Lattice<Q>, const Q: usize>(
+        view: &View,
+        place: Place,
+        before: &[Self; Q],
+        g: &mut [Self; Q],
+    );
+}
+
+macro_rules! covers {
+    ($lanes:ty $(, $features:literal)?) => {
+        impl Covers for $lanes {
+            #[inline(always)]
+            unsafe fn mix<L: Lattice<Q>, const Q: usize>(
+                view: &View,
+                place: Place,
+                before: &[Self; Q],
+                fluid: &[Self; Q],
+                g: &mut [Self; Q],
+                site: ([Self; 3], Self),
+            ) -> [Self; 3] {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                unsafe fn outlined<L: Lattice<Q>, const Q: usize>(
+                    view: &View,
+                    place: Place,
+                    before: &[$lanes; Q],
+                    fluid: &[$lanes; Q],
+                    g: &mut [$lanes; Q],
+                    site: &([$lanes; 3], $lanes),
+                    mixed: &mut [$lanes; 3],
+                ) {
+                    // SAFETY: forwarded from the caller.
+                    *mixed = unsafe { view.mix::<L, $lanes, Q>(place, before, fluid, g, *site) };
+                }
+                let mut mixed = site.0;
+                // SAFETY: forwarded from the caller.
+                unsafe { outlined::<L, Q>(view, place, before, fluid, g, &site, &mut mixed) };
+                mixed
+            }
+
+            #[inline(always)]
+            unsafe fn fill<L: Lattice<Q>, const Q: usize>(
+                view: &View,
+                place: Place,
+                before: &[Self; Q],
+                g: &mut [Self; Q],
+            ) {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                unsafe fn outlined<L: Lattice<Q>, const Q: usize>(
+                    view: &View,
+                    place: Place,
+                    before: &[$lanes; Q],
+                    g: &mut [$lanes; Q],
+                ) {
+                    // SAFETY: forwarded from the caller.
+                    unsafe { view.fill::<L, $lanes, Q>(place, before, g) };
+                }
+                // SAFETY: forwarded from the caller.
+                unsafe { outlined::<L, Q>(view, place, before, g) };
+            }
+        }
+    };
+}
+#[cfg(not(target_arch = "nvptx64"))]
+covers!(f64);
+#[cfg(target_arch = "x86_64")]
+covers!(crate::lanes::Avx2, "avx2,fma");
+#[cfg(target_arch = "x86_64")]
+covers!(
+    crate::lanes::Avx512,
+    "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma"
+);
+
+impl View {
+    /// Of a fluid without covered cells.
+    pub(crate) const NONE: Self = Self {
+        fraction: core::ptr::null(),
+        owner: core::ptr::null(),
+        solids: core::ptr::null(),
+        shared: core::ptr::null(),
+        sums: core::ptr::null_mut(),
+        operator: SolidOperator::NonEquilibriumBounceBack,
+        fluid: CoveredFluid {
+            weighting: Weighting::Fraction,
+            time: 0.0,
+            antisymmetric: AntisymmetricRate::AsSymmetric,
+        },
+        order: [0; 3],
+        strides: [0; 3],
+    };
+
+    /// What the coming pass sees of a cover.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn of(cover: &mut Cover) -> Self {
+        let shared = cover.list_shares();
+        Self {
+            fraction: cover.fraction.as_ptr(),
+            owner: cover.owner.as_ptr(),
+            solids: cover.solids.as_ptr(),
+            shared,
+            sums: cover.sums.as_mut_ptr(),
+            operator: cover.method.operator,
+            fluid: cover.fluid,
+            order: cover.order,
+            strides: cover.strides,
+        }
+    }
+
+    /// What a pass on a GPU sees of a cover, whose arrays are at these addresses there: fractions, owners, bodies, and lists of parts.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn on_gpu(cover: &Cover, addresses: [u64; 4]) -> Self {
+        // A GPU has addresses of 64 bits, as has any host that it serves.
+        let [fraction, owner, solids, shared] = addresses.map(|at| {
+            let at = usize::try_from(at).unwrap_or(0);
+            core::ptr::without_provenance::<u8>(at)
+        });
+        Self {
+            fraction: fraction.cast(),
+            owner: owner.cast(),
+            solids: solids.cast(),
+            shared: shared.cast(),
+            sums: core::ptr::null_mut(),
+            operator: cover.method.operator,
+            fluid: cover.fluid,
+            order: cover.order,
+            strides: cover.strides,
+        }
+    }
+
+    /// The bodies are at another address on the GPU.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn move_solids(&mut self, address: u64) {
+        let at = usize::try_from(address).unwrap_or(0);
+        self.solids = core::ptr::without_provenance(at);
+    }
+
+    /// The bodies.
+    #[cfg(target_arch = "nvptx64")]
+    pub(crate) fn solids(&self) -> *const Solid {
+        self.solids
+    }
+
+    /// The sums of a worker, of whom there must be so many.
+    #[cfg(not(target_arch = "nvptx64"))]
+    #[inline(always)]
+    pub(crate) fn sums_of(&self, worker: usize) -> *mut Sums {
+        self.sums.wrapping_add(worker)
+    }
+
+    /// Whether any of `N::WIDTH` cells is covered.
+    ///
+    /// # Safety
+    /// `cell` must be the position of an interior cell with room for whole vectors after it.
+    #[inline(always)]
+    pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
+        // SAFETY: promised by the caller.
+        unsafe { N::above(self.fraction.add(cell), 0.0) != 0 }
+    }
+
+    /// Whether bodies fill all of `N::WIDTH` cells so deep that no water is beside them.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    pub(crate) unsafe fn fills<N: Lanes>(&self, cell: usize) -> bool {
+        // SAFETY: promised by the caller.
+        let deep = unsafe { N::above(self.fraction.add(cell), BETWEEN) };
+        deep == const { u8::MAX >> (8 - N::WIDTH) }
+    }
+
+    /// The body that alone covers those of `N::WIDTH` cells that are covered; one of them is.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    unsafe fn sole<N: Lanes>(&self, cell: usize) -> Option<u32> {
+        // SAFETY: promised by the caller.
+        unsafe {
+            let owner = self.owner.add(cell);
+            let covered = N::above(self.fraction.add(cell), 0.0);
+            let first = owner.add(covered.trailing_zeros() as usize).read();
+            let others = covered & !N::equal(owner, first);
+            (others == 0 && first & SHARED == 0).then_some(first)
+        }
+    }
+
+    /// Density and momentum of what came in.
+    #[inline(always)]
+    pub(crate) fn moments<L: Lattice<Q>, N: Lanes, const Q: usize>(before: &[N; Q]) -> (N, [N; 3]) {
+        let mut drho = before[0];
+        let mut m = [N::splat(0.0); 3];
+        unroll!(pairs k < (Q - 1) / 2 => {
+            let (i, j) = L::PAIRS[k];
+            drho = drho + (before[i] + before[j]);
+            let odd = before[i] - before[j];
+            let c = L::C[i];
+            unroll!(axes a < 3 => {
+                match c[a] {
+                    1 => m[a] = m[a] + odd,
+                    -1 => m[a] = m[a] - odd,
+                    _ => {}
+                }
+            });
+        });
+        (drho, m)
+    }
+
+    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies: what [`Self::mix`] does there. `before`
+    /// are the populations that came in.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`], where [`Self::fills`] holds.
+    #[inline(always)]
+    pub(crate) unsafe fn fill<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        before: &[N; Q],
+        g: &mut [N; Q],
+    ) where
+        f64: Memory<N>,
+    {
+        let (zero, one) = (N::splat(0.0), N::splat(1.0));
+        // SAFETY: promised by the caller.
+        let sole = unsafe { self.sole::<N>(place.cell) };
+        let (drho, m) = Self::moments::<L, N, Q>(before);
+        let mut cell = Cell {
+            fraction: one,
+            drho,
+            m,
+            u: [zero; 3],
+            // SAFETY: promised by the caller.
+            us: unsafe { self.velocities::<L, N, Q>(place, sole) },
+            ru: [zero; 3],
+            rs: [zero; 3],
+            uu: zero,
+            ss: zero,
+            omega: one,
+        };
+        let rho = drho + one;
+        unroll!(axes a < 3 => {
+            cell.rs[a] = rho * cell.us[a];
+            cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
+        });
+        cell.at_solid::<L, Q>(|i, value| g[i] = value);
+        let act = Act {
+            rest: [zero - m[0], zero - m[1], zero - m[2]],
+            scale: rho,
+            share: one,
+        };
+        // SAFETY: promised by the caller.
+        unsafe { self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act) };
+    }
+
+    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those that the collision of the
+    /// fluid left, `fluid`, and adds the forces on the bodies. `u` is the velocity of the fluid, `omega` its rate. Returns the velocity of
+    /// fluid and solid together.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`], which must hold; no other thread may have the same worker.
+    #[inline(always)]
+    pub(crate) unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        before: &[N; Q],
+        fluid: &[N; Q],
+        g: &mut [N; Q],
+        site: ([N; 3], N),
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let moments = Self::moments::<L, N, Q>(before);
+        // SAFETY: promised by the caller.
+        unsafe { self.mix_with_moments::<L, N, Q>(place, (before, moments), fluid, g, site) }
+    }
+
+    /// The same, where density and momentum of `before` are known.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`].
+    #[inline(always)]
+    pub(crate) unsafe fn mix_with_moments<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        (before, (drho, m)): (&[N; Q], (N, [N; 3])),
+        fluid: &[N; Q],
+        g: &mut [N; Q],
+        (u, omega): ([N; 3], N),
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let zero = N::splat(0.0);
+        let one = N::splat(1.0);
+        // The lanes beyond the last cell of a row are ghosts.
+        let mut fraction = [0.0; WIDEST];
+        for (lane, part) in fraction.iter_mut().enumerate().take(N::WIDTH) {
+            // SAFETY: promised by the caller.
+            *part = f64::from(unsafe { self.fraction.add(place.cell).add(lane).read() }.max(0.0));
+        }
+        // SAFETY: promised by the caller.
+        let some_deep = unsafe { N::above(self.fraction.add(place.cell), BETWEEN) } != 0;
+        // SAFETY: an array of at least the lanes' width.
+        let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
+        // Zero deep inside.
+        let shallow = fraction - N::splat(f64::from(DEEP));
+        // SAFETY: promised by the caller.
+        let sole = unsafe { self.sole::<N>(place.cell) };
+        let mut cell = Cell {
+            fraction: shallow.where_zero(one, fraction),
+            drho,
+            m,
+            u,
+            // SAFETY: promised by the caller.
+            us: unsafe { self.velocities::<L, N, Q>(place, sole) },
+            ru: [zero; 3],
+            rs: [zero; 3],
+            uu: zero,
+            ss: zero,
+            omega,
+        };
+        let rho = cell.drho + one;
+        unroll!(axes a < 3 => {
+            cell.ru[a] = rho * u[a];
+            cell.rs[a] = rho * cell.us[a];
+            cell.uu = cell.ru[a].mul_add(u[a], cell.uu);
+            cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
+        });
+        let mut act = self
+            .operator
+            .collide::<L, N, Q>(&self.fluid, &cell, before, fluid, g);
+        act.share = fraction.where_zero(zero, act.share);
+        if some_deep {
+            cell.at_solid::<L, Q>(|i, value| g[i] = shallow.where_zero(value, g[i]));
+            // All that differs from the solid's momentum.
+            unroll!(axes a < 3 => {
+                act.rest[a] = shallow.where_zero(zero - cell.m[a], act.rest[a]);
+            });
+            act.scale = shallow.where_zero(rho, act.scale);
+            act.share = shallow.where_zero(one, act.share);
+        }
+        // SAFETY: promised by the caller.
+        unsafe {
+            self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act);
+            self.touch::<L, N, Q>(place, sole, &cell, g);
+        }
+        let mut mixed = u;
+        unroll!(axes a < 3 => {
+            mixed[a] = cell.fraction.mul_add(cell.us[a] - u[a], u[a]);
+        });
+        mixed
+    }
+
+    /// Adds the forces of `N::WIDTH` cells to their bodies: of `sole` in whole, as there every lane adds the same integers to the same sums.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`]; `sole` and `velocity` must be those of these cells.
+    #[inline(always)]
+    unsafe fn act_on_all<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        sole: Option<u32>,
+        velocity: &[N; 3],
+        act: &Act<N>,
+    ) where
+        f64: Memory<N>,
+    {
+        /// So small that eight times seven of them, with a sign, are an i64.
+        const SMALL: u64 = 1 << 57;
+        let mut share = [0.0; WIDEST];
+        let mut forces = [[0.0; WIDEST]; 3];
+        // SAFETY: arrays of at least the lanes' width.
+        unsafe {
+            <f64 as Memory<N>>::store(share.as_mut_ptr(), act.share);
+            unroll!(axes a < 3 => {
+                let lost = act.scale * velocity[a] + act.rest[a];
+                let force = (N::splat(0.0) - act.share) * lost;
+                <f64 as Memory<N>>::store(forces[a].as_mut_ptr(), force);
+            });
+        }
+        if let Some(slot) = sole {
+            let (mut sum, mut weighted) = ([0_i64; 3], [0_i64; 3]);
+            let (mut all, mut acts) = (0, false);
+            for (place, lane) in (0_i64..).zip(0..N::WIDTH) {
+                let counts = share[lane] > 0.0;
+                acts |= counts;
+                for a in 0..L::DIMENSION {
+                    let f = if counts { quanta(forces[a][lane]) } else { 0 };
+                    all |= f.unsigned_abs();
+                    sum[a] = sum[a].wrapping_add(f);
+                    weighted[a] = weighted[a].wrapping_add(place.wrapping_mul(f));
+                }
+            }
+            if all < SMALL {
+                if acts {
+                    // SAFETY: promised by the caller; each worker has sums of its own.
+                    unsafe {
+                        let raw = (*self.solids.add(slot as usize)).raw(self.coordinates(place, 0));
+                        let sums = &mut *place.sums;
+                        if L::DIMENSION == 2 {
+                            sums.add_row::<2>(slot, raw, self.order[2], sum, weighted);
+                        } else {
+                            sums.add_row::<3>(slot, raw, self.order[2], sum, weighted);
+                        }
+                    }
+                }
+                return;
+            }
+        }
+        for lane in 0..N::WIDTH {
+            if share[lane] > 0.0 {
+                let force = [forces[0][lane], forces[1][lane], forces[2][lane]];
+                // SAFETY: promised by the caller.
+                unsafe { self.act::<L, Q>(place, lane, force) };
+            }
+        }
+    }
+
+    /// Coordinates of a cell of the slab.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        reason = "coordinates are far below 2^31"
+    )]
+    pub(super) fn coordinates(&self, place: Place, lane: usize) -> [i32; 3] {
+        let [slow, middle, _] = self.order;
+        let [plane, row, place] = [place.at[0], place.at[1], place.at[2] + lane];
+        // No place in an array that depends on the order: a GPU has registers for those alone that it knows before.
+        let along = |axis: usize| {
+            if axis == slow {
+                plane as i32
+            } else if axis == middle {
+                row as i32
+            } else {
+                place as i32
+            }
+        };
+        [along(0), along(1), along(2)]
+    }
+
+    /// The bodies of a covered cell from its owner: one with all of it, or several with their parts.
+    ///
+    /// # Safety
+    /// `owner` must be that of a cell that bodies cover.
+    #[inline(always)]
+    pub(super) unsafe fn shares(&self, owner: u32) -> (u32, &[Share]) {
+        if owner & SHARED == 0 {
+            (owner, &[])
+        } else {
+            // SAFETY: `owner` was made by `Cover::cover`.
+            (owner, unsafe {
+                (*self.shared.add((owner & !SHARED) as usize)).parts()
+            })
+        }
+    }
+
+    /// Velocities of the solids in the covered ones of `N::WIDTH` cells, `sole` alone if there is one.
+    ///
+    /// # Safety
+    /// As for [`Self::covers`].
+    #[inline(always)]
+    unsafe fn velocities<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        sole: Option<u32>,
+    ) -> [N; 3]
+    where
+        f64: Memory<N>,
+    {
+        let Some(slot) = sole else {
+            let mut velocity = [[0.0; WIDEST]; 3];
+            // SAFETY: promised by the caller.
+            unsafe { self.velocities_one_by_one::<L, N, Q>(place, &mut velocity) };
+            // `map` of an array of lanes would be a call.
+            let mut lanes = [N::splat(0.0); 3];
+            for (lanes, v) in lanes.iter_mut().zip(&velocity) {
+                // SAFETY: an array of at least the lanes' width.
+                *lanes = unsafe { <f64 as Memory<N>>::load(v.as_ptr()) };
+            }
+            return lanes;
+        };
+        // SAFETY: slots were made by `Cover::make_room`.
+        let solid = unsafe { &*self.solids.add(slot as usize) };
+        let raw = solid.raw(self.coordinates(place, 0));
+        let mut r = [N::splat(0.0); 3];
+        unroll!(axes a < 3 => {
+            if a < L::DIMENSION {
+                let step = if a == self.order[2] { 1.0 } else { 0.0 };
+                let at = N::count().mul_add(N::splat(step), N::splat(f64::from(raw[a])));
+                r[a] = at + N::splat(0.5) - N::splat(solid.motion.position[a]);
+            }
+        });
+        // As `surface_velocity`, operation by operation.
+        let splat = |v: [f64; 3]| [N::splat(v[0]), N::splat(v[1]), N::splat(v[2])];
+        let (u, w) = (splat(solid.motion.velocity), splat(solid.motion.spin));
+        if L::DIMENSION == 2 {
+            [u[0] - w[2] * r[1], u[1] + w[2] * r[0], N::splat(0.0)]
+        } else {
+            [
+                u[0] + (w[1] * r[2] - w[2] * r[1]),
+                u[1] + (w[2] * r[0] - w[0] * r[2]),
+                u[2] + (w[0] * r[1] - w[1] * r[0]),
+            ]
+        }
+    }
+
+    /// # Safety
+    /// As for [`Self::covers`].
+    unsafe fn velocities_one_by_one<L: Lattice<Q>, N: Lanes, const Q: usize>(
+        &self,
+        place: Place,
+        velocity: &mut [[f64; WIDEST]; 3],
+    ) {
+        for lane in 0..N::WIDTH {
+            let cell = place.cell + lane;
+            // SAFETY: promised by the caller.
+            if unsafe { self.fraction.add(cell).read() } <= 0.0 {
+                continue;
+            }
+            let at = self.coordinates(place, lane);
+            // SAFETY: the cell is covered.
+            let (owner, shares) = unsafe { self.shares(self.owner.add(cell).read()) };
+            let mut mean = [0.0; 3];
+            if shares.is_empty() {
+                // SAFETY: slots were made by `Cover::make_room`.
+                mean = unsafe { self.velocity::<L, Q>(owner, at) };
+            } else {
+                let all = total(shares);
+                for share in shares {
+                    // SAFETY: as above.
+                    let v = unsafe { self.velocity::<L, Q>(share.slot, at) };
+                    let part = f64::from(share.fraction) / all;
+                    mean = [
+                        mean[0] + part * v[0],
+                        mean[1] + part * v[1],
+                        mean[2] + part * v[2],
+                    ];
+                }
+            }
+            velocity[0][lane] = mean[0];
+            velocity[1][lane] = mean[1];
+            velocity[2][lane] = mean[2];
+        }
+    }
+
+    /// # Safety
+    /// The slot must exist.
+    #[inline(always)]
+    unsafe fn velocity<L: Lattice<Q>, const Q: usize>(
+        &self,
+        slot: u32,
+        cell: [i32; 3],
+    ) -> [f64; 3] {
+        // SAFETY: promised by the caller.
+        let solid = unsafe { &*self.solids.add(slot as usize) };
+        if L::DIMENSION == 2 {
+            solid.velocity::<2>(solid.raw(cell))
+        } else {
+            solid.velocity::<3>(solid.raw(cell))
+        }
+    }
+
+    /// Adds the force of a cell to its bodies, by their parts.
+    ///
+    /// # Safety
+    /// As for [`Self::mix`], of a covered cell.
+    #[inline(always)]
+    pub(super) unsafe fn act<L: Lattice<Q>, const Q: usize>(
+        &self,
+        place: Place,
+        lane: usize,
+        force: [f64; 3],
+    ) {
+        let at = self.coordinates(place, lane);
+        // SAFETY: promised by the caller; each worker has sums of its own.
+        let ((owner, shares), sums) = unsafe {
+            (
+                self.shares(self.owner.add(place.cell + lane).read()),
+                &mut *place.sums,
+            )
+        };
+        let mut give = |slot: u32, part: f64| {
+            // SAFETY: slots were made by `Cover::make_room`.
+            let raw = unsafe { (*self.solids.add(slot as usize)).raw(at) };
+            let force = force.map(|f| part * f);
+            if L::DIMENSION == 2 {
+                sums.add::<2>(slot, raw, force);
+            } else {
+                sums.add::<3>(slot, raw, force);
+            }
+        };
+        if shares.is_empty() {
+            give(owner, 1.0);
+        } else {
+            let all = total(shares);
+            for share in shares {
+                give(share.slot, f64::from(share.fraction) / all);
+            }
+        }
+    }
+}

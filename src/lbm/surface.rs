@@ -1,0 +1,411 @@
+//! Free surface of water: volume of fluid on the lattice.
+//!
+//! A cell is liquid, gas, or an interface cell that the surface passes (C. Körner, M. Thies, T. Hofmann, N.
+//! Thürey, U. Rüde, J. Stat. Phys. 121 (2005) 179). An interface cell has a mass m and a fill level ε = m/ρ.
+//! Gas has no dynamics; its pressure is the datum, zero. A step is that of the water alone
+//! ([`super::fluid::Fluid::advance`]) with this before and behind it:
+//!
+//! | when | work | needs of other cells |
+//! |---|---|---|
+//! | before the pass | velocity, normal and shear of interface cells | fill levels, moments of liquid |
+//! | the pass | leaves out vectors of cells without water | |
+//! | behind boundaries and structures | mass, reconstruction ([`exchange`]) | kinds, fill levels, density of liquid |
+//! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments next to new interface cells |
+//!
+//! The surface acts in place, on the numbers of a link as the last pass left them ([`super::populations`]):
+//! of each link of an interface cell, what left the cell and what comes back are the same two numbers after
+//! an even and an odd pass. What comes from gas is
+//!
+//! f_ī(x, t+1) = f_i^eq(ρ_w, u) + f_ī^eq(ρ_w, u) - f*_i(x, t)
+//!
+//! with u the velocity of the interface cell; nothing else is reconstructed. This imposes the pressure ρ_w/3
+//! half-way between the two cells. Where that is the pressure of the gas, the scheme is first order in space
+//! (S. Bogner, R. Ammer, U. Rüde, J. Comput. Phys. 297 (2015) 1): the surface lies up to half a cell away,
+//! and the empty part of an interface cell has inertia. Here ρ_w is that of the gas at the surface itself for
+//! the static part of the pressure, and at the mean place of the surface for the dynamic part ([`exchange`]).
+//! A standing wave of 40 cells, 1.6 cells high, then has its frequency within 1 to 1.8 % instead of 4 to 6 %, with
+//! an order of 2 (0.3 % at 80 cells), and a film of 10 cells down a plane its discharge within 2.2 %, of 20 within
+//! 0.8 %. The damping of waves converges in the first order: 0.6 to 1.3 of that of linear theory at 40 cells and
+//! relaxation times from 0.5024 on, more where waves are lower than a cell.
+//!
+//! **The same bits on any ranks and threads.** Every value is gathered by its own cell, in the order of the
+//! directions, from cells that do not change in the same phase. Ghost cells hold the kinds and values of the
+//! cells that they repeat ([`ghosts`]).
+//!
+//! **Mass.** What one cell gives along a link, the other one takes, to the bit. A cell that becomes liquid or
+//! gas shares its excess mass among the neighbouring interface cells, which take it in the next step. Where
+//! there are none, the mass is lost and counted: drops of one cell, and pockets of air that close.
+//!
+//! Cells that hold no water and no number of water have no defined populations: outputs, checkpoints and
+//! hashes take zeros there.
+//!
+//! | file | content |
+//! |---|---|
+//! | `kind` | kinds of cells |
+//! | `cells` | kind, mass and fill level of the cells of a slab |
+//! | `lists` | interface cells and wet parts of rows, by plane |
+//! | `ghosts` | state beyond the slab |
+//! | `exchange` | exchange of mass and reconstruction |
+//! | `conversion` | conversions between kinds |
+
+pub(crate) mod cells;
+mod conversion;
+mod exchange;
+mod ghosts;
+pub mod kind;
+pub(crate) mod lists;
+
+pub use ghosts::Ends;
+
+use super::lanes::Stored;
+use super::lattice::Velocities;
+use super::populations::Populations;
+use super::quanta::{from_quanta, quanta};
+use cells::Cells;
+use decomposition::Domain;
+use ghosts::Ghosts;
+use kind::{ENCLOSED, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
+use lists::Plane;
+
+/// Fill levels this near to empty or full are empty or full at the start.
+const ROUND: f64 = 1e-9;
+
+/// Kind, mass and unshared excess of a cell, as a checkpoint has them.
+pub type Saved = [f64; 3];
+
+/// Free surface of one slab.
+pub struct Surface {
+    cells: Cells,
+    planes: Vec<Plane>,
+    ghosts: Ghosts,
+    work: conversion::Work,
+    /// Cells and directions of links that a plane of symmetry reflects into a solid: they bounce back.
+    corners: Vec<(u32, u8)>,
+    /// Mass that could not be shared, on this rank, in quanta.
+    lost: i128,
+}
+
+impl Surface {
+    /// Returns the surface of a slab of gas; all ranks call it together.
+    ///
+    /// # Errors
+    /// When the slabs of two neighbours do not fit each other.
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        ends: Ends,
+        domain: &Domain,
+    ) -> Result<Self, String> {
+        let ghosts = Ghosts::new(populations, ends, domain)?;
+        let planes = populations.cells()[populations.order()[0]];
+        Ok(Self {
+            cells: Cells::new(populations),
+            planes: (0..planes).map(|_| Plane::default()).collect(),
+            ghosts,
+            work: conversion::Work::default(),
+            corners: Vec::new(),
+            lost: 0,
+        })
+    }
+
+    /// Makes cells solid, by position, ghost cells included.
+    pub fn stand_in(&mut self, solid: impl Iterator<Item = usize>) {
+        for cell in solid {
+            self.cells.kind[cell] = SOLID;
+        }
+    }
+
+    /// Closes the link of a cell along a direction: a sheet cuts it.
+    pub fn cut(&mut self, cell: usize, direction: usize) {
+        self.cells.close(cell, direction);
+    }
+
+    /// Fills the cells at the start; `fill` gives the fill level of a cell by its place in the slab. Collective.
+    pub fn begin<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        fill: impl Fn([usize; 3]) -> f64,
+    ) {
+        let all: Vec<_> = populations.interior().collect();
+        for &(at, cell) in &all {
+            if self.cells.kind[cell] == SOLID {
+                continue;
+            }
+            let level = fill(at);
+            let (density, _) = populations.moments(cell);
+            let mass = level * (1.0 + density);
+            let (kind, mass) = if level >= 1.0 - ROUND {
+                (LIQUID, 0.0)
+            } else if level <= ROUND {
+                (GAS, 0.0)
+            } else {
+                (SURFACE, mass)
+            };
+            self.cells.kind[cell] = kind;
+            self.cells.mass[cell] = mass;
+        }
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        let open = |cells: &Cells, cell: usize| {
+            cells.kind[cell] == LIQUID && cells.count_neighbours(cell, |kind| kind == GAS) > 0
+        };
+        let shore: Vec<usize> = (all.iter().map(|(_, cell)| *cell))
+            .filter(|&cell| open(&self.cells, cell))
+            .collect();
+        for cell in shore {
+            self.cells.kind[cell] = SURFACE;
+            self.cells.mass[cell] = 1.0 + populations.moments(cell).0;
+        }
+        self.settle(populations);
+        self.corners = self.ghosts.around().corners(populations, &self.cells);
+    }
+
+    /// Sets the cells on a restart, after the populations; `saved` has one entry for each of `cells`. Collective.
+    pub fn restore<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        cells: &[usize],
+        saved: &[Saved],
+    ) {
+        for (&cell, &[kind, mass, share]) in cells.iter().zip(saved) {
+            let known = [SOLID, GAS, LIQUID, SURFACE];
+            let kind = known.get(base::number::whole(kind)).copied();
+            self.cells.kind[cell] = kind.unwrap_or(GAS);
+            self.cells.mass[cell] = mass;
+            self.cells.share[cell] = share;
+            if share != 0.0 {
+                self.work.note_share(cell);
+            }
+        }
+        self.settle(populations);
+        self.corners = self.ghosts.around().corners(populations, &self.cells);
+    }
+
+    /// Returns kind, mass and unshared excess of a cell.
+    #[must_use]
+    pub fn saved(&self, cell: usize) -> Saved {
+        let kind = match self.cells.kind[cell] {
+            ENCLOSED | STRAY => SURFACE,
+            kind => kind,
+        };
+        let mass = self.cells.mass[cell];
+        [f64::from(kind), mass, self.cells.share[cell]]
+    }
+
+    /// Returns mass that could not be shared so far, on this rank, in quanta: positive for mass that left the water.
+    #[must_use]
+    pub fn lost(&self) -> i128 {
+        self.lost
+    }
+
+    /// Sets the mass that could not be shared, on a restart.
+    pub fn set_lost(&mut self, lost: i128) {
+        self.lost = lost;
+    }
+
+    /// Returns the fill level of a cell: 0 of gas and solids, 1 of liquid.
+    #[must_use]
+    pub fn fill(&self, cell: usize) -> f64 {
+        self.cells.fill[cell]
+    }
+
+    /// Returns `true` if a cell holds water.
+    #[inline]
+    #[must_use]
+    pub fn is_wet(&self, cell: usize) -> bool {
+        is_wet(self.cells.kind[cell])
+    }
+
+    /// Returns the kinds of the cells, by position.
+    #[must_use]
+    pub fn kinds(&self) -> &[u8] {
+        &self.cells.kind
+    }
+
+    /// Returns the number of interface cells of the slab.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.planes.iter().map(|plane| plane.surface.len()).sum()
+    }
+
+    /// Returns the mass of the water of this rank in quanta.
+    #[must_use]
+    pub fn mass<S: Stored>(&self, populations: &Populations<S>) -> i128 {
+        let mut sum = 0;
+        for (_, cell) in populations.interior() {
+            let kind = self.cells.kind[cell];
+            if kind == LIQUID {
+                sum += i128::from(quanta(1.0 + populations.moments(cell).0));
+            } else if is_surface(kind) {
+                sum += i128::from(quanta(self.cells.mass[cell]));
+                sum += i128::from(quanta(self.cells.shares_taken(cell)));
+            }
+        }
+        sum
+    }
+
+    /// Returns the mass of [`Self::lost`] in lattice units.
+    #[must_use]
+    pub fn lost_mass(&self) -> f64 {
+        from_quanta(self.lost)
+    }
+
+    /// Returns the bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.cells.bytes()
+    }
+
+    /// Returns the cells that the surface entered in the last step, with their velocities.
+    pub(crate) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        self.work.entered()
+    }
+
+    /// Returns the cells of gas of the slab next to interface cells along the axes, with the mean velocity of
+    /// their wet neighbours; some of them more than once. `velocity` gives that of a cell.
+    pub(crate) fn shore<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        velocity: impl Fn(usize) -> [f32; 3],
+    ) -> Vec<(usize, [f32; 3])> {
+        let mut shore = Vec::new();
+        let dimension = populations.velocities().dimension;
+        let count = populations.cells();
+        // Interface cells of the slab and of its ghost cells.
+        let own = self.planes.iter().flat_map(|plane| &plane.surface);
+        let beyond = self.ghosts.all().iter();
+        let beyond = beyond.filter(|cell| is_surface(self.cells.kind[**cell as usize]));
+        for &cell in own.chain(beyond) {
+            let at = populations.coordinates(cell as usize);
+            let steps = (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]);
+            let next = steps.filter_map(|(axis, step)| {
+                let mut next = at;
+                next[axis] += step;
+                let inside = (0..3).all(|a| (0..count[a].cast_signed()).contains(&next[a]));
+                inside.then(|| populations.cell(next))
+            });
+            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS) {
+                let mut sum = [0.0; 3];
+                let mut count = 0.0;
+                let wet = self.cells.along_axes(gas, dimension);
+                for cell in wet.filter(|&cell| is_wet(self.cells.kind[cell])) {
+                    for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
+                        *sum += u;
+                    }
+                    count += 1.0;
+                }
+                shore.push((gas, sum.map(|sum| sum / count)));
+            }
+        }
+        shore
+    }
+
+    /// Returns the lists of the planes, for the pass.
+    pub(crate) fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// Finds the surface in the interface cells before a pass. `half_force` is F/2, and `viscosity` that of the water.
+    pub(crate) fn prepare<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        half_force: [f64; 3],
+        viscosity: f64,
+    ) {
+        let state = (&self.cells, self.ghosts.around());
+        let drive = (half_force, viscosity);
+        exchange::prepare(state, &mut self.planes, populations, drive);
+    }
+
+    /// Sets what cells of gas sent in the pass to zero.
+    pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        exchange::silence(&self.cells, &mut self.planes, populations);
+        exchange::bounce(&self.corners, populations);
+    }
+
+    /// Moves the surface, when all populations that come from water and solids are in place. Collective.
+    pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        let cells = &self.cells;
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
+        self.ghosts.exchange_moments(shore);
+        exchange::exchange(
+            &mut self.cells,
+            self.ghosts.around(),
+            &mut self.planes,
+            populations,
+        );
+        self.work.forget_shares(&mut self.cells);
+        self.work.collect(&mut self.cells, &self.planes);
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        let kinds = &self.cells.kind;
+        let of_surface = |cell: usize| {
+            if is_surface(kinds[cell]) {
+                conversion::moments(populations, cell)
+            } else {
+                [0.0; 4]
+            }
+        };
+        self.ghosts.exchange_moments(of_surface);
+        self.work.resolve(&mut self.cells);
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.work
+            .convert(&mut self.cells, &mut self.planes, populations, &self.ghosts);
+        self.settle(populations);
+    }
+
+    /// Shares excess mass and makes the state of ghost cells and the lists follow from the cells of the slab.
+    /// Collective.
+    fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.lost += self.work.distribute(&mut self.cells);
+        self.list(populations);
+        exchange::classify(&self.cells, &mut self.planes, populations);
+        for plane in &self.planes {
+            for ((&cell, &kind), &fill) in plane.surface.iter().zip(&plane.kind).zip(&plane.fill) {
+                self.cells.kind[cell as usize] = kind;
+                self.cells.fill[cell as usize] = fill;
+            }
+        }
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        let mut fill = std::mem::take(&mut self.cells.fill);
+        let mut share = std::mem::take(&mut self.cells.share);
+        let cells = &self.cells;
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
+        self.ghosts.spread_values(&mut fill, &mut share, shore);
+        (self.cells.fill, self.cells.share) = (fill, share);
+    }
+
+    /// Makes the lists of the planes whose cells have changed kind.
+    fn list<S: Stored>(&mut self, populations: &Populations<S>) {
+        let [slow, middle, fast] = populations.order();
+        let cells = populations.cells();
+        let kinds = &mut self.cells;
+        for (n, plane) in self.planes.iter_mut().enumerate() {
+            let made = plane.is_made();
+            if made && !plane.changed {
+                continue;
+            }
+            let first = |row: usize| {
+                let mut at = [0; 3];
+                (at[slow], at[middle]) = (n, row);
+                populations.interior_cell(at)
+            };
+            plane.find(&kinds.kind, (0..cells[middle]).map(first), cells[fast]);
+            if !made {
+                // Liquid is full from the start.
+                for row in 0..cells[middle] {
+                    let row = first(row)..first(row) + cells[fast];
+                    for (fill, kind) in kinds.fill[row.clone()].iter_mut().zip(&kinds.kind[row]) {
+                        *fill = f64::from(u8::from(*kind == LIQUID));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Returns the directions of a velocity set with a component.
+fn directions(velocities: &Velocities) -> std::ops::Range<usize> {
+    1..velocities.q()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+//! Kind, mass and fill level of the cells of a slab and of its ghost cells, by position ([`Populations::cell`]).
+
+use super::kind::SOLID;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+
+/// State of the cells.
+#[derive(Debug)]
+pub(crate) struct Cells {
+    pub(super) kind: Vec<u8>,
+    /// Mass of interface cells; 0 of others.
+    pub(super) mass: Vec<f64>,
+    /// Fill level: m/ρ of interface cells, 1 of liquid, 0 of others.
+    pub(super) fill: Vec<f64>,
+    /// Excess mass for each interface cell next to a cell that has changed kind; 0 of most.
+    pub(super) share: Vec<f64>,
+    /// Directions along which sheets cut the links of a cell, a bit each; empty where there are none.
+    closed: Vec<u32>,
+    /// Distance in positions to the neighbour along each direction, and along each axis.
+    offsets: Vec<isize>,
+    strides: [isize; 3],
+}
+
+impl Cells {
+    /// Returns solid cells.
+    pub(super) fn new<S: Stored>(populations: &Populations<S>) -> Self {
+        let count = populations.cell_positions();
+        let q = populations.velocities().q();
+        let mut kind = vec![SOLID; count];
+        for (_, cell) in populations.interior() {
+            kind[cell] = super::kind::GAS;
+        }
+        Self {
+            kind,
+            mass: vec![0.0; count],
+            fill: vec![0.0; count],
+            share: vec![0.0; count],
+            closed: Vec::new(),
+            offsets: (0..q).map(|i| populations.offset(i)).collect(),
+            strides: std::array::from_fn(|axis| {
+                let mut at = [0; 3];
+                at[axis] = 1;
+                populations.cell(at).cast_signed() - populations.cell([0; 3]).cast_signed()
+            }),
+        }
+    }
+
+    /// Closes the link of a cell along a direction.
+    pub(super) fn close(&mut self, cell: usize, direction: usize) {
+        if self.closed.is_empty() {
+            self.closed = vec![0; self.kind.len()];
+        }
+        self.closed[cell] |= 1 << direction;
+    }
+
+    /// Returns the positions of the neighbours of a cell along the axes.
+    pub(super) fn along_axes(&self, cell: usize, dimension: usize) -> impl Iterator<Item = usize> {
+        let strides = self.strides;
+        (0..dimension).flat_map(move |axis| {
+            [-strides[axis], strides[axis]].map(|stride| cell.wrapping_add_signed(stride))
+        })
+    }
+
+    /// Returns the number of directions.
+    #[inline(always)]
+    pub(super) fn directions(&self) -> usize {
+        self.offsets.len()
+    }
+
+    /// Returns the position of the neighbour of a cell along a direction.
+    #[inline(always)]
+    pub(super) fn neighbour(&self, cell: usize, i: usize) -> usize {
+        cell.wrapping_add_signed(self.offsets[i])
+    }
+
+    /// Returns the kind of the neighbour of a cell along a direction; solid behind a sheet.
+    #[inline(always)]
+    pub(super) fn kind_along(&self, cell: usize, i: usize) -> u8 {
+        if !self.closed.is_empty() && self.closed[cell] & (1 << i) != 0 {
+            return SOLID;
+        }
+        self.kind[self.neighbour(cell, i)]
+    }
+
+    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall
+    /// that of its mirror image.
+    #[inline(always)]
+    pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
+        let mut at = self.neighbour(cell, i);
+        if self.kind_along(cell, i) == SOLID {
+            at = cell;
+            for (c, stride) in c.into_iter().zip(self.strides) {
+                let next = at.wrapping_add_signed(isize::from(c) * stride);
+                if self.kind[next] != SOLID {
+                    at = next;
+                }
+            }
+        }
+        self.fill[at].clamp(0.0, 1.0)
+    }
+
+    /// Returns the number of neighbours of a cell of some kinds.
+    pub(super) fn count_neighbours(&self, cell: usize, holds: impl Fn(u8) -> bool) -> usize {
+        (1..self.directions())
+            .filter(|&i| holds(self.kind_along(cell, i)))
+            .count()
+    }
+
+    /// Returns the sum of the shares that a cell takes from its neighbours.
+    #[inline(always)]
+    pub(super) fn shares_taken(&self, cell: usize) -> f64 {
+        let mut sum = 0.0;
+        for i in 1..self.directions() {
+            let share = self.share[self.neighbour(cell, i)];
+            if share != 0.0 && self.kind_along(cell, i) != SOLID {
+                sum += share;
+            }
+        }
+        sum
+    }
+
+    /// Returns the bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        self.kind.len()
+            + 8 * (self.mass.len() + self.fill.len() + self.share.len())
+            + 4 * self.closed.len()
+    }
+}

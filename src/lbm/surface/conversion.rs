@@ -1,0 +1,257 @@
+//! Conversions of interface cells to liquid and gas, and of their neighbours to interface cells.
+//!
+//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the
+//! equilibrium of the mean density and velocity of the interface cells next to them, without mass. A cell
+//! that empties keeps liquid from gas: its neighbours of liquid become interface cells with the mass that
+//! they have. Where both kinds meet, the cell that would empty stays what it is.
+
+use super::cells::Cells;
+use super::ghosts::{Around, Ghosts, Moments};
+use super::kind::{EMPTIES, ENTERED, FILLS, GAS, LIQUID, SOLID, SURFACE, is_surface};
+use super::lists::Plane;
+use crate::initial::equilibrium;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use crate::quanta::quanta;
+use base::number::to_u32;
+
+/// Cells that change their kind in a step; lists that are used again.
+#[derive(Debug, Default)]
+pub struct Work {
+    fills: Vec<u32>,
+    empties: Vec<u32>,
+    entered: Vec<u32>,
+    born: Vec<Moments>,
+    /// Cells with excess mass, which stands in [`Cells::share`] until it is taken.
+    excess: Vec<u32>,
+    /// Cells whose excess mass stands as a share.
+    shared: Vec<u32>,
+}
+
+/// Returns density and velocity without force of a cell.
+pub(super) fn moments<S: Stored>(populations: &Populations<S>, cell: usize) -> Moments {
+    let (drho, momentum) = populations.moments(cell);
+    let [x, y, z] = momentum.map(|m| m / (1.0 + drho));
+    [drho, x, y, z]
+}
+
+/// Returns the directions from a cell or ghost cell to its neighbours in the slab.
+fn inside<'a, S: Stored>(
+    populations: &'a Populations<S>,
+    cell: usize,
+) -> impl Iterator<Item = usize> + 'a {
+    let at = populations.coordinates(cell);
+    let cells = populations.cells();
+    let velocities = populations.velocities();
+    super::directions(velocities).filter(move |&i| {
+        let c = velocities.c[i];
+        let next: [isize; 3] = std::array::from_fn(|a| at[a] + isize::from(c[a]));
+        (0..3).all(|a| (0..cells[a].cast_signed()).contains(&next[a]))
+    })
+}
+
+impl Work {
+    /// Notes a share on a restart.
+    pub(super) fn note_share(&mut self, cell: usize) {
+        self.shared.push(to_u32(cell));
+    }
+
+    /// Returns the cells that the surface entered, with their velocities.
+    pub(super) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let born = self.born.iter();
+        let cells = self.entered.iter().zip(born);
+        cells.map(|(&cell, &[_, u @ ..])| (cell as usize, u))
+    }
+
+    /// Forgets the shares, which have been taken.
+    pub(super) fn forget_shares(&mut self, cells: &mut Cells) {
+        for cell in self.shared.drain(..) {
+            cells.share[cell as usize] = 0.0;
+        }
+    }
+
+    /// Takes the kinds that the lists have found, and notes the cells that change.
+    pub(super) fn collect(&mut self, cells: &mut Cells, planes: &[Plane]) {
+        self.fills.clear();
+        self.empties.clear();
+        self.entered.clear();
+        self.born.clear();
+        for plane in planes {
+            for (&cell, &kind) in plane.surface.iter().zip(&plane.kind) {
+                cells.kind[cell as usize] = kind;
+                match kind {
+                    FILLS => self.fills.push(cell),
+                    EMPTIES => self.empties.push(cell),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Keeps cells from emptying next to cells that fill.
+    pub(super) fn resolve(&mut self, cells: &mut Cells) {
+        self.empties.retain(|&cell| {
+            let cell = cell as usize;
+            let kept = cells.count_neighbours(cell, |kind| kind == FILLS) > 0;
+            if kept {
+                cells.kind[cell] = SURFACE;
+            }
+            !kept
+        });
+    }
+
+    /// Changes the kinds of cells, and notes the excess mass.
+    pub(super) fn convert<S: Stored>(
+        &mut self,
+        cells: &mut Cells,
+        planes: &mut [Plane],
+        populations: &mut Populations<S>,
+        ghosts: &Ghosts,
+    ) {
+        let [slow, ..] = populations.order();
+        let mut touch = |populations: &Populations<S>, cell: u32| {
+            let at = populations.coordinates(cell as usize);
+            planes[at[slow].unsigned_abs()].changed = true;
+        };
+        let beyond = ghosts.all().iter();
+        let beyond = beyond.filter(|&&cell| matches!(cells.kind[cell as usize], FILLS | EMPTIES));
+        let sources: Vec<u32> = if self.fills.is_empty() && self.empties.is_empty() {
+            beyond.copied().collect()
+        } else {
+            let own = self.fills.iter().chain(&self.empties);
+            own.chain(beyond).copied().collect()
+        };
+        for source in sources {
+            let source = source as usize;
+            let fills = cells.kind[source] == FILLS;
+            for i in inside(populations, source) {
+                let cell = cells.neighbour(source, i);
+                if cells.kind_along(source, i) == SOLID {
+                    continue;
+                }
+                match (fills, cells.kind[cell]) {
+                    (true, GAS) => {
+                        cells.kind[cell] = ENTERED;
+                        self.entered.push(to_u32(cell));
+                    }
+                    (false, LIQUID) => {
+                        cells.kind[cell] = SURFACE;
+                        cells.mass[cell] = 1.0 + populations.moments(cell).0;
+                        touch(populations, to_u32(cell));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        for &cell in &self.entered {
+            self.born.push(mean_of_neighbours(
+                cells,
+                populations,
+                ghosts.around(),
+                cell as usize,
+            ));
+        }
+        for &cell in self.fills.iter().chain(&self.empties).chain(&self.entered) {
+            touch(populations, cell);
+        }
+        for (&cell, born) in self.entered.iter().zip(&self.born) {
+            let cell = cell as usize;
+            enter(populations, cell, born);
+            cells.kind[cell] = SURFACE;
+            cells.mass[cell] = 0.0;
+        }
+        for n in 0..self.fills.len() {
+            let cell = self.fills[n] as usize;
+            let excess = cells.mass[cell] - (1.0 + populations.moments(cell).0);
+            self.change(cells, cell, (LIQUID, 1.0), excess);
+        }
+        for n in 0..self.empties.len() {
+            let cell = self.empties[n] as usize;
+            let excess = cells.mass[cell];
+            self.change(cells, cell, (GAS, 0.0), excess);
+            leave(cells, populations, cell);
+        }
+    }
+}
+
+impl Work {
+    /// Gives a cell its new kind and fill level, and notes its excess mass.
+    fn change(&mut self, cells: &mut Cells, cell: usize, (kind, fill): (u8, f64), excess: f64) {
+        cells.kind[cell] = kind;
+        cells.fill[cell] = fill;
+        cells.mass[cell] = 0.0;
+        cells.share[cell] = excess;
+        self.excess.push(to_u32(cell));
+    }
+
+    /// Divides excess mass by the number of neighbouring interface cells; returns the mass that none takes, in quanta.
+    pub(super) fn distribute(&mut self, cells: &mut Cells) -> i128 {
+        let mut lost = 0;
+        for cell in self.excess.drain(..) {
+            let at = cell as usize;
+            let count = cells.count_neighbours(at, is_surface);
+            if count == 0 {
+                lost += i128::from(quanta(cells.share[at]));
+                cells.share[at] = 0.0;
+                continue;
+            }
+            cells.share[at] /= base::number::real(count);
+            self.shared.push(cell);
+        }
+        lost
+    }
+}
+
+/// Returns the mean density and velocity of the interface cells next to a cell of gas.
+fn mean_of_neighbours<S: Stored>(
+    cells: &Cells,
+    populations: &Populations<S>,
+    around: &Around,
+    cell: usize,
+) -> Moments {
+    let at = populations.coordinates(cell);
+    let mut sum = [0.0; 4];
+    let mut count = 0_usize;
+    for i in 1..cells.directions() {
+        let kind = cells.kind_along(cell, i);
+        if !is_surface(kind) || matches!(kind, EMPTIES | ENTERED) {
+            continue;
+        }
+        let c = populations.velocities().c[i];
+        let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
+        let position = |at: [isize; 3]| populations.cell(at);
+        let of_cell = |cell: usize| moments(populations, cell);
+        let found = around.moments(next, position, of_cell);
+        for (sum, found) in sum.iter_mut().zip(found) {
+            *sum += found;
+        }
+        count += 1;
+    }
+    sum.map(|sum| sum / base::number::real(count.max(1)))
+}
+
+/// Gives a new interface cell its populations.
+fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moments) {
+    let [drho, u @ ..] = *born;
+    for i in 0..populations.velocities().q() {
+        let v = populations.velocities();
+        let g = equilibrium(v.w[i], v.c[i], drho, u);
+        let position = populations.incoming(cell, i);
+        populations.numbers_mut()[position] = S::from_f64(g);
+    }
+}
+
+/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells
+/// without water.
+fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
+    let parity = populations.parity();
+    for i in 0..cells.directions() {
+        let incoming = populations.incoming(cell, i);
+        populations.numbers_mut()[incoming] = S::from_f64(0.0);
+        // Behind a sheet the number is that which comes back to the cell there.
+        if i > 0 && !super::is_wet(cells.kind[cells.neighbour(cell, i)]) {
+            let out = populations.link(cell, i).out(parity);
+            populations.numbers_mut()[out] = S::from_f64(0.0);
+        }
+    }
+}

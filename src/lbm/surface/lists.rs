@@ -1,0 +1,127 @@
+//! Cells of each plane that the surface passes, and the parts of rows that hold water.
+
+use super::kind::{GAS, LIQUID, is_surface, is_wet};
+use base::number::to_u32;
+
+/// Cells of a row that are worked on together: the widest vector of the pass.
+const TOGETHER: usize = 8;
+
+/// Surface in an interface cell at the begin of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Facet {
+    /// Velocity of the water.
+    pub(super) velocity: [f64; 3],
+    /// Normal towards the gas.
+    pub(super) normal: [f64; 3],
+    /// Distance of the surface from the centre of the cell along the normal.
+    pub(super) distance: f64,
+    /// Increase of the density along the normal in water at rest.
+    pub(super) at_rest: f64,
+    /// Increase of the density over a cell against gravity in water at rest.
+    pub(super) weight: f64,
+    /// Direction to the liquid cell that lies most against the normal; 0 without one.
+    pub(super) inward: u8,
+    /// Density of that cell.
+    pub(super) inside: f64,
+    /// Force along the surface that the cell takes in the step.
+    pub(super) shear: [f64; 3],
+    /// Distance of the centre of that cell from that of the interface cell against the normal.
+    pub(super) inner: f64,
+}
+
+/// Lists of one plane of the slab.
+#[derive(Debug, Default)]
+pub(crate) struct Plane {
+    /// Positions of the cells that the surface passes.
+    pub(super) surface: Vec<u32>,
+    /// Surface in each of them.
+    pub(super) facets: Vec<Facet>,
+    /// Fill level of each of them at the end of the step.
+    pub(super) fill: Vec<f64>,
+    /// Kind of each of them at the end of the step.
+    pub(super) kind: Vec<u8>,
+    /// Positions of cells of gas that the pass collides because their vectors hold water.
+    pub(super) dry: Vec<u32>,
+    /// `true` where kinds of cells have changed since the lists were made.
+    pub(super) changed: bool,
+    /// First span of each row, and the end.
+    begins: Vec<u32>,
+    /// First cell and end of each part of a row that holds water, in whole vectors up to the end of the row.
+    spans: Vec<[u32; 2]>,
+}
+
+impl Plane {
+    /// Returns the parts of a row that hold water.
+    #[inline(always)]
+    pub(crate) fn spans(&self, row: usize) -> &[[u32; 2]] {
+        &self.spans[self.begins[row] as usize..self.begins[row + 1] as usize]
+    }
+
+    /// Returns `true` once the lists have been made.
+    pub(super) fn is_made(&self) -> bool {
+        !self.begins.is_empty()
+    }
+
+    /// Makes the lists from the kinds of the cells; `rows` gives the position of the first cell of each row.
+    pub(super) fn find(&mut self, kinds: &[u8], rows: impl Iterator<Item = usize>, length: usize) {
+        self.changed = false;
+        self.surface.clear();
+        self.dry.clear();
+        self.begins.clear();
+        self.spans.clear();
+        for first in rows {
+            let begin = self.spans.len();
+            self.begins.push(to_u32(begin));
+            let row = &kinds[first..first + length];
+            for (n, some) in row.chunks(TOGETHER).enumerate() {
+                if some.iter().all(|&kind| !is_wet(kind)) {
+                    continue;
+                }
+                let at = n * TOGETHER;
+                let end = to_u32((at + TOGETHER).min(length));
+                match self.spans[begin..].last_mut() {
+                    Some(span) if span[1] == to_u32(at) => span[1] = end,
+                    _ => self.spans.push([to_u32(at), end]),
+                }
+                if some.iter().all(|&kind| kind == LIQUID) {
+                    continue;
+                }
+                for (k, &kind) in some.iter().enumerate() {
+                    let cell = to_u32(first + at + k);
+                    if is_surface(kind) {
+                        self.surface.push(cell);
+                    } else if kind == GAS {
+                        self.dry.push(cell);
+                    }
+                }
+            }
+        }
+        self.begins.push(to_u32(self.spans.len()));
+        let count = self.surface.len();
+        self.facets.resize(count, Facet::default());
+        self.fill.resize(count, 0.0);
+        self.kind.resize(count, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::kind::SURFACE;
+
+    #[test]
+    fn vectors_without_water_are_left_out() {
+        let mut kinds = vec![GAS; 64];
+        kinds[3] = LIQUID;
+        kinds[17] = SURFACE;
+        kinds[20] = LIQUID;
+        kinds[40..59].fill(LIQUID);
+        let mut plane = Plane::default();
+        // Rows of 30 cells from 0 and from 32.
+        plane.find(&kinds, [0, 32].into_iter(), 30);
+        assert_eq!(plane.spans(0), [[0, 8], [16, 24]]);
+        assert_eq!(plane.spans(1), [[8, 30]]);
+        assert_eq!(plane.surface, [17]);
+        assert_eq!(plane.dry.len(), 7 + 6 + 3);
+    }
+}

@@ -1,0 +1,178 @@
+//! Terms of the fluid step: everything that acts on the populations beside collision and streaming.
+//!
+//! The step asks the list of its terms ([`super::fluid::Fluid::terms`]) what they allow and what they did: whether two steps may be made in one
+//! sweep, whether a GPU runs them, the momentum that they gave to the water, and the velocity of a cell between two steps. The defaults of
+//! [`Term`] are the cautious answers, so that a term without an answer of its own costs speed and not correctness.
+//!
+//! | term | acts | file |
+//! |---|---|---|
+//! | body force | in the collision | `fluid/force.rs` |
+//! | eddy viscosity | in the collision | `turbulence.rs` |
+//! | covered cells | in the collision | `saturation/cover.rs` |
+//! | boundaries | after the exchange of the halos | `boundary.rs` |
+//! | closed cells | after the boundaries | here |
+//! | free surface | around the collision | `surface.rs` |
+//! | porous zones | before the collision, through [`Term::act`] | `term/porous.rs` |
+//!
+//! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and a line where
+//! the lattice of a plan is set up (`simulation::setup`); what a plan has to know of it is a [`scene term`](crate::term) beside the scene's.
+
+pub mod porous;
+
+use super::boundary::Boundaries;
+use super::fluid::Force;
+use super::lanes::Stored;
+use super::populations::Populations;
+use super::saturation::Cover;
+use super::surface::Surface;
+use super::turbulence::EddyViscosity;
+
+/// Makes a term for the slab of these populations, whose first cell is given in cells of the domain.
+pub type Make<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
+
+/// Something that acts on the fluid in a step.
+pub trait Term<S: Stored> {
+    /// Returns its name for messages: "a GPU does not run ... yet".
+    fn name(&self) -> &'static str;
+
+    /// Returns `true` if two steps may be made in one sweep: it needs nothing but the collision and the walls between them.
+    fn allows_two_steps(&self) -> bool {
+        false
+    }
+
+    /// Returns `true` if kernels of a GPU run it.
+    fn runs_on_gpu(&self) -> bool {
+        false
+    }
+
+    /// Acts on the populations that come into the cells, before they collide with `half` of the body force.
+    fn act(&mut self, _populations: &mut Populations<S>, _half: [f64; 3], _cover: Option<&Cover>) {}
+
+    /// Returns the momentum that those cells for which `counts` holds (local coordinates) received in the last step, in quanta; the
+    /// uniform body force is counted elsewhere.
+    fn impulse(
+        &self,
+        _populations: &Populations<S>,
+        _counts: &dyn Fn([usize; 3]) -> bool,
+    ) -> [i128; 3] {
+        [0; 3]
+    }
+
+    /// Returns `true` if the velocities between two steps are not those of momentum and body force alone.
+    fn changes_velocities(&self) -> bool {
+        false
+    }
+
+    /// Returns the velocity of the cell at a position from that of its momentum and half of the body force.
+    fn velocity(
+        &self,
+        _position: usize,
+        of_momentum: [f64; 3],
+        _cover: Option<&Cover>,
+    ) -> [f64; 3] {
+        of_momentum
+    }
+
+    /// Returns the inverse of [`Self::velocity`].
+    fn of_momentum(
+        &self,
+        _position: usize,
+        velocity: [f64; 3],
+        _cover: Option<&Cover>,
+    ) -> [f64; 3] {
+        velocity
+    }
+}
+
+impl<S: Stored> Term<S> for Force {
+    fn name(&self) -> &'static str {
+        "a body force"
+    }
+    fn allows_two_steps(&self) -> bool {
+        true
+    }
+    fn runs_on_gpu(&self) -> bool {
+        true
+    }
+}
+
+impl<S: Stored> Term<S> for EddyViscosity {
+    fn name(&self) -> &'static str {
+        "a fluid with an eddy viscosity"
+    }
+    fn allows_two_steps(&self) -> bool {
+        true
+    }
+}
+
+impl<S: Stored> Term<S> for Boundaries<S> {
+    fn name(&self) -> &'static str {
+        "a fluid with openings or with faces of free slip"
+    }
+    fn allows_two_steps(&self) -> bool {
+        self.are_walls()
+    }
+    fn runs_on_gpu(&self) -> bool {
+        self.are_walls()
+    }
+}
+
+impl<S: Stored> Term<S> for Cover {
+    fn name(&self) -> &'static str {
+        "cells that solids cover"
+    }
+    fn runs_on_gpu(&self) -> bool {
+        true
+    }
+}
+
+impl<S: Stored> Term<S> for Surface {
+    fn name(&self) -> &'static str {
+        "a free surface"
+    }
+}
+
+/// Cells of structures: openings before them are closed.
+#[derive(Clone, Debug, Default)]
+pub struct ClosedCells {
+    /// `true` for the cells of structures, by position; empty where there are none.
+    closed: Vec<bool>,
+}
+
+impl ClosedCells {
+    /// Closes the cells at these positions of a slab.
+    pub fn close<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        cells: impl Iterator<Item = usize>,
+    ) {
+        self.closed = vec![false; populations.cell_positions()];
+        for cell in cells {
+            self.closed[cell] = true;
+        }
+    }
+
+    /// Returns `true` if no structures are known.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.closed.is_empty()
+    }
+
+    /// Returns the part of the cell at a position that is solid, 0 or 1.
+    #[must_use]
+    pub fn fraction(&self, position: usize) -> f64 {
+        f64::from(u8::from(self.closed[position]))
+    }
+}
+
+impl<S: Stored> Term<S> for ClosedCells {
+    fn name(&self) -> &'static str {
+        "structures"
+    }
+    fn allows_two_steps(&self) -> bool {
+        self.is_empty()
+    }
+    fn runs_on_gpu(&self) -> bool {
+        self.is_empty()
+    }
+}

@@ -1,0 +1,165 @@
+//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to that of the fluid. One file per model.
+//!
+//! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with which the cells
+//! collided **one step before**, by second-order central differences. The pass writes the velocity of each cell beside the
+//! populations and reads the field of the previous step ([`field`]), so that the field costs 36 bytes per cell and step and no separate pass.
+//! The delay is of the order of dt, far below the time scale of resolved eddies.
+
+pub mod field;
+
+use super::lanes::Lanes;
+use base::error::Finding;
+use base::family::{self, Description};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in a case is that of
+/// its module.
+macro_rules! eddy_viscosities {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
+        $(pub mod $module;)*
+
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[serde(rename_all = "snake_case")]
+        #[schemars(transform = family::describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a model stands in its module")]
+                $model($module::$model),
+            )*
+        }
+
+        impl $list {
+            /// The model for `plan`.
+            #[must_use]
+            pub fn describe(&self) -> Description {
+                match self {
+                    $(Self::$model(model) => model.describe(),)*
+                }
+            }
+
+            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+            #[must_use]
+            pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+                match self {
+                    $(Self::$model(model) => model.check(path, dimension),)*
+                }
+            }
+
+            /// ν_t of a cell in lattice units.
+            #[must_use]
+            pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
+                match self {
+                    $(Self::$model(model) => model.viscosity(gradient),)*
+                }
+            }
+
+            #[inline(always)]
+            fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
+                match self {
+                    $(Self::$model(model) => model.fraction(gradient),)*
+                }
+            }
+        }
+    };
+}
+
+eddy_viscosities! {
+    /// Eddy viscosity.
+    #[schemars(rename = "Turbulence")]
+    EddyViscosity:
+    wale Wale,
+    smagorinsky Smagorinsky,
+}
+
+/// A model of an eddy viscosity with its parameters as they stand in a case.
+pub trait Model {
+    /// The model for `plan`.
+    fn describe(&self) -> Description;
+
+    /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+    fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+        let _ = (path, dimension);
+        None
+    }
+
+    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
+
+    /// ν_t in lattice units.
+    fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
+        let (numerator, denominator) = self.fraction(gradient);
+        numerator / denominator
+    }
+}
+
+/// Why a model is used, in `plan`.
+const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
+
+/// The eddy viscosity of a pass.
+pub trait Eddies: Copy + Send + Sync + 'static {
+    /// Whether cells have rates of their own.
+    const ACTIVE: bool;
+    /// Whether there is a model at all, where the type leaves it open.
+    fn present(&self) -> bool {
+        Self::ACTIVE
+    }
+    /// As [`Model::fraction`].
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
+
+    /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
+    #[inline(always)]
+    fn rate<N: Lanes>(&self, viscosity: f64, gradient: &[[N; 3]; 3]) -> N {
+        let (numerator, denominator) = self.fraction(gradient);
+        let own = denominator * N::splat(3.0 * viscosity + 0.5);
+        denominator / numerator.mul_add(N::splat(3.0), own)
+    }
+}
+
+/// No model.
+#[derive(Clone, Copy, Debug)]
+pub struct Resolved;
+
+impl Eddies for Resolved {
+    const ACTIVE: bool = false;
+
+    #[inline(always)]
+    fn fraction<N: Lanes>(&self, _: &[[N; 3]; 3]) -> (N, N) {
+        (N::splat(0.0), N::splat(1.0))
+    }
+}
+
+/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so that it need not
+/// be compiled for each.
+impl Eddies for Option<EddyViscosity> {
+    const ACTIVE: bool = true;
+
+    #[inline(always)]
+    fn present(&self) -> bool {
+        self.is_some()
+    }
+
+    #[inline(always)]
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
+        match self {
+            None => Resolved.fraction(gradient),
+            Some(model) => model.fraction(gradient),
+        }
+    }
+}
+
+/// S:S of the rate of strain S = (g + gᵀ)/2.
+#[inline(always)]
+fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
+    let half = N::splat(0.5);
+    let xy = (g[0][1] + g[1][0]) * half;
+    let yz = (g[1][2] + g[2][1]) * half;
+    let zx = (g[2][0] + g[0][2]) * half;
+    let shear = xy.mul_add(xy, yz.mul_add(yz, zx * zx));
+    let stretch = g[0][0].mul_add(g[0][0], g[1][1].mul_add(g[1][1], g[2][2] * g[2][2]));
+    shear.mul_add(N::splat(2.0), stretch)
+}
+
+#[cfg(test)]
+mod tests;

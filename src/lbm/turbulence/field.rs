@@ -1,0 +1,833 @@
+//! The velocity field from which the eddy viscosity is computed.
+//!
+//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
+//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces
+//! u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is stored in f32: its
+//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
+//!
+//! Beside bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of
+//! the surfaces at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
+//!
+//! ```text
+//! du/dx = [l² (u_h - u) + h² (u - u_l)] / [l h (l + h)]
+//! ```
+//!
+//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so that the difference
+//! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
+//! each cell says where they stand, and only cells that have one leave the vector path.
+
+use crate::block::{Block, Line};
+use crate::boundary::{Frame, Patch, Surface, holder};
+use crate::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
+use crate::lattice::unroll;
+use crate::pages::Pages;
+use crate::populations::Populations;
+use base::number::{real, to_u32};
+use base::thread_pool;
+use decomposition::{Domain, HaloBytes, HaloExchange};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Message tag of the velocity.
+const TAG: u8 = 2;
+
+/// Where the pass finds the velocity of the step before and leaves that of its own. Positions are those of
+/// [`Populations::cell`].
+#[derive(Clone, Copy)]
+pub(crate) struct View {
+    pub(crate) read: [*const f32; 3],
+    pub(crate) write: [*mut f32; 3],
+    strides: [usize; 3],
+    dimension: usize,
+    /// One more than the place in `beside` of each cell, 0 for most; null where no cell has bodies beside it.
+    places: *const u32,
+    beside: *const Beside,
+}
+
+/// What is on both sides of a cell along each axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Beside {
+    cell: u32,
+    axes: [Axis; 3],
+}
+
+/// Surfaces on both sides along an axis, and the derivative as a sum of velocities.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    /// Distance of a surface, low and high; 0 for water.
+    distance: [f32; 2],
+    /// Weights of the low side, of the cell and of the high side; 0 for a surface.
+    weights: [f64; 3],
+    /// What surfaces give, and what they are weighed with.
+    given: [f64; 3],
+    velocity: [[f32; 3]; 2],
+}
+
+impl Default for Axis {
+    fn default() -> Self {
+        Self {
+            distance: [0.0; 2],
+            weights: [-0.5, 0.0, 0.5],
+            given: [0.0; 3],
+            velocity: [[0.0; 3]; 2],
+        }
+    }
+}
+
+impl Axis {
+    fn wall(&mut self, upper: bool, distance: f32, velocity: [f32; 3]) {
+        self.distance[usize::from(upper)] = distance;
+        self.velocity[usize::from(upper)] = velocity;
+        let [l, h] = self
+            .distance
+            .map(|d| if d > 0.0 { f64::from(d) } else { 1.0 });
+        let whole = l * h * (l + h);
+        self.weights = [-h * h / whole, (h * h - l * l) / whole, l * l / whole];
+        self.given = [0.0; 3];
+        for (side, weight) in [(0, 0), (1, 2)] {
+            if self.distance[side] > 0.0 {
+                for a in 0..3 {
+                    self.given[a] += self.weights[weight] * f64::from(self.velocity[side][a]);
+                }
+                self.weights[weight] = 0.0;
+            }
+        }
+    }
+}
+
+impl Beside {
+    /// Gradient by the velocities of water `read` at numbers relative to the cell.
+    #[inline(always)]
+    fn gradient(
+        &self,
+        dimension: usize,
+        strides: [usize; 3],
+        read: impl Fn(usize, isize) -> f64,
+    ) -> [[f64; 3]; 3] {
+        let mut gradient = [[0.0; 3]; 3];
+        for b in 0..dimension {
+            let (axis, stride) = (&self.axes[b], strides[b].cast_signed());
+            let [low, middle, high] = axis.weights;
+            for a in 0..3 {
+                gradient[a][b] = axis.given[a]
+                    + (low * read(a, -stride) + (middle * read(a, 0) + high * read(a, stride)));
+            }
+        }
+        gradient
+    }
+}
+
+impl View {
+    /// Of a fluid that needs none.
+    pub(crate) const NONE: Self = Self {
+        read: [std::ptr::null(); 3],
+        write: [std::ptr::null_mut(); 3],
+        strides: [0; 3],
+        dimension: 0,
+        places: std::ptr::null(),
+        beside: std::ptr::null(),
+    };
+
+    /// Asks for the lines of the field that the cells `ahead` numbers after this one will need.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, cell: usize, ahead: usize) {
+        let cell = cell + ahead;
+        unroll!(axes a < 3 => {
+            let read = self.read[a];
+            prefetch(read.wrapping_add(cell));
+            unroll!(axes b < 3 => {
+                // Along the row the line is the same.
+                if self.strides[b] > 1 {
+                    prefetch(read.wrapping_add(cell + self.strides[b]));
+                    prefetch(read.wrapping_add(cell.wrapping_sub(self.strides[b])));
+                }
+            });
+            prefetch(self.write[a].wrapping_add(cell).cast_const());
+        });
+    }
+
+    /// Gradient of the velocity of the step before at `N::WIDTH` cells.
+    ///
+    /// # Safety
+    /// `cell` must be the position of an interior cell with room for whole vectors after it.
+    #[inline(always)]
+    pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize) -> [[N; 3]; 3]
+    where
+        f32: Memory<N>,
+        f64: Memory<N>,
+    {
+        let mut gradient = [[N::splat(0.0); 3]; 3];
+        unroll!(axes b < 3 => {
+            if b < self.dimension {
+                let stride = self.strides[b];
+                unroll!(axes a < 3 => {
+                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have room for whole vectors.
+                    let (high, low) = unsafe {
+                        (
+                            <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
+                            <f32 as Memory<N>>::load(self.read[a].add(cell - stride)),
+                        )
+                    };
+                    gradient[a][b] = (high - low) * N::splat(0.5);
+                });
+            }
+        });
+        if !self.places.is_null() {
+            let mut any = 0;
+            for lane in 0..N::WIDTH {
+                // SAFETY: the caller's promise: rows have room for whole vectors.
+                any |= unsafe { self.places.add(cell + lane).read() };
+            }
+            if any != 0 {
+                // A copy, so that the gradients of all other cells stay in registers.
+                let mut corrected = gradient;
+                // SAFETY: the caller's promise.
+                unsafe { self.correct::<N>(cell, &mut corrected) };
+                gradient = corrected;
+            }
+        }
+        gradient
+    }
+
+    /// The gradients of the cells that have bodies beside them.
+    ///
+    /// # Safety
+    /// As for [`Self::gradient`].
+    #[cold]
+    #[inline(never)]
+    unsafe fn correct<N: Lanes>(&self, cell: usize, gradient: &mut [[N; 3]; 3])
+    where
+        f64: Memory<N>,
+    {
+        let mut lanes = [[[0.0; WIDEST]; 3]; 3];
+        for (to, from) in lanes
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(gradient.as_flattened())
+        {
+            // SAFETY: an array of at least the lanes' width.
+            unsafe { <f64 as Memory<N>>::store(to.as_mut_ptr(), *from) };
+        }
+        for lane in 0..N::WIDTH {
+            let here = cell + lane;
+            // SAFETY: the caller's promise.
+            let place = unsafe { self.places.add(here).read() } as usize;
+            if place == 0 {
+                continue;
+            }
+            // SAFETY: places are those of the list.
+            let beside = unsafe { &*self.beside.add(place - 1) };
+            let own = beside.gradient(self.dimension, self.strides, |a, by| {
+                // SAFETY: neighbours of an interior cell, ghosts included, lie in the array.
+                f64::from(unsafe { self.read[a].offset(here.cast_signed() + by).read() })
+            });
+            for a in 0..3 {
+                for b in 0..3 {
+                    lanes[a][b][lane] = own[a][b];
+                }
+            }
+        }
+        for (to, from) in gradient
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(lanes.as_flattened())
+        {
+            // SAFETY: an array of at least the lanes' width.
+            *to = unsafe { <f64 as Memory<N>>::load(from.as_ptr()) };
+        }
+    }
+
+    /// Leaves the velocity of `N::WIDTH` cells.
+    ///
+    /// # Safety
+    /// As for [`Self::gradient`], and no other thread may write these cells.
+    #[inline(always)]
+    pub(crate) unsafe fn leave<N: Lanes>(&self, cell: usize, velocity: [N; 3])
+    where
+        f32: Memory<N>,
+    {
+        unroll!(axes a < 3 => {
+            // SAFETY: the caller's promise.
+            unsafe { <f32 as Memory<N>>::store(self.write[a].add(cell), velocity[a]) };
+        });
+    }
+}
+
+/// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, by component.
+#[derive(Clone, Copy, PartialEq)]
+struct Beyond {
+    /// Where u_1 and u_2 are, from the ghost on.
+    first: isize,
+    second: isize,
+    wall: [f32; 3],
+    inner: [f32; 3],
+    outer: f32,
+    /// Patch whose ramp multiplies the velocity of the wall; none for a wall at rest and for open faces.
+    patch: Option<usize>,
+}
+
+/// What a ghost follows from.
+#[derive(Clone, Copy, PartialEq)]
+enum Follows {
+    /// The cells before a face.
+    Face(Beyond),
+    /// The cell so far away, round a periodic axis within the slab.
+    Round(isize),
+}
+
+/// Face of the domain.
+#[derive(Clone, Copy)]
+struct Face {
+    axis: usize,
+    upper: bool,
+}
+
+impl Beyond {
+    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` lie at these distances from
+    /// the ghost.
+    fn new<S: Stored>(
+        patches: &[Patch<S>],
+        frame: &Frame,
+        Face { axis, upper }: Face,
+        at: [usize; 3],
+        [first, second]: [isize; 2],
+    ) -> Self {
+        let mut position = at.map(|k| real(k) + 0.5);
+        position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
+        let holder = holder(patches, axis, upper, position);
+        let (mut wall, mut patch) = ([0.0; 3], None);
+        let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
+        let mut share = 8.0 / 3.0;
+        if frame.cells[axis] == 1 {
+            (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
+        }
+        // Without a patch a wall at rest.
+        if let Some(rule) = holder.map(|p| &patches[p].rule) {
+            if let Some(velocity) = rule.velocity(position) {
+                #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
+                let scaled = velocity.map(|u| (share * u) as f32);
+                wall = scaled;
+                patch = holder;
+            } else if rule.nature().surface == Surface::Symmetry {
+                (inner, outer) = ([1.0; 3], 0.0);
+                inner[axis] = -1.0;
+            } else {
+                (inner, outer) = if frame.cells[axis] == 1 {
+                    ([1.0; 3], 0.0)
+                } else {
+                    ([2.0; 3], -1.0)
+                };
+            }
+        }
+        Self {
+            first,
+            second,
+            wall,
+            inner,
+            outer,
+            patch,
+        }
+    }
+}
+
+/// Ghost of a cell beyond a face.
+struct Ghost {
+    /// Plane and row of the cell.
+    plane: usize,
+    row: u32,
+    at: usize,
+    follows: Follows,
+}
+
+/// Returns the ghosts of a slab that follow from its own cells.
+fn ghosts<S: Stored>(
+    populations: &Populations<S>,
+    frame: &Frame,
+    patches: &[Patch<S>],
+    strides: [usize; 3],
+) -> Vec<Ghost> {
+    let [slow, middle, _] = populations.order();
+    let cells = populations.cells();
+    let mut ghosts = Vec::new();
+    for (local, cell) in populations.interior() {
+        let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
+        for axis in 0..populations.velocities().dimension {
+            for upper in [false, true] {
+                let outermost = if upper { frame.cells[axis] - 1 } else { 0 };
+                if at[axis] != outermost || (frame.periodic[axis] && axis == slow) {
+                    continue;
+                }
+                let step = if upper { 1 } else { -1 };
+                let beyond =
+                    |n: isize| cell.wrapping_add_signed(n * step * strides[axis].cast_signed());
+                let from_ghost = |cell| position_from(beyond(1), cell);
+                let follows = if frame.periodic[axis] {
+                    let across = 1 - cells[axis].cast_signed();
+                    Follows::Round(from_ghost(beyond(across)))
+                } else {
+                    let outer = if frame.cells[axis] == 1 {
+                        cell
+                    } else {
+                        beyond(-1)
+                    };
+                    let face = Face { axis, upper };
+                    let sources = [cell, outer].map(from_ghost);
+                    Follows::Face(Beyond::new(patches, frame, face, at, sources))
+                };
+                ghosts.push(Ghost {
+                    plane: local[slow],
+                    row: to_u32(local[middle]),
+                    at: beyond(1),
+                    follows,
+                });
+            }
+        }
+    }
+    ghosts
+}
+
+/// Ghosts of cells of a plane that follow in the same way, at equal distances.
+struct Run {
+    ghost: usize,
+    line: Line,
+    follows: Follows,
+}
+
+/// Ghosts of a thread from which on it is worth waking.
+const GHOSTS_PER_THREAD: usize = 500;
+
+/// Where the three components of a field start.
+struct Components([*mut f32; 3]);
+
+// SAFETY: who writes through it promises that no two threads touch the same number.
+unsafe impl Sync for Components {}
+
+impl Components {
+    fn get(&self) -> [*mut f32; 3] {
+        self.0
+    }
+}
+
+/// The ghosts of a slab that follow from its own cells.
+#[derive(Default)]
+pub(crate) struct Ghosts {
+    runs: Vec<Run>,
+    /// Where the runs of each plane begin, and the end.
+    begins: Vec<usize>,
+    /// Rows of a plane.
+    rows: usize,
+}
+
+impl Ghosts {
+    /// Joins the ghosts of the planes of a slab.
+    fn new(mut all: Vec<Ghost>, rows: usize, planes: usize) -> Self {
+        // Those of one kind one after the other: along each axis they lie at distances of their own.
+        let apart = |follows: &Follows| match follows {
+            Follows::Face(beyond) => beyond.first,
+            Follows::Round(source) => *source,
+        };
+        all.sort_unstable_by_key(|ghost| (ghost.plane, apart(&ghost.follows), ghost.at));
+        let mut ghosts = Self {
+            rows,
+            ..Self::default()
+        };
+        let mut plane_of_last = 0;
+        for one in all {
+            let Ghost {
+                plane,
+                row,
+                at: ghost,
+                follows,
+            } = one;
+            let longer = ghosts.runs.last().and_then(|run| {
+                let apart = u32::try_from(ghost.checked_sub(run.ghost)?).ok()?;
+                let alike = plane == plane_of_last && run.follows == follows;
+                run.line.with(row, apart).filter(|_| alike)
+            });
+            match (ghosts.runs.last_mut(), longer) {
+                (Some(run), Some(longer)) => run.line = longer,
+                _ => {
+                    ghosts.begins.resize(plane + 1, ghosts.runs.len());
+                    ghosts.runs.push(Run {
+                        ghost,
+                        line: Line::of(row),
+                        follows,
+                    });
+                }
+            }
+            plane_of_last = plane;
+        }
+        ghosts.begins.resize(planes + 1, ghosts.runs.len());
+        ghosts
+    }
+
+    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component. `ramp` gives the factor of a
+    /// patch.
+    ///
+    /// # Safety
+    /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the ghosts follow from.
+    unsafe fn fill(
+        &self,
+        Block { planes, rows }: &Block,
+        numbers: [*mut f32; 3],
+        ramp: impl Fn(usize) -> f64,
+    ) {
+        for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
+            let some = run.line.within(rows);
+            if !some.is_empty() {
+                // SAFETY: promised by the caller; the ghosts and what they follow from are positions in the field.
+                unsafe { run.fill(some, numbers, &ramp) };
+            }
+        }
+    }
+
+    /// Fills the ghosts of the cells of some planes, by several threads where they are many.
+    ///
+    /// # Safety
+    /// As for [`Self::fill`].
+    unsafe fn fill_planes(
+        &self,
+        planes: Range<usize>,
+        components: &Components,
+        ramp: impl Fn(usize) -> f64 + Sync,
+    ) {
+        let runs = &self.runs[self.begins[planes.start]..self.begins[planes.end]];
+        let count: u32 = runs.iter().map(|run| run.line.count).sum();
+        let threads = thread_pool::threads().min(count as usize / GHOSTS_PER_THREAD);
+        let threads = threads.max(1);
+        thread_pool::each(threads, |thread| {
+            let bound = |t: usize| self.rows * t / threads;
+            let cells = Block {
+                planes: planes.clone(),
+                rows: bound(thread)..bound(thread + 1),
+            };
+            // SAFETY: promised by the caller; each ghost belongs to one row, and all follow from cells of the slab.
+            unsafe { self.fill(&cells, components.get(), &ramp) };
+        });
+    }
+
+    /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
+    ///
+    /// # Safety
+    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody else may work on them.
+    pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
+        // SAFETY: promised by the caller.
+        unsafe { self.fill(cells, written.write, ramp) };
+    }
+}
+
+impl Run {
+    /// # Safety
+    /// As for [`Ghosts::fill`]; `some` must be of the run.
+    #[inline]
+    unsafe fn fill(&self, some: Range<usize>, numbers: [*mut f32; 3], ramp: impl Fn(usize) -> f64) {
+        let stride = self.line.stride as usize;
+        let (begin, count) = (self.ghost + some.start * stride, some.len());
+        match self.follows {
+            Follows::Round(source) => {
+                for component in numbers {
+                    for k in 0..count {
+                        // SAFETY: both are positions in the field.
+                        unsafe {
+                            let ghost = component.add(begin + k * stride);
+                            ghost.write(ghost.offset(source).read());
+                        }
+                    }
+                }
+            }
+            Follows::Face(beyond) => {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                let factor = beyond.patch.map_or(0.0, ramp) as f32;
+                let Beyond { first, second, .. } = beyond;
+                for (a, component) in numbers.into_iter().enumerate() {
+                    let (wall, inner) = (beyond.wall[a] * factor, beyond.inner[a]);
+                    for k in 0..count {
+                        // SAFETY: all three are positions in the field.
+                        unsafe {
+                            let ghost = component.add(begin + k * stride);
+                            ghost.write(
+                                wall + inner * ghost.offset(first).read()
+                                    + beyond.outer * ghost.offset(second).read(),
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The surface of a body beside a cell of the slab.
+#[derive(Clone, Copy, Debug)]
+pub struct Wall {
+    /// Position of the cell.
+    pub cell: usize,
+    /// The axis along which the surface is, and whether at the upper side.
+    pub side: (usize, bool),
+    /// From the cell \[cells\].
+    pub distance: f64,
+    /// How the surface moves \[cells per step\].
+    pub velocity: [f64; 3],
+}
+
+/// Where a cell is, from another on.
+fn position_from(from: usize, to: usize) -> isize {
+    to.cast_signed() - from.cast_signed()
+}
+
+/// The velocity field of a slab, for the gradient.
+pub struct Field {
+    /// Components of the step before and of this one, one after the other.
+    numbers: [Pages<f32>; 2],
+    /// Which of the two is read.
+    old: usize,
+    /// Distance between components.
+    array: usize,
+    strides: [usize; 3],
+    dimension: usize,
+    ghosts: Arc<Ghosts>,
+    exchange: HaloExchange,
+    /// Positions of the cells of a plane relative to its first.
+    plane: Vec<usize>,
+    /// First cell of the ghost plane below, the first, the last and the ghost plane above.
+    planes: [usize; 4],
+    /// One more than the place in `beside` of each cell, 0 for most; empty before there is a body.
+    places: Vec<u32>,
+    beside: Vec<Beside>,
+    /// What each thread found of it: room that is used again.
+    found: Vec<Vec<Wall>>,
+}
+
+impl Field {
+    /// The field of the slab of `populations`; all ranks call it together.
+    ///
+    /// # Errors
+    /// When the slabs of two neighbours do not fit each other.
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        frame: &Frame,
+        patches: &[Patch<S>],
+        domain: &Domain,
+    ) -> Result<Self, String> {
+        let [slow, middle, _] = populations.order();
+        let cells = populations.cells();
+        let zero = populations.cell([0; 3]);
+        let unit = |axis: usize| {
+            let mut at = [0; 3];
+            at[axis] = 1;
+            populations.cell(at) - zero
+        };
+        let strides = [unit(0), unit(1), unit(2)];
+        // Staggered, so that the six arrays do not meet in the same lines of the cache.
+        let array = populations.cell_positions() + 208;
+        let ghosts = ghosts(populations, frame, patches, strides);
+        let first = populations.interior();
+        let first = first.take_while(|(local, _)| local[slow] == 0);
+        let plane: Vec<usize> = first.map(|(_, cell)| cell - zero).collect();
+        let at_plane = |n: isize| {
+            let mut at = [0; 3];
+            at[slow] = n;
+            populations.cell(at)
+        };
+        let last = cells[slow].cast_signed() - 1;
+        let bytes = 3 * plane.len() * size_of::<f32>();
+        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
+            .map_err(|e| e.to_string())?;
+        Ok(Self {
+            numbers: [Pages::new(3 * array)?, Pages::new(3 * array)?],
+            old: 0,
+            array,
+            strides,
+            dimension: populations.velocities().dimension,
+            ghosts: Arc::new(Ghosts::new(ghosts, cells[middle], cells[slow])),
+            exchange,
+            plane,
+            planes: [
+                at_plane(-1),
+                at_plane(0),
+                at_plane(last),
+                at_plane(last + 1),
+            ],
+            places: Vec::new(),
+            beside: Vec::new(),
+            found: Vec::new(),
+        })
+    }
+
+    /// Forgets the surfaces of bodies, before they are named anew.
+    pub fn forget_walls(&mut self) {
+        for one in &self.beside {
+            self.places[one.cell as usize] = 0;
+        }
+        self.beside.clear();
+    }
+
+    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and room for what it finds.
+    pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<Wall>) + Sync) {
+        let mut found = std::mem::take(&mut self.found);
+        let threads = thread_pool::threads();
+        found.resize_with(threads, Vec::new);
+        thread_pool::each_item(&mut found, 1, |thread, found| {
+            found.clear();
+            find(thread, threads, found);
+        });
+        for wall in found.iter().flatten() {
+            self.wall(wall);
+        }
+        self.found = found;
+    }
+
+    /// One surface of a body beside a cell.
+    fn wall(&mut self, wall: &Wall) {
+        let Wall {
+            cell,
+            side: (axis, upper),
+            distance,
+            velocity,
+        } = *wall;
+        if self.places.is_empty() {
+            // Rows have room for whole vectors.
+            self.places = vec![0; self.array];
+        }
+        let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        if self.places[cell] == 0 {
+            self.beside.push(Beside {
+                cell: number(cell),
+                ..Beside::default()
+            });
+            self.places[cell] = number(self.beside.len());
+        }
+        let place = self.places[cell] as usize - 1;
+        #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+        let (distance, velocity) = (distance as f32, velocity.map(|u| u as f32));
+        self.beside[place].axes[axis].wall(upper, distance, velocity);
+    }
+
+    /// What the coming pass reads and writes.
+    pub(crate) fn view(&mut self) -> View {
+        let array = self.array;
+        let [first, second] = &mut self.numbers;
+        let (read, write) = if self.old == 0 {
+            (first, second)
+        } else {
+            (second, first)
+        };
+        let (read, write) = (read.as_ptr(), write.as_mut_ptr());
+        View {
+            // SAFETY: the vectors hold three arrays of this length.
+            read: std::array::from_fn(|a| unsafe { read.add(a * array) }),
+            // SAFETY: as above.
+            write: std::array::from_fn(|a| unsafe { write.add(a * array) }),
+            strides: self.strides,
+            dimension: self.dimension,
+            places: if self.beside.is_empty() {
+                std::ptr::null()
+            } else {
+                self.places.as_ptr()
+            },
+            beside: self.beside.as_ptr(),
+        }
+    }
+
+    /// Makes what the pass writes (see [`Self::view`]) the field that the next one reads.
+    pub(crate) fn swap(&mut self) {
+        self.old = 1 - self.old;
+    }
+
+    /// Sends the outer planes of the field; they must be complete.
+    pub(crate) fn exchange_start(&mut self) {
+        let numbers = &self.numbers[self.old];
+        let (lower, upper) = self.exchange.send_buffers_mut::<f32>();
+        let count = self.plane.len();
+        for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
+            let Some(buffer) = buffer else { continue };
+            for (a, part) in buffer.chunks_exact_mut(count.max(1)).enumerate() {
+                for (value, &cell) in part.iter_mut().zip(&self.plane) {
+                    *value = numbers[a * self.array + plane + cell];
+                }
+            }
+        }
+        self.exchange.start();
+    }
+
+    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the cells of some planes. `ramp`
+    /// gives the factor of a patch at this time.
+    pub(crate) fn complete(
+        &mut self,
+        planes: impl Iterator<Item = Range<usize>>,
+        ramp: impl Fn(usize) -> f64 + Sync,
+    ) {
+        self.exchange.finish();
+        let count = self.plane.len();
+        let numbers = &mut self.numbers[self.old];
+        let (lower, upper) = self.exchange.received::<f32>();
+        for (buffer, plane) in [(lower, self.planes[0]), (upper, self.planes[3])] {
+            let Some(buffer) = buffer else { continue };
+            for (a, part) in buffer.chunks_exact(count.max(1)).enumerate() {
+                for (value, &cell) in part.iter().zip(&self.plane) {
+                    numbers[a * self.array + plane + cell] = *value;
+                }
+            }
+        }
+        let start = numbers.start();
+        // SAFETY: the memory holds three components of this length.
+        let components = Components(std::array::from_fn(|a| unsafe {
+            start.add(a * self.array)
+        }));
+        for planes in planes {
+            // SAFETY: the field is borrowed alone.
+            unsafe { self.ghosts.fill_planes(planes, &components, &ramp) };
+        }
+    }
+
+    /// The ghosts that follow from the cells of the slab.
+    pub(crate) fn ghosts(&self) -> Arc<Ghosts> {
+        self.ghosts.clone()
+    }
+
+    /// The velocity of a cell, as kept.
+    #[must_use]
+    pub fn velocity(&self, cell: usize) -> [f32; 3] {
+        std::array::from_fn(|a| self.numbers[self.old][a * self.array + cell])
+    }
+
+    /// Sets the velocity of a cell: at the start, on a restart, and inside bodies.
+    pub fn set_velocity(&mut self, cell: usize, velocity: [f32; 3]) {
+        for a in 0..3 {
+            self.numbers[self.old][a * self.array + cell] = velocity[a];
+        }
+    }
+
+    /// Gradient at one cell.
+    #[must_use]
+    pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
+        if let Some(place) = self.places.get(cell).filter(|place| **place > 0) {
+            let numbers = &self.numbers[self.old];
+            let beside = &self.beside[*place as usize - 1];
+            return beside.gradient(self.dimension, self.strides, |a, by| {
+                f64::from(numbers[(a * self.array + cell).wrapping_add_signed(by)])
+            });
+        }
+        let mut gradient = [[0.0; 3]; 3];
+        for b in 0..self.dimension {
+            let high = self.velocity(cell + self.strides[b]);
+            let low = self.velocity(cell - self.strides[b]);
+            for a in 0..3 {
+                gradient[a][b] = (f64::from(high[a]) - f64::from(low[a])) * 0.5;
+            }
+        }
+        gradient
+    }
+
+    /// Bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        2 * 3 * self.array * size_of::<f32>()
+            + self.places.len() * size_of::<u32>()
+            + self.beside.capacity() * size_of::<Beside>()
+            + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<Wall>()
+    }
+}
+
+#[cfg(test)]
+mod tests;

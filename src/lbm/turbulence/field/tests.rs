@@ -1,0 +1,168 @@
+//! Gradients beside bodies: those beside a wall at the same place, exact where the motion is rigid, and those of the pass.
+
+use crate::collision::{Operator, bgk};
+use crate::fluid::{Fluid, Force, Setup};
+use crate::lattice::VelocitySet;
+use crate::links::Rigid;
+use crate::saturation::{Method, Solid, SolidOperator, Weighting};
+use crate::turbulence::EddyViscosity;
+use base::number::single;
+use decomposition::{Axis, Domain};
+
+const TAU: f64 = 0.6;
+
+fn fluid(cells: [usize; 3]) -> Fluid<f64> {
+    let setup = Setup {
+        set: VelocitySet::D3Q19,
+        operator: Operator::Bgk(bgk::Parameters {}),
+        relaxation_time: TAU,
+        turbulence: Some(serde_json::from_str::<EddyViscosity>(r#"{"smagorinsky": {}}"#).unwrap()),
+        force: Force::None,
+        cells,
+        periodic: [true, false, true],
+        patches: Vec::new(),
+        saturation: Some(Method {
+            operator: SolidOperator::NonEquilibriumBounceBack,
+            weighting: Weighting::Fraction,
+        }),
+        device: crate::gpu::Device::Cpu,
+        terms: Vec::new(),
+    };
+    Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
+}
+
+fn position(fluid: &Fluid<f64>, at: [usize; 3]) -> usize {
+    fluid.populations().cell(at.map(usize::cast_signed))
+}
+
+/// A body with this motion fills parts of the cells of the lower layers.
+fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
+    let cells = fluid.populations().cells();
+    let mut covered = Vec::new();
+    for (y, part) in parts.iter().enumerate() {
+        for x in 0..cells[0] {
+            for z in 0..cells[2] {
+                covered.push((position(fluid, [x, y, z]), *part));
+            }
+        }
+    }
+    let cover = fluid.cover_mut().unwrap();
+    cover.make_room(1);
+    cover.set(
+        0,
+        Solid {
+            motion,
+            ..Solid::default()
+        },
+    );
+    for (position, part) in &covered {
+        cover.cover(*position, 0, *part);
+    }
+    let share = |thread: usize, threads: usize| {
+        let all = covered.iter().skip(thread).step_by(threads);
+        all.map(|(position, _)| *position)
+    };
+    fluid.know_covered::<3, _>(share);
+}
+
+/// Sets the velocity of all cells as a function of their centres, `below` for those under a height.
+fn stir(fluid: &mut Fluid<f64>, below: (usize, [f32; 3]), velocity: impl Fn([f64; 3]) -> [f64; 3]) {
+    let cells: Vec<_> = fluid.populations().interior().collect();
+    let field = fluid.velocities_mut().unwrap();
+    for (at, cell) in cells {
+        let u = velocity(at.map(|n| n as f64 + 0.5)).map(single);
+        field.set_velocity(cell, if at[1] < below.0 { below.1 } else { u });
+    }
+    fluid.spread_velocities();
+}
+
+/// Some smooth flow by the height over a wall.
+fn flow(at: [f64; 3], wall: f64) -> [f64; 3] {
+    let y = at[1] - wall;
+    [0.02 * y - 0.001 * y * y, 1e-4 * y * y, 0.003 * y]
+}
+
+#[test]
+fn a_body_is_seen_as_a_wall_at_the_same_place() {
+    let (mut wall, mut body) = (fluid([4, 8, 4]), fluid([4, 10, 4]));
+    stir(&mut wall, (0, [0.0; 3]), |at| flow(at, 0.0));
+    // What stands in covered cells does not matter.
+    cover(&mut body, &[1.0, 1.0], Rigid::default());
+    stir(&mut body, (2, [0.3, -0.2, 0.1]), |at| flow(at, 2.0));
+    for y in 0..3 {
+        let (at_wall, at_body) = (position(&wall, [1, y, 2]), position(&body, [1, y + 2, 2]));
+        let known = wall.velocities().unwrap().gradient(at_wall);
+        let found = body.velocities().unwrap().gradient(at_body);
+        for (known, found) in known.as_flattened().iter().zip(found.as_flattened()) {
+            approx::assert_abs_diff_eq!(known, found, epsilon = 1e-8);
+        }
+        // The parabola's own derivative, 0.02 - 0.002 y.
+        let exact = 0.02 - 0.002 * (y as f64 + 0.5);
+        approx::assert_abs_diff_eq!(found[0][1], exact, epsilon = 1e-8);
+    }
+}
+
+#[test]
+fn rigid_motion_has_its_gradient_beside_a_body_that_joins_in() {
+    let motion = Rigid {
+        position: [1.3, 2.2, 0.7],
+        velocity: [0.01, 0.02, -0.01],
+        spin: [1e-3, -2e-3, 4e-3],
+        radius: 1.0,
+    };
+    let rigid = |at: [f64; 3]| -> [f64; 3] {
+        let arm: [f64; 3] = std::array::from_fn(|a| at[a] - motion.position[a]);
+        let (w, v) = (motion.spin, motion.velocity);
+        [
+            v[0] + w[1] * arm[2] - w[2] * arm[1],
+            v[1] + w[2] * arm[0] - w[0] * arm[2],
+            v[2] + w[0] * arm[1] - w[1] * arm[0],
+        ]
+    };
+    for part in [1.0, 0.8, 0.5] {
+        let mut fluid = fluid([4, 8, 4]);
+        cover(&mut fluid, &[1.0, part], motion);
+        stir(&mut fluid, (2, [0.3, -0.2, 0.1]), rigid);
+        let cell = position(&fluid, [1, 2, 2]);
+        let found = fluid.velocities().unwrap().gradient(cell);
+        let w = motion.spin;
+        let exact = [[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]];
+        for a in 0..3 {
+            for b in 0..3 {
+                approx::assert_abs_diff_eq!(found[a][b], exact[a][b], epsilon = 1e-7);
+            }
+        }
+    }
+}
+
+/// A disturbance without mass and momentum leaves its cell times 1 - ω.
+#[test]
+fn the_pass_has_the_rate_of_the_gradient_beside_a_body() {
+    let mut fluid = fluid([4, 8, 5]);
+    fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));
+    cover(&mut fluid, &[1.0, 1.0], Rigid::default());
+    stir(&mut fluid, (2, [0.3, -0.2, 0.1]), |at| flow(at, 2.0));
+    let at = [1, 2, 2];
+    let cell = position(&fluid, at);
+    let omega = 1.0 / (3.0 * ((TAU - 0.5) / 3.0 + fluid.eddy_viscosity(cell)) + 0.5);
+    assert!(omega < 1.0 / TAU - 1e-3, "{omega}");
+    let velocities = fluid.populations().velocities();
+    let along = |c: [i8; 3]| (0..19).find(|&i| velocities.c[i] == c).unwrap();
+    let [up, back] = [along([1, 1, 0]), along([-1, 1, 0])];
+    for (i, sign) in [
+        (up, 1.0),
+        (back, -1.0),
+        (along([-1, -1, 0]), 1.0),
+        (along([1, -1, 0]), -1.0),
+    ] {
+        let place = fluid.populations().incoming(cell, i);
+        fluid.populations_mut().numbers_mut()[place] = 1e-6 * sign;
+    }
+    fluid.advance();
+    for (i, x, sign) in [(up, 2, 1.0), (back, 0, -1.0)] {
+        let there = position(&fluid, [x, 3, 2]);
+        let populations = fluid.populations();
+        let arrived = populations.numbers()[populations.incoming(there, i)];
+        approx::assert_relative_eq!(arrived, sign * 1e-6 * (1.0 - omega), max_relative = 1e-7);
+    }
+}

@@ -1,0 +1,155 @@
+//! Structures: solids at rest that water and grains meet, such as sheet piles, cut-off walls, weirs, steps and piers.
+//!
+//! A structure is known by its signed distance. From it, and from where lines pass through the solid, follow
+//!
+//! - the cells of a lattice that are solid, and where its links cross the surface ([`coupling::structure_map`]),
+//! - the open parts of the cells and faces of a coarse grid ([`darcy::enclosure`]),
+//! - the surface that grains touch and that is drawn ([`facets`]).
+//!
+//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give ([`Solid`]). To add a
+//! shape, write the file and add one line to the list below.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `plane`, `cuboid`, `polygon`, `disc`, `cylinder`, `sphere`, `surface` | a shape each |
+//! | `solid` | [`Solid`], what the program asks a shape |
+//! | `images` | a solid with its periodic images |
+//! | `facets` | surfaces as convex facets, outlines of 2-D solids as triangles |
+//! | `mesh` | signed distance of a triangulated surface, and the parts of a line inside it |
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+
+pub mod facets;
+pub mod images;
+pub mod mesh;
+mod solid;
+
+pub use facets::Facets;
+pub use images::Images;
+pub use solid::{Frame, ReadMesh, Solid};
+
+use base::error::Report;
+use base::family::describe_choices;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// A point or a direction; in 2-D the third component has no meaning.
+pub type Point = [f64; 3];
+
+/// Makes the list of shapes: the modules that hold them, and the enum that a case chooses from.
+macro_rules! shapes {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $shape:ident $name:literal,)*) => {
+        $(pub mod $module;)*
+
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        $(#[$attribute])*
+        #[schemars(transform = describe_choices)]
+        pub enum $list {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a shape stands in its module")]
+                #[serde(rename = $name)]
+                $shape($module::$shape),
+            )*
+        }
+
+        impl $list {
+            /// The solid; what is wrong with its parameters goes to the report.
+            #[must_use]
+            pub fn solid(
+                &self,
+                frame: &Frame,
+                path: &str,
+                read: ReadMesh<'_>,
+                report: &mut dyn Report,
+            ) -> Option<Arc<dyn Solid>> {
+                match self {
+                    $(Self::$shape(parameters) => {
+                        parameters.solid(frame, &format!("{path}.{}", $name), read, report)
+                    })*
+                }
+            }
+        }
+    };
+}
+
+shapes! {
+    /// Shape of a structure.
+    #[schemars(rename = "StructureShape")]
+    Shape:
+    plane Plane "plane",
+    cuboid Cuboid "box",
+    polygon Polygon "polygon",
+    disc Disc "disc",
+    cylinder Cylinder "cylinder",
+    sphere Sphere "sphere",
+    surface Surface "surface",
+}
+
+/// A finding that a shape has no place in so many dimensions; whether it has.
+fn only_in(
+    dimension: usize,
+    frame: &Frame,
+    path: &str,
+    instead: &str,
+    report: &mut dyn Report,
+) -> bool {
+    let fits = frame.dimension == dimension;
+    if !fits {
+        report.error(
+            path,
+            format!("this shape does not fit a {}-D problem", frame.dimension),
+            format!("use {instead}").into(),
+        );
+    }
+    fits
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn plus(a: Point, b: Point) -> Point {
+    std::array::from_fn(|k| a[k] + b[k])
+}
+
+fn times(a: Point, by: f64) -> Point {
+    a.map(|x| x * by)
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Point, b: Point) -> Point {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn norm(a: Point) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests;
