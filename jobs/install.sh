@@ -3,7 +3,7 @@
 #
 #   bash jobs/install.sh            compiler, Open MPI, parallel HDF5, libclang; Rust is checked only
 #   bash jobs/install.sh --tests    the same, and what the tests need beside it (Python with venv)
-#   bash jobs/install.sh --kernels  the same, and the compiler that makes the kernels for GPUs (src/physics/lbm/gpu/build.sh): only where they change
+#   bash jobs/install.sh --kernels  the same, and the compiler that makes the kernels for GPUs (src/lbm/gpu/build.sh): only where they change
 #
 # Works as root and with sudo on Debian and its kin. Where it may not install, it names what is missing and ends with
 # status 1. Other scripts source it and call `install_needs` and `use_environment`.

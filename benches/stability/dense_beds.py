@@ -5,7 +5,7 @@
 32 spheres on a face-centred lattice fill 0.72 of a periodic box, 16 discs on a hexagonal one 0.895 of it. They start in water at rest with
 random velocities of 1e-5 cells a step. A run holds if their kinetic energy is less after 400 steps. Eight bisections give the border to 1.2 %.
 The script writes OUTPUT/dense_beds.csv: the largest unstable and the smallest stable density ratio. The bounds are `lightest_in_a_bed` of
-each operator in `src/physics/lbm/saturation/`. It needs numpy and h5py.
+each operator in `src/lbm/saturation/`. It needs numpy and h5py.
 """
 
 import csv

@@ -39,6 +39,7 @@ UNITS = {
     "mean_pressure": "Pa",
     "mean_velocity": "m/s",
     "overlap": "m",
+    "fill": "-",
     "porosity": "-",
     "pressure": "Pa",
     "radius": "m",

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! #[global_allocator]
-//! static ALLOCATOR: physics::allocator::Allocator = physics::allocator::Allocator;
+//! static ALLOCATOR: base::allocator::Allocator = base::allocator::Allocator;
 //! ```
 
 use std::alloc::{GlobalAlloc, Layout, System};

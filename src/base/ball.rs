@@ -57,11 +57,7 @@ pub fn edge(a: f64, b: f64) -> f64 {
 
 /// As [`edge`], with what gives [`less_cubed`] of both.
 #[inline(always)]
-pub fn edge_by(
-    [a, b]: [f64; 2],
-    less_a: impl Fn(f64) -> f64,
-    less_b: impl Fn(f64) -> f64,
-) -> f64 {
+pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f64) -> f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
     let s = sqrt(if squared > 0.0 { squared } else { 0.0 });
     ((angle(s, a * b) + a * b * s) * (2.0 / 3.0)

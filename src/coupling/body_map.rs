@@ -14,13 +14,13 @@ mod rows;
 mod slab;
 
 use super::solid_fraction::faces;
+use base::number::to_i32;
+use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
 use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load, Plane, Rigid, add_force};
 use lbm::populations::Populations;
-use base::number::to_i32;
-use base::thread_pool;
 use links::Direction;
 use look::{Found, Nearest};
 use owners::Settled;

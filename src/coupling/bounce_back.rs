@@ -13,19 +13,19 @@ use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
+use base::error::Error;
+use base::thread_pool;
+use base::units::LatticeUnits;
+use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
-use base::error::Error;
 use lbm::boundary::Flux;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
-use structure::Images;
-use base::thread_pool;
-use base::units::LatticeUnits;
-use decomposition::Domain;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use structure::Images;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]

@@ -13,14 +13,14 @@ use self::alone::{Alone, Sphere};
 use self::runs::{Rows, Runs, Walk};
 use super::body_map::{Grid, in_cells};
 use super::solid_fraction::{Form, Method, Scratch, Surface};
+use base::number::{floor_i32, real, to_i32, to_u32};
+use base::thread_pool;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
 use lbm::lanes::{Level, Stored};
 use lbm::links::Rigid;
 use lbm::populations::Populations;
 use lbm::saturation::{Cover, DEEP, Solid};
-use base::number::{floor_i32, real, to_i32, to_u32};
-use base::thread_pool;
 use std::collections::HashMap;
 use std::ops::Range;
 

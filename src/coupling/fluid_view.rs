@@ -1,8 +1,8 @@
 //! The fluid as outputs and analyses read it: state of the cells, bodies in them, loads on structures, fluxes through patches.
 
+use base::units::LatticeUnits;
 use lbm::boundary::Flux;
 use lbm::links::Load;
-use base::units::LatticeUnits;
 use std::ops::Range;
 
 /// Planes across z that are read together: the numbers of a line of the cache, where rows run along z.

@@ -3,16 +3,16 @@
 use super::body_map::BodyMap;
 use super::structure_map::StructureMap;
 use super::{Flow, FluidView};
-use dem::space::Space;
 use base::error::Error;
+use base::thread_pool;
+use decomposition::Communicator;
+use dem::space::Space;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Load;
 use lbm::populations::Populations;
 use lbm::quanta::{from_quanta, quanta};
 use lbm::saturation::cells;
-use base::thread_pool;
-use decomposition::Communicator;
 
 /// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
 /// of their own.

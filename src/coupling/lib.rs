@@ -35,10 +35,10 @@ pub mod water;
 
 pub use fluid_view::{BandStates, FluidView, bands, cells_of};
 
-use dem::particles::Particles;
-use dem::space::Space;
 use base::error::Error;
 use decomposition::Domain;
+use dem::particles::Particles;
+use dem::space::Space;
 
 /// A fluid with its coupling. Collective: every rank calls each method at the same point.
 pub trait Flow<S: Space> {

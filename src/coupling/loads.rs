@@ -1,10 +1,10 @@
 //! Loads of the lattice on a body: from exact sums in quanta to SI.
 
+use base::units::LatticeUnits;
 use dem::particles::Load as GrainLoad;
 use dem::space::{Components, Space};
 use lbm::boundary::from_quanta;
 use lbm::links::Load;
-use base::units::LatticeUnits;
 
 /// Force and torque in lattice units about a raw centre (in cells), from exact sums about the origin of the raw frame.
 #[must_use]

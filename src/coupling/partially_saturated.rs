@@ -21,19 +21,19 @@ use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
+use base::error::Error;
+use base::units::LatticeUnits;
+use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
-use base::error::Error;
 use lbm::boundary::Flux;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Load;
 use lbm::saturation::Cover;
-use structure::Images;
-use base::units::LatticeUnits;
-use decomposition::Domain;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use structure::Images;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]

@@ -90,18 +90,18 @@ mod parts;
 mod water;
 
 use super::Flow;
+pub use balance::{Balance, Extremes};
+use base::error::Error;
+use base::thread_pool;
+use bed::Sums;
 use darcy::pressure::NUMBERS;
 use darcy::zones::Conduct;
 use darcy::{
     DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
 };
+use decomposition::{Communicator, Domain, ExactSum};
 use dem::particles::{Load, Particles};
 use dem::space::{Components, Space};
-use base::error::Error;
-use base::thread_pool;
-pub use balance::{Balance, Extremes};
-use bed::Sums;
-use decomposition::{Communicator, Domain, ExactSum};
 use parts::Parts;
 use std::marker::PhantomData;
 use std::sync::Arc;

@@ -23,10 +23,10 @@ use block_rows::BlockRows;
 use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
 
+use base::number::floor_i32;
 use darcy::overlap::{disc_rectangle, sphere_box};
 use dem::polyhedron::Polyhedron;
 use lbm::links::Plane;
-use base::number::floor_i32;
 use nalgebra::Matrix3;
 
 /// How fractions are found.

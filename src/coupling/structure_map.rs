@@ -7,15 +7,15 @@
 //! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives it faster and faster.
 
 use super::body_map::{BodyMap, GHOSTS, Grid};
+use base::units::LatticeUnits;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Load;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::populations::Populations;
-use structure::Images;
-use base::units::LatticeUnits;
 use std::collections::HashSet;
 use std::sync::Arc;
+use structure::Images;
 
 /// Steps after which the inside of the solids is set to rest.
 const CLEARED: u64 = 64;

@@ -5,11 +5,11 @@ use super::bounce_back::BounceBack;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
 use super::seepage::Seepage;
+use base::error::Error;
+use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
-use base::error::Error;
 use lbm::lanes::Stored;
-use decomposition::Domain;
 
 /// A fluid with its coupling.
 pub enum Water<Sp: Space, S: Stored> {

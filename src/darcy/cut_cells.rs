@@ -8,8 +8,8 @@
 use super::enclosure::{LEAST_OPEN, Openness};
 use super::grid::Grid;
 use base::number::real;
-use structure::Images;
 use std::sync::Arc;
+use structure::Images;
 
 /// Sub-cells along an edge of a cell, in 2-D and in 3-D.
 const DIVISIONS: [usize; 2] = [32, 8];

@@ -455,8 +455,8 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::random::Stream;
     use approx::assert_relative_eq;
+    use base::random::Stream;
 
     fn touch(surface: &Surface, at: [f64; 3], reach: f64) -> Vec<Nearest> {
         let all: Vec<u32> = (0..u32::try_from(surface.len()).unwrap()).collect();

@@ -1,7 +1,7 @@
 //! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the processor.
 //!
 //! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for GPUs (the crate root
-//! `src/physics/gpu.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
+//! `src/lbm/kernels.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
 //! `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
 //! the program runs as before.
 //!

@@ -70,14 +70,14 @@ pub(crate) mod gpu {
     pub(crate) mod warp;
 }
 
-use core::arch::nvptx::{
-    _block_dim_x, _block_idx_x, _block_idx_y, _block_idx_z, _grid_dim_y, _thread_idx_x,
-};
 use collision::bgk::kernel::Bgk;
 use collision::kernel::Collision;
 use collision::mrt::kernel::Mrt;
 use collision::second_order::SecondOrder;
 use collision::trt::kernel::Trt;
+use core::arch::nvptx::{
+    _block_dim_x, _block_idx_x, _block_idx_y, _block_idx_z, _grid_dim_y, _thread_idx_x,
+};
 use gpu::balls::{Balls, WARP};
 use gpu::cell::{self, Place, Slab};
 use gpu::copies::Copies;

@@ -181,7 +181,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::Vorticity => ("vorticity", "1/s"),
                 FieldName::EddyViscosity => ("eddy_viscosity", "m2/s"),
                 FieldName::Solid => ("solid", "-"),
-                FieldName::Fill => ("fill", "1"),
+                FieldName::Fill => ("fill", "-"),
                 // Refused by the plan.
                 FieldName::Head => continue,
             };

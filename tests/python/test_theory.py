@@ -60,7 +60,7 @@ def test_the_manual_has_all_models_and_papers():
         assert entry["title"] in text
     # Every operator has its section.
     for operator in table["collision"]:
-        assert f"src/physics/lbm/collision/{operator}.rs" in text
+        assert f"src/lbm/collision/{operator}.rs" in text
 
 
 def test_equations_and_links_are_set():

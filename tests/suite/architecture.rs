@@ -432,17 +432,17 @@ fn what_is_forbidden_is_found() {
     let long = "\n".repeat(LONGEST + 1);
     for (path, text, found) in [
         (
-            "src/physics/lbm/kernel.rs",
+            "src/lbm/kernel.rs",
             "use crate::dem::Particles;",
             "lbm may not use dem",
         ),
         (
-            "src/physics/dem.rs",
+            "src/dem/lib.rs",
             "use crate::{error::Error, lbm::{fluid, halo}};",
             "dem may not use lbm",
         ),
         (
-            "src/physics/dem.rs",
+            "src/dem/lib.rs",
             "fn f() { crate::scene::grid::count(1); }",
             "dem may not use scene",
         ),
@@ -457,7 +457,7 @@ fn what_is_forbidden_is_found() {
             "case may not use plan",
         ),
         (
-            "src/physics/lbm.rs",
+            "src/lbm/lib.rs",
             "use mpi::traits::*;",
             "may not name the crate mpi",
         ),
@@ -482,9 +482,9 @@ fn what_is_forbidden_is_found() {
             "may not name the crate solver",
         ),
         (
-            "src/physics/dem/engine.rs",
+            "src/dem/engine.rs",
             "\nlet x = unsafe { *p };",
-            "src/physics/dem/engine.rs:2: unsafe in dem",
+            "src/dem/engine.rs:2: unsafe in dem",
         ),
         ("src/plan.rs", "println!(\"a\");", "println! outside cli"),
         ("src/plan.rs", "fn f() { todo!() }", "todo!"),
@@ -503,24 +503,24 @@ fn what_is_forbidden_is_found() {
 fn what_is_allowed_is_not() {
     for (path, text) in [
         (
-            "src/physics/lbm/kernel.rs",
+            "src/lbm/kernel.rs",
             "// crate::dem is another room\nuse crate::lbm::lanes;",
         ),
         (
-            "src/physics/lbm/kernel.rs",
+            "src/lbm/kernel.rs",
             "let text = \"crate::dem \\\" println!\"; let c = '\"'; use crate::error::Error;",
         ),
         (
-            "src/physics/lbm/kernel.rs",
+            "src/lbm/kernel.rs",
             "unsafe { pass() }; use std::io::Write; fn f<'a>(x: &'a str) {}",
         ),
         ("src/cli.rs", "println!(\"a\"); use crate::simulation::run;"),
         (
-            "src/physics/dem.rs",
+            "src/dem/lib.rs",
             "#[cfg(test)]\nmod tests { use crate::lbm::Fluid; }",
         ),
         (
-            "src/physics/coupling.rs",
+            "src/coupling/lib.rs",
             "use crate::{dem::{Dem, plan}, lbm::Fluid};",
         ),
         ("io/src/hdf.rs", "use hdf5::File; use crate::group::Group;"),

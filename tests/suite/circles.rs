@@ -11,12 +11,12 @@ use std::path::Path;
 const ALLOWED: &[&[&str]] = &[
     // A drag law may be used as a resistance: the list of resistances names it, and its file implements both traits.
     &[
-        "src/physics/darcy/drag.rs",
-        "src/physics/darcy/drag/di_felice.rs",
-        "src/physics/darcy/drag/gidaspow.rs",
-        "src/physics/darcy/permeability.rs",
-        "src/physics/darcy/permeability/ergun.rs",
-        "src/physics/darcy/permeability/kozeny_carman.rs",
+        "src/darcy/drag.rs",
+        "src/darcy/drag/di_felice.rs",
+        "src/darcy/drag/gidaspow.rs",
+        "src/darcy/permeability.rs",
+        "src/darcy/permeability/ergun.rs",
+        "src/darcy/permeability/kozeny_carman.rs",
     ],
 ];
 

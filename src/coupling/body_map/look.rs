@@ -4,9 +4,9 @@ use super::rows::{Row, Rows};
 use super::slab::Slab;
 use super::{Again, BodyMap, Mapped, PER_THREAD, Turned};
 use crate::solid_fraction::height_over;
-use lbm::links::{Plane, Rigid};
 use base::number::floor_i32;
 use base::thread_pool;
+use lbm::links::{Plane, Rigid};
 
 /// What looks at a run of bodies have found.
 #[derive(Clone, Debug, Default)]
@@ -369,9 +369,9 @@ fn look_in_block(
 mod tests {
     use super::super::{GHOSTS, Grid};
     use super::*;
+    use base::random::Stream;
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
     use lbm::populations::Populations;
-    use base::random::Stream;
 
     /// No cell centre is nearer to the surface than the slack, and none but those watched nearer than the reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {

@@ -3,10 +3,10 @@
 use super::rows::{Row, Rows};
 use super::slab::Slab;
 use super::{Again, BodyMap, Change, FLUID, Mapped, OUTSIDE, tag};
+use base::thread_pool;
 use dem::particles::Particles;
 use dem::space::Space;
 use lbm::links::BodyLink;
-use base::thread_pool;
 use std::collections::HashMap;
 use std::ops::Range;
 

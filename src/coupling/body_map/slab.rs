@@ -2,9 +2,9 @@
 
 use super::rows::Row;
 use super::{GHOSTS, Grid};
+use base::number::{floor_i32, to_i32};
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
-use base::number::{floor_i32, to_i32};
 
 /// Where the cells of a slab lie; all coordinates are local.
 #[derive(Clone, Debug)]

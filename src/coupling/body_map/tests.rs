@@ -1,9 +1,9 @@
 use super::*;
+use base::random::Stream;
 use dem::particles::Body;
 use dem::polyhedron::Polyhedron;
 use dem::{Plane as Flat, Volume};
 use lbm::lattice::{D2Q9, D3Q19, Velocities};
-use base::random::Stream;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 

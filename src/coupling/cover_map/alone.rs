@@ -7,8 +7,8 @@
 
 use super::super::body_map::Grid;
 use super::super::solid_fraction::Method;
-use lbm::lanes::{Level, Work};
 use base::number::real;
+use lbm::lanes::{Level, Work};
 use std::cmp::Ordering;
 
 /// Distance that is found to spare, in cells.

@@ -2,10 +2,10 @@
 
 use super::super::solid_fraction::{BallInCells, Form, Method, Scratch, Surface};
 use base::ball::Beside;
+use base::number::{floor_i32, single, to_i32, to_u32};
 use lbm::lanes::{Level, WIDEST, Work};
 use lbm::saturation::DEEP;
 use lbm::saturation::cover::Part;
-use base::number::{floor_i32, single, to_i32, to_u32};
 use std::ops::Range;
 
 /// Neighbouring cells of a row.

@@ -1,11 +1,11 @@
 use super::*;
+use base::random::SplitMix;
 use dem::particles::{Body, Motion};
 use dem::polyhedron::Polyhedron;
 use dem::{Plane, Volume};
 use lbm::collision::trt::AntisymmetricRate;
 use lbm::lattice::{D2Q9, D3Q19, Velocities};
 use lbm::saturation::{Method as Action, SolidOperator, Weighting};
-use base::random::SplitMix;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 

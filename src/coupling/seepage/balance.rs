@@ -3,8 +3,8 @@
 use super::Seepage;
 use super::medium::pores_of;
 use super::water::size;
-use dem::space::Space;
 use decomposition::ExactSum;
+use dem::space::Space;
 
 /// Balance of a coupling.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,13 +8,13 @@
 use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
 use super::water::{Ground, Water};
 use super::{Settings, components};
+use base::number::real;
 use darcy::drag::{Grain, Law};
 use darcy::permeability::larger;
 use darcy::{Equations, permeability, power_above};
+use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, View};
 use dem::space::Space;
-use base::number::real;
-use decomposition::{Communicator, quantise};
 
 /// The laws that act on the grains.
 #[derive(Clone, Copy)]

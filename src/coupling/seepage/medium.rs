@@ -3,6 +3,8 @@
 use super::bed::{self, Laws, Sum};
 use super::water::{Ground, Secant, size};
 use super::{FILLED, Seepage, components, failed};
+use base::error::Error;
+use base::thread_pool;
 use darcy::drag::gidaspow::dense_share;
 use darcy::drag::{self, Grain};
 use darcy::open_water::{openness, rise};
@@ -12,8 +14,6 @@ use darcy::zones::Conduct;
 use darcy::{Equations, Openness, Zones, neighbourhood};
 use dem::particles::View;
 use dem::space::Space;
-use base::error::Error;
-use base::thread_pool;
 use std::sync::Arc;
 
 /// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where

@@ -1,9 +1,9 @@
 //! The cells that hold parts of each own grain, found once for a coupling, by threads.
 
+use base::thread_pool;
 use darcy::Pores;
 use dem::particles::View;
 use dem::space::Space;
-use base::thread_pool;
 use std::ops::Range;
 
 /// Grains from which a thread pays.

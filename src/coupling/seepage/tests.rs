@@ -1,4 +1,5 @@
 use super::*;
+use base::number;
 use darcy::drag::{Bed, Grain};
 use darcy::{
     Condition, Enclosure, MeanDiameter, Patch, PorosityMethod, Resistance,
@@ -7,7 +8,6 @@ use darcy::{
 use dem::alone;
 use dem::particles::{Body, Kind, Motion};
 use dem::space::Volume;
-use base::number;
 use nalgebra::Vector3;
 
 const WATER: Liquid = Liquid {

@@ -8,8 +8,8 @@
 //! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
 use base::ball::{Coordinate, edge_by, filled, less_cubed, meeting, octant_of};
-use lbm::lanes::{Level, WIDEST, Work};
 use base::number::real;
+use lbm::lanes::{Level, WIDEST, Work};
 
 /// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the surface of the ball.
 #[derive(Debug, Default)]

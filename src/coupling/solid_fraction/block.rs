@@ -12,10 +12,10 @@
 //! Each layer is cut from the whole faces. Its fractions are the same bits whichever layers are computed beside it.
 
 use super::faces;
+use base::number::{floor_i32, to_i32};
 use dem::polyhedron::Polyhedron;
 use lbm::lanes::WIDEST;
 use lbm::links::Plane;
-use base::number::{floor_i32, to_i32};
 use nalgebra::{Matrix3, Vector3};
 
 /// A fraction below this is rounding, and the cell free.

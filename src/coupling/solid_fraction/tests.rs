@@ -2,9 +2,9 @@ mod planes;
 mod rows;
 
 use super::*;
-use dem::polyhedron::Polyhedron;
 use base::number::real;
 use base::random::SplitMix;
+use dem::polyhedron::Polyhedron;
 use nalgebra::{Rotation3, Unit, Vector3};
 use planes::{Buffers, cut_cell, cut_often, cut_once};
 use rows::row;

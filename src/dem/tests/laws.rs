@@ -361,9 +361,7 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
 
 #[test]
 fn grains_roll_or_slide_down_an_incline() {
-    for row in rows(include_str!(
-        "../../../tests/reference/rolling_incline.csv"
-    )) {
+    for row in rows(include_str!("../../../tests/reference/rolling_incline.csv")) {
         let [degrees, sphere_mu, disc_mu, sphere, disc] = row[..] else {
             panic!()
         };
@@ -398,9 +396,7 @@ fn a_block_slides_or_stays_on_an_incline() {
         ..Body::uniform::<Volume>(1, 0.05, 2600.0, 0)
     };
     let moduli = [1e9, 4e8];
-    for row in rows(include_str!(
-        "../../../tests/reference/block_incline.csv"
-    )) {
+    for row in rows(include_str!("../../../tests/reference/block_incline.csv")) {
         let [slope, friction, acceleration, ..] = row[..] else {
             panic!()
         };

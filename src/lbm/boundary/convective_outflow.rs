@@ -26,9 +26,9 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Ramp, Rule, quanta};
-use base::error::Error;
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
+use base::error::Error;
 use base::thread_pool;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;

@@ -5,9 +5,9 @@
 
 use super::links::{Counted, Mirror, MirrorRun};
 use super::{Crossing, Giver, Model, Moment, Nature, Place, Rule, Strength, Surface};
-use base::error::Error;
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use base::error::Error;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

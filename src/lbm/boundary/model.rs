@@ -4,8 +4,8 @@ use super::nature::{Inflow, Nature, Surface};
 use super::profile::ReadTable;
 use super::rule::Rule;
 use super::site::{Place, Site};
-use base::error::{Error, Report};
 use crate::lanes::Stored;
+use base::error::{Error, Report};
 use base::units::LatticeUnits;
 
 /// A speed that a boundary imposes.

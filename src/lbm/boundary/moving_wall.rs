@@ -2,9 +2,9 @@
 
 use super::profile::ReadTable;
 use super::{ImposedSpeed, Model, Nature, Place, Ramp, Rule, Site, Strength, Surface, velocity};
+use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::geometry::Vector;
-use crate::lanes::Stored;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,8 @@
 //! A wall at rest: half-way bounce-back ([`super::wall`]).
 
 use super::{Crossing, Giver, Model, Nature, Place, Rule};
-use base::error::Error;
 use crate::lanes::Stored;
+use base::error::Error;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

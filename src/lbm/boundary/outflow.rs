@@ -10,8 +10,8 @@
 
 use super::convective_outflow::{Carried, Links};
 use super::{Inflow, Model, Nature, Place, Rule};
-use base::error::Error;
 use crate::lanes::Stored;
+use base::error::Error;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -24,10 +24,10 @@ use super::{
     Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
     Place, Ramp, Rule, Site, Sound, Strength, Sums, Surface, quanta,
 };
-use base::error::{Error, Report};
-use base::geometry::Vector;
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use base::error::{Error, Report};
+use base::geometry::Vector;
 use base::number::real;
 use base::thread_pool;
 use base::units::LatticeUnits;

@@ -364,8 +364,8 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::{Table, VelocityProfile};
-    use base::geometry::Face;
     use crate::boundary::{Place, Site};
+    use base::geometry::Face;
     use base::units::LatticeUnits;
 
     /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean that is stated.

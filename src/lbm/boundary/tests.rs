@@ -3,11 +3,11 @@
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 
 use super::*;
-use base::error::Remedy;
-use base::geometry::Face;
 use crate::collision::{Operator, bgk};
 use crate::fluid::{Fluid, Force, Setup};
 use crate::lattice::VelocitySet;
+use base::error::Remedy;
+use base::geometry::Face;
 use decomposition::{Axis, Domain};
 
 boundaries! {

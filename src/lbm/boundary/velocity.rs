@@ -13,10 +13,10 @@ use super::{
     Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
     Site, Sound, Strength, Sums, Surface, from_quanta, quanta, wall,
 };
-use base::error::{Error, Problem, Report, Severity};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use crate::synthetic::Fluctuations;
+use base::error::{Error, Problem, Report, Severity};
 use base::number::real;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;

@@ -23,9 +23,9 @@
 use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::products::{POPULATION, n};
 use super::{Collision, Dispatch, Kernels, Model, Site};
-use base::family::Description;
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, VelocitySet, unroll};
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -42,8 +42,8 @@ pub use kernel::{Mrt, Rates};
 use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::second_order::SecondOrder;
 use super::{Dispatch, Kernels, Model};
-use base::family::Description;
 use crate::lattice::VelocitySet;
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

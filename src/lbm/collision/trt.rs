@@ -15,8 +15,8 @@ pub use kernel::{AntisymmetricRate, Trt, antisymmetric_rate};
 
 use super::border::{self, Border, Bounds, MovingBody, Situation, Surroundings};
 use super::{Dispatch, Kernels, Model};
-use base::family::Description;
 use crate::lattice::VelocitySet;
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -12,9 +12,9 @@
 //!
 //! Where several balls fill parts of a cell, the parts stand in the order of the names of the balls, whatever the order of the threads.
 
-use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, within};
 use crate::rigid::Rigid;
 use crate::saturation::solid::{DEEP, NONE, SHARED, STILL, Share, Shares, Solid, total};
+use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, within};
 use base::number::single;
 use core::sync::atomic::{AtomicU32, Ordering};
 

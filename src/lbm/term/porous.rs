@@ -311,8 +311,8 @@ mod tests {
     use crate::collision::{bgk, cumulant, mrt, trt};
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
-    use base::number::real;
     use approx::{assert_abs_diff_eq, assert_relative_eq};
+    use base::number::real;
     use decomposition::{Axis, Domain};
 
     /// Returns a periodic fluid, walls across y where `walls`, with the same resistance in every cell.

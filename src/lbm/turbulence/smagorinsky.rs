@@ -8,8 +8,8 @@
 )]
 
 use super::{ASKED, Model, strain_squared};
-use base::family::Description;
 use crate::lanes::Lanes;
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -11,10 +11,10 @@
 )]
 
 use super::{ASKED, Model, strain_squared};
-use base::error::{Finding, Remedy, Severity};
-use base::family::Description;
 use crate::lanes::Lanes;
 use crate::lattice::unroll;
+use base::error::{Finding, Remedy, Severity};
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;

@@ -2,13 +2,13 @@
 //!
 //! f_ī(x, t+1) = w_i + r (f*_i(x, t) - w_i).
 
-use base::error::{Error, Report};
 use crate::boundary::profile::ReadTable;
 use crate::boundary::{
     Crossing, FaceLink, Giver, Model, Moment, Nature, Place, Rule, Site, Strength, Surface,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use base::error::{Error, Report};
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,10 @@
 //! The file of an operator that exists in this test only.
 
-use base::family::Description;
 use crate::collision::border::{Border, MovingBody, Situation};
 use crate::collision::{Collision, Dispatch, Kernels, Model, Site};
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -2,9 +2,7 @@
 
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
-use crate::saturation::{
-    Act, Cell, CoveredFluid, DensityRatios, LightBody, Model, SolidCollision,
-};
+use crate::saturation::{Act, Cell, CoveredFluid, DensityRatios, LightBody, Model, SolidCollision};
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]

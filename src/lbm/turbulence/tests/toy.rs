@@ -1,8 +1,8 @@
 //! The file of an eddy viscosity that exists in this test only.
 
-use base::family::Description;
 use crate::lanes::Lanes;
 use crate::turbulence::Model;
+use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
