@@ -9,7 +9,7 @@
 )]
 
 use super::expression::evaluate;
-use crate::number::real;
+use base::number::real;
 use io::csv::Reader;
 use schemars::JsonSchema;
 use serde::Deserialize;

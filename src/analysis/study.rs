@@ -13,7 +13,7 @@ use super::erosion_law::{
     RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump, read_rows,
     run_point,
 };
-use crate::error::Error;
+use base::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

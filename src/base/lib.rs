@@ -18,6 +18,7 @@
 
 pub mod allocator;
 pub mod ball;
+pub mod environment;
 pub mod error;
 pub mod family;
 #[allow(
@@ -26,6 +27,7 @@ pub mod family;
 )]
 pub mod geometry;
 pub mod number;
+pub mod provenance;
 pub mod random;
 pub mod thread_pool;
 pub mod units;

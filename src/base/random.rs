@@ -120,6 +120,34 @@ impl SplitMix {
     }
 }
 
+/// Random numbers of some distributions.
+#[derive(Clone, Debug)]
+pub struct Draws(SplitMix);
+
+impl Draws {
+    /// Begins a sequence.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self(SplitMix::new(seed))
+    }
+
+    /// Draws a number between 0 and 1, both exclusive.
+    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+    pub fn uniform(&mut self) -> f64 {
+        ((self.0.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    /// Draws from the normal distribution of mean 0 and variance 1 (Box and Muller 1958).
+    pub fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+
+    /// Draws from the exponential distribution of a rate.
+    pub fn exponential(&mut self, rate: f64) -> f64 {
+        -self.uniform().ln() / rate
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

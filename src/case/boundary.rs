@@ -1,7 +1,7 @@
 //! Conditions of the fluid on the faces of the domain.
 
 use super::geometry::{Extent, Face};
-use crate::lbm::boundary::Condition;
+use lbm::boundary::Condition;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

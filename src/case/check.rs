@@ -9,7 +9,7 @@ mod template;
 pub use nearest::nearest;
 
 use super::text::{MOST_PROBLEMS, brief, join, unlisted};
-use crate::error::{Problem, Remedy, Severity};
+use base::error::{Problem, Remedy, Severity};
 use controls::control_characters;
 use nearest::{choose, clipped, nearest_remedy, nearest_word};
 use schemars::generate::SchemaSettings;
@@ -39,7 +39,7 @@ pub(crate) fn bare_schema() -> Value {
 }
 
 /// The schema of any text that is read as a tree.
-pub(crate) fn schema_of<T: JsonSchema>() -> Value {
+pub fn schema_of<T: JsonSchema>() -> Value {
     SchemaGenerator::new(SchemaSettings::draft2020_12())
         .into_root_schema_for::<T>()
         .to_value()
@@ -60,7 +60,7 @@ pub(crate) fn against_schema(tree: &mut Value) -> Checked {
 }
 
 /// All problems of a tree with respect to a schema.
-pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
+pub fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
 
@@ -552,7 +552,7 @@ mod tests {
 
     #[test]
     fn an_old_name_is_refused_and_the_new_one_named() {
-        let text = crate::case::examples::find("cavity").unwrap().text;
+        let text = crate::examples::find("cavity").unwrap().text;
         let mut tree: Value = serde_json::from_str(text).unwrap();
         let lattice = &mut tree["fluid"]["lattice_boltzmann"];
         lattice["mach"] = lattice["lattice_velocity"].take();
@@ -564,7 +564,7 @@ mod tests {
         assert_eq!(problems[0].remedy.proposal().len(), 2);
 
         let mut tree: Value =
-            serde_json::from_str(crate::case::examples::find("deposition").unwrap().text).unwrap();
+            serde_json::from_str(crate::examples::find("deposition").unwrap().text).unwrap();
         let initial = tree["grains"]["initial"].as_object_mut().unwrap();
         let written = initial.remove("deposition").unwrap();
         initial.insert("rain".into(), written);

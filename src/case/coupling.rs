@@ -1,6 +1,6 @@
 //! Coupling of fluid and solids.
 
-pub use crate::lbm::saturation::{SolidOperator, Weighting};
+pub use lbm::saturation::{SolidOperator, Weighting};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Region, Vector};
-use crate::darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
+use darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

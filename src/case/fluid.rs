@@ -4,15 +4,15 @@ use super::boundary::Boundary;
 use super::darcy::Darcy;
 pub use super::free_surface::FreeSurface;
 use super::geometry::Vector;
-pub use crate::lbm::collision::Operator as Collision;
-pub use crate::lbm::gpu::Device;
-use crate::lbm::synthetic::Fluctuations;
-pub use crate::lbm::term::porous::Resistance;
-pub use crate::lbm::turbulence::EddyViscosity as Turbulence;
-use crate::structure::Shape;
+pub use lbm::collision::Operator as Collision;
+pub use lbm::gpu::Device;
+use lbm::synthetic::Fluctuations;
+pub use lbm::term::porous::Resistance;
+pub use lbm::turbulence::EddyViscosity as Turbulence;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use structure::Shape;
 
 /// Fluid model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,11 +1,11 @@
 //! The grains: their source, preparation, cutting and bonding.
 
 use super::geometry::{Extent, Region, Rotation, Vector};
-use super::sieve::{self, Sieve};
-use crate::structure::Shape;
+pub use super::sieve::{self, Sieve};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use structure::Shape;
 
 /// The initial grains: discs in 2-D, spheres in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,7 +2,7 @@
 //!
 //! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields concerned.
 
-use crate::error::{Problem, Severity};
+use base::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
 
 /// A field, or all fields below it, that a restart may change.
@@ -307,7 +307,7 @@ fn property(root: &Value, at: &str, key: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::{Document, examples};
+    use crate::{Document, examples};
     use std::path::Path;
 
     fn case(name: &str, set: &[&str]) -> Value {
@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn every_field_of_the_list_is_marked_in_the_schema() {
-        let schema = crate::case::schema();
+        let schema = crate::schema();
         assert_eq!(
             schema["x-restart"].as_array().unwrap().len(),
             CHANGEABLE.len()

@@ -4,7 +4,7 @@
 //! are created. An index one past the end of a list appends.
 
 use super::text::brief;
-use crate::error::{Problem, Severity};
+use base::error::{Problem, Severity};
 use serde_json::{Map, Value};
 
 /// A step of a path.

@@ -1,8 +1,8 @@
 //! Structures: solids at rest that water and grains meet.
 
-pub use crate::structure::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub use structure::Shape;
 
 /// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another, leave the
 /// domain and cross its periodic faces.

@@ -3,7 +3,7 @@
 
 mod plain;
 
-use crate::error::{Problem, Severity};
+use base::error::{Problem, Severity};
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::cell::{Cell, RefCell};

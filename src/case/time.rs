@@ -39,7 +39,7 @@ fn default_skin() -> f64 {
 }
 
 /// Largest solid time step over the critical one where a case does not state it.
-pub(crate) const USUAL_SAFETY: f64 = 0.1;
+pub const USUAL_SAFETY: f64 = 0.1;
 
 fn default_safety() -> f64 {
     USUAL_SAFETY

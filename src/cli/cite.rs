@@ -1,7 +1,7 @@
 //! `solver cite`: the papers of the models that a case uses.
 
-use crate::plan::Plan;
-use crate::plan::citations::{citations, publications};
+use plan::Plan;
+use plan::citations::{citations, publications};
 
 /// Format of the references.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]

@@ -4,14 +4,14 @@ use super::{
     CaseArgs, Stability, first_rank, folder_of, judge, judged, list, prepare, pretty, print, usage,
     walltime,
 };
-use crate::error::Error;
-use crate::plan::Plan;
-use crate::sweep::study::Run;
-use crate::uncertainty::{self, Members, Options};
+use base::error::Error;
 use clap::{Args, value_parser};
+use plan::Plan;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
+use studies::sweep::study::Run;
+use studies::uncertainty::{self, Members, Options};
 
 /// What to estimate, and how.
 #[derive(Debug, Args)]

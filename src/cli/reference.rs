@@ -1,7 +1,7 @@
 //! `solver reference`: the pages of the reference as files.
 
-use crate::case::reference::{html, markdown};
-use crate::error::Error;
+use base::error::Error;
+use case::reference::{html, markdown};
 use std::path::Path;
 
 /// Format of the pages.

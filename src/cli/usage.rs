@@ -1,7 +1,7 @@
 //! Arguments that are refused before a file is read, each with a suggestion.
 
-use crate::case::check::nearest;
-use crate::error::Error;
+use base::error::Error;
+use case::check::nearest;
 use std::ffi::OsStr;
 use std::path::Path;
 

@@ -16,9 +16,9 @@
 mod plots;
 mod tables;
 
-use crate::analysis::erosion_law::{Interval, Law};
-use crate::analysis::study::{self, CohesionReport, Reading, Report, Stress, close, points_of};
-use crate::error::Error;
+use analysis::erosion_law::{Interval, Law};
+use analysis::study::{self, CohesionReport, Reading, Report, Stress, close, points_of};
+use base::error::Error;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -292,10 +292,10 @@ fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analysis::erosion_law::fit::tests::Draws;
-    use crate::analysis::erosion_law::{
+    use analysis::erosion_law::{
         ErosionRecord, ErosionSummary, RemovedGrain, Row, read_rows, write_rows,
     };
+    use base::random::Draws;
 
     const PUBLISHED: Published = Published {
         cohesion: 0.506,

@@ -1,7 +1,7 @@
 //! The figures of a run: the collapse against time with its stages, and the long section of the settlement.
 
 use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Panel, Shape, sequential};
-use crate::analysis::ground_collapse::record::{CollapseRecord, StageTimes, SurfaceRecord};
+use analysis::ground_collapse::record::{CollapseRecord, StageTimes, SurfaceRecord};
 use std::collections::BTreeMap;
 
 /// Times of which the long section shows at most so many: more lines cannot be told apart.

@@ -10,8 +10,8 @@ mod raster;
 mod section;
 mod streamlines;
 
-use crate::error::Error;
-use crate::number::{real, whole};
+use base::error::Error;
+use base::number::{real, whole};
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
 use faces::{Faces, id_of};

@@ -6,7 +6,7 @@
 //!
 //! Labels may contain `_{sub}` and `^{super}`.
 
-use crate::number::real;
+use base::number::real;
 use std::fmt::Write as _;
 
 /// Colours for kinds: black, blue, vermillion, green, purple, orange, sky, yellow (Okabe and Ito, 2008).

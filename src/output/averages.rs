@@ -14,15 +14,15 @@
 //! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are part of a
 //! checkpoint and of the hash of the state.
 
-use crate::coupling::{BandStates, FluidView, bands, cells_of};
-use crate::error::Error;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::plan::interval::Interval;
-use crate::scene::grid::Grid;
-use crate::units::LatticeUnits;
+use base::error::Error;
+use base::number::real;
+use base::units::LatticeUnits;
+use coupling::{BandStates, FluidView, bands, cells_of};
 use decomposition::{Communicator, ExactSum};
 use io::{Column, Image, Table};
+use plan::Plan;
+use plan::interval::Interval;
+use plan::scene::grid::Grid;
 use std::path::{Path, PathBuf};
 
 /// Sums of a cell: samples, density deviation, u v w, uu vv ww uv vw uw; lattice units.
@@ -297,9 +297,9 @@ pub(super) fn none() -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::lbm::boundary::Flux;
     use approx::assert_abs_diff_eq;
+    use case::Document;
+    use lbm::boundary::Flux;
     use std::path::Path;
 
     const CASE: &str = r#"{

@@ -5,14 +5,14 @@
 
 use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};
-use crate::dem::particles::{Kind, Particles};
-use crate::dem::space::Space;
-use crate::error::Error;
-use crate::number::to_i64;
-use crate::scene::Scene;
+use base::error::Error;
+use base::number::to_i64;
 use decomposition::Communicator;
+use dem::particles::{Kind, Particles};
+use dem::space::Space;
 use io::{Cells, Column, Data, Mesh};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use plan::scene::Scene;
 
 /// Faces of the blocks of one output; buffers reused.
 #[derive(Debug, Default)]
@@ -166,11 +166,11 @@ fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::dem::particles::{Body, Motion};
-    use crate::dem::space::Volume;
-    use crate::plan::Plan;
     use approx::assert_relative_eq;
+    use case::Document;
+    use dem::particles::{Body, Motion};
+    use dem::space::Volume;
+    use plan::Plan;
     use std::path::Path;
 
     const CASE: &str = r#"{

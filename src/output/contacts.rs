@@ -2,14 +2,14 @@
 
 use super::grains::{force_unit, space_vector, wrapped};
 use super::order::{sorted, vector};
-use crate::dem::particles::Particles;
-use crate::dem::space::Space;
-use crate::dem::{Contact, Dem};
-use crate::error::Error;
-use crate::number::to_i64;
-use crate::scene::grid::Grid;
+use base::error::Error;
+use base::number::to_i64;
 use decomposition::Communicator;
+use dem::particles::Particles;
+use dem::space::Space;
+use dem::{Contact, Dem};
 use io::{Cells, Column, Data, Mesh};
+use plan::scene::grid::Grid;
 
 /// Columns of the contacts of one output; buffers reused.
 #[derive(Debug, Default)]

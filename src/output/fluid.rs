@@ -4,13 +4,13 @@
 //! one-sided in the cells at a face that is not periodic.
 
 use super::vorticity::Velocities;
-use crate::case::fluid::Precision;
-use crate::case::observe::FieldName;
-use crate::coupling::{BandStates, FluidView, bands, cells_of};
-use crate::error::Error;
-use crate::scene::grid::Grid;
+use base::error::Error;
+use case::fluid::Precision;
+use case::observe::FieldName;
+use coupling::{BandStates, FluidView, bands, cells_of};
 use decomposition::Domain;
 use io::{Column, Data, Element, Image};
+use plan::scene::grid::Grid;
 
 /// A number type of a field in a file.
 pub(crate) trait Number: Element {

@@ -1,14 +1,14 @@
 //! Grains and bodies as points: one vertex each, by rising id, so that a file does not depend on the number of ranks.
 
 use super::order::{sorted, vector};
-use crate::dem::Load;
-use crate::dem::particles::Particles;
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::number::to_i64;
-use crate::scene::grid::Grid;
+use base::error::Error;
+use base::number::to_i64;
 use decomposition::Communicator;
+use dem::Load;
+use dem::particles::Particles;
+use dem::space::{Components, Space};
 use io::{Cells, Column, Data, Mesh};
+use plan::scene::grid::Grid;
 
 /// Columns of the grains of one output; buffers reused.
 #[derive(Debug, Default)]

@@ -1,6 +1,6 @@
 //! The ranks of a run as the group that writes a file together, and the handling of its errors.
 
-use crate::error::Error;
+use base::error::Error;
 use decomposition::{Communicator, RawCommunicator};
 use io::group::{Group, on_root};
 use serde::{Serialize, de::DeserializeOwned};

@@ -9,7 +9,7 @@
 //! | other `.json` | its content |
 //! | `.csv` | columns, number of rows, last row |
 
-use crate::error::Error;
+use base::error::Error;
 use io::csv::Reader;
 use io::{Alone, Series};
 use serde_json::{Map, Value, json};

@@ -1,6 +1,6 @@
 //! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of ranks.
 
-use crate::error::Error;
+use base::error::Error;
 use decomposition::{Communicator, exchange};
 
 /// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all ids,

@@ -1,6 +1,6 @@
 //! The steps at which an output is due.
 
-use crate::plan::interval::Interval;
+use plan::interval::Interval;
 
 /// The steps of an interval from step 0 on, or none at all.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,10 +4,10 @@
 //! printed); cells outside the walls have porosity 0.
 
 use super::fluid::Number;
-use crate::case::fluid::Precision;
-use crate::case::observe::FieldName;
-use crate::coupling::seepage::Seepage;
-use crate::dem::space::Space;
+use case::fluid::Precision;
+use case::observe::FieldName;
+use coupling::seepage::Seepage;
+use dem::space::Space;
 use io::{Column, Image};
 
 /// The columns of one output; buffers reused.

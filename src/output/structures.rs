@@ -1,10 +1,10 @@
 //! Structures as surfaces, written once: they are at rest.
 
 use super::group::RankGroup;
-use crate::error::Error;
-use crate::number::{to_i32, to_i64};
-use crate::scene::Scene;
+use base::error::Error;
+use base::number::{to_i32, to_i64};
 use io::{Cells, Column, Data, Mesh, Mode, Moment, Series};
+use plan::scene::Scene;
 use std::path::Path;
 
 /// A facet leaves a round surface by no more than this part of the domain.

@@ -1,16 +1,16 @@
 use super::*;
-use crate::case::Document;
-use crate::coupling::FluidView;
-use crate::dem::contact::Scaled;
-use crate::dem::contact::linear::{Linear, Parameters};
-use crate::dem::particles::{Body, Motion, Particles};
-use crate::dem::space::Plane;
-use crate::dem::{Dem, Law, PairTable, Region, Settings, Wall, alone};
-use crate::lbm::boundary::Flux;
-use crate::units::LatticeUnits;
 use approx::assert_relative_eq;
+use base::units::LatticeUnits;
+use case::Document;
+use coupling::FluidView;
 use decomposition::Axis;
+use dem::contact::Scaled;
+use dem::contact::linear::{Linear, Parameters};
+use dem::particles::{Body, Motion, Particles};
+use dem::space::Plane;
+use dem::{Dem, Law, PairTable, Region, Settings, Wall, alone};
 use io::fields::read_column;
+use lbm::boundary::Flux;
 use nalgebra::Vector2;
 
 /// Fluid that turns like a rigid body about the origin: u = w (-y, x), pressure linear in x; body 4 covers cell (1, 1).
@@ -25,7 +25,7 @@ const RATE: f64 = 1e-3;
 const SLOPE: f64 = 1e-4;
 
 fn centre(i: usize) -> f64 {
-    crate::number::real(i) + 0.5
+    base::number::real(i) + 0.5
 }
 
 impl FluidView for Turning {
@@ -167,7 +167,7 @@ impl Run {
             particles: &self.particles,
             dem: Some(&self.dem),
             step,
-            time: crate::number::real(step) * self.plan.clock.time_step,
+            time: base::number::real(step) * self.plan.clock.time_step,
         }
     }
 
@@ -278,7 +278,7 @@ fn probes_measure_what_is_there() {
     let rows = run.rows("middle");
     assert_eq!(rows.steps, [0; 5]);
     for (n, row) in rows.values.iter().enumerate() {
-        let x = 1.0 + crate::number::real(n);
+        let x = 1.0 + base::number::real(n);
         assert_relative_eq!(row[1], 1e-3 * (x - 1.0), epsilon = 1e-12);
         assert_relative_eq!(row[2], 1e-3 * x, max_relative = 1e-12);
         assert_relative_eq!(row[5], -2.0 * RATE * speed, max_relative = 1e-9);

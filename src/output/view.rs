@@ -1,13 +1,13 @@
 //! Read access of outputs, probes and analyses to a running simulation.
 
 use super::averages::Averages;
-use crate::coupling::FluidView;
-use crate::coupling::seepage::Seepage;
-use crate::dem::Dem;
-use crate::dem::particles::Particles;
-use crate::dem::space::Space;
-use crate::plan::Plan;
+use coupling::FluidView;
+use coupling::seepage::Seepage;
 use decomposition::Domain;
+use dem::Dem;
+use dem::particles::Particles;
+use dem::space::Space;
+use plan::Plan;
 
 /// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains follow.
 #[derive(Clone, Copy)]

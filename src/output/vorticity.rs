@@ -1,7 +1,7 @@
 //! The vorticity of the fluid: derivatives of the velocities of a slab and of the adjacent planes of other slabs.
 
-use crate::coupling::{BandStates, FluidView, bands};
-use crate::error::Error;
+use base::error::Error;
+use coupling::{BandStates, FluidView, bands};
 use decomposition::{Domain, exchange};
 
 /// Velocities (lattice units) of a slab of fluid with one plane of each neighbour along the split axis; buffers reused.

@@ -16,7 +16,7 @@
 //! for s < 1/2; the resistance of the surface adds a part that decreases with R. Without the compensation only the first term remains, and
 //! slightly lighter bodies are stable.
 //!
-//! The limits of links are in this file, those of saturated cells in the file of each operator ([`crate::lbm::saturation`]). They are
+//! The limits of links are in this file, those of saturated cells in the file of each operator ([`lbm::saturation`]). They are
 //! measured over radii, positions relative to the cells and relaxation times (`benches/stability/README.md`): every body lighter than
 //! `fails` was unstable, no body heavier than `holds`. The limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly
 //! to follow a step, below 0.6 it keeps the disturbance by the body. The number of solid steps has no effect, because the load is constant over them.
@@ -29,13 +29,13 @@
 //! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells with internal fluid. Lighter bodies are stable without it.
 
 use super::margin::{Margin, margin};
-use crate::case::coupling::{Coupling, SolidOperator};
-use crate::error::Remedy;
-use crate::lbm::saturation::{DensityRatios, LightBody};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::packed::{in_a_bed, lie_packed};
+use base::error::Remedy;
+use case::coupling::{Coupling, SolidOperator};
+use lbm::saturation::{DensityRatios, LightBody};
 
 /// s R of links from which on bodies hold, by relaxation time: discs, spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
@@ -229,9 +229,9 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::error::Severity;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::error::Severity;
+    use case::Document;
     use serde_json::json;
     use std::path::Path;
 

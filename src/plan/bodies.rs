@@ -6,12 +6,12 @@
 //!   through a plate of one cell that straddled two, with less than 4 % of its force on the plate.
 
 use super::margin::{Margin, margin};
-use crate::case::coupling::Coupling;
-use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::blocks::Blocks;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::grains::GrainSource;
+use base::error::Remedy;
+use case::coupling::Coupling;
 
 /// Fewest cells in a diameter.
 const FEWEST_CELLS: f64 = 4.0;

@@ -6,11 +6,11 @@
 
 use super::Plan;
 use super::bibliography::{self, Publication};
-use crate::case::coupling::Coupling;
-use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::observe::ProbeAt;
+use case::coupling::Coupling;
+use lbm::lattice::VelocitySet;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -323,7 +323,7 @@ fn flow_models(scene: &Scene, flow: &Flow, used: &mut Vec<(&'static str, String)
 
 /// Adds the treatment of sound and the turbulence of an opening.
 fn opening_options(
-    condition: &crate::lbm::boundary::Condition,
+    condition: &lbm::boundary::Condition,
     flow: &Flow,
     used: &mut Vec<(&'static str, String)>,
 ) {
@@ -427,8 +427,8 @@ fn written_models(case: &Value, used: &mut Vec<(&'static str, String)>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::{Document, examples};
-    use crate::dem::polyhedron::Model as BlockModel;
+    use case::{Document, examples};
+    use dem::polyhedron::Model as BlockModel;
     use std::collections::BTreeSet;
     use std::path::Path;
 
@@ -467,7 +467,7 @@ mod tests {
 
     #[test]
     fn every_model_of_every_family_has_papers() {
-        use crate::case::{coupling, fluid};
+        use case::{coupling, fluid};
         let mut lattices = offered::<fluid::LatticeChoice>();
         assert!(lattices.remove("auto"));
         let families = [
@@ -475,17 +475,17 @@ mod tests {
             ("collision", offered::<fluid::Collision>()),
             ("body_force", offered::<fluid::BodyForce>()),
             ("turbulence", offered::<fluid::Turbulence>()),
-            ("boundary", offered::<crate::lbm::boundary::Condition>()),
+            ("boundary", offered::<lbm::boundary::Condition>()),
             ("coupling", offered::<Coupling>()),
             ("scheme", offered::<coupling::Scheme>()),
             ("solid_operator", offered::<coupling::SolidOperator>()),
             ("porous_zone", offered::<fluid::Resistance>()),
-            ("resistance", offered::<crate::darcy::Resistance>()),
-            ("drag", offered::<crate::darcy::DragLaw>()),
-            ("porosity", offered::<crate::darcy::PorosityMethod>()),
-            ("contact", offered::<crate::dem::contact::Contact>()),
+            ("resistance", offered::<darcy::Resistance>()),
+            ("drag", offered::<darcy::DragLaw>()),
+            ("porosity", offered::<darcy::PorosityMethod>()),
+            ("contact", offered::<dem::contact::Contact>()),
             ("block_model", offered::<BlockModel>()),
-            ("structure", offered::<crate::structure::Shape>()),
+            ("structure", offered::<structure::Shape>()),
         ];
         for (name, models) in families {
             assert!(models.len() > 1, "{name}: {models:?}");

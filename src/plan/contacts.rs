@@ -34,12 +34,12 @@ mod network;
 use super::Clock;
 use super::critical_step::{critical_solid_time_step, moving};
 use super::margin::{Margin, margin};
-use crate::dem::contact::{BondOpening, ContactModel, Depth, StaticContact};
-use crate::error::Remedy;
-use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, at_least, at_most, number};
 use crate::scene::grains::GrainSource;
+use base::error::Remedy;
+use base::number::to_u32;
+use dem::contact::{BondOpening, ContactModel, Depth, StaticContact};
 
 /// The step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
 fn limit(stiffness: f64, dashpot: f64) -> f64 {
@@ -95,11 +95,11 @@ fn others(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
     let all = grains + scene.bodies.len() + scene.walls.len() + appear;
-    crate::number::real(all.saturating_sub(1))
+    base::number::real(all.saturating_sub(1))
 }
 
 /// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
-pub(crate) fn of_packing(scene: &Scene) -> f64 {
+pub fn of_packing(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
         (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {
             of_spheres(scene, contact.model(), 0.0).packing / critical.time_step
@@ -341,7 +341,7 @@ fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
     if scene.flow.is_some() {
         let steps = (clock.time_step / limit).ceil();
         Remedy::from(format!("use at least {steps} solid steps per fluid step"))
-            .set(path(scene), crate::number::whole(steps))
+            .set(path(scene), base::number::whole(steps))
     } else if scene.time.solid_time_step.is_some() {
         let step = at_most(limit);
         Remedy::from(format!("use a solid time step of at most {step:?} s")).set(path(scene), step)

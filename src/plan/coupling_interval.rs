@@ -1,7 +1,7 @@
 //! The longest coupling interval of a seepage: how long the load of the water on a bed may stay constant.
 //!
 //! The load foresees what drag does to a grain within the interval T, but not what its contacts do
-//! ([`crate::coupling::seepage`]). Where the
+//! ([`coupling::seepage`]). Where the
 //! interval resolves the contacts that does not matter. Where it does not, the drag of an outdated velocity
 //! pumps energy into the
 //! contacts, slowly if it is weak, and dashpots have to take it out. Four times of a bed of grains of
@@ -29,14 +29,14 @@ use super::Clock;
 use super::critical_step::moving;
 use super::explicit_drag::{beds, porosity, stopping_times};
 use super::margin::{Margin, margin};
-use crate::darcy::Liquid;
-use crate::darcy::drag::Grain;
-use crate::dem::contact::{Depth, StaticContact};
-use crate::error::Remedy;
-use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
+use base::error::Remedy;
+use base::number::to_u32;
+use darcy::Liquid;
+use darcy::drag::Grain;
+use dem::contact::{Depth, StaticContact};
 use std::f64::consts::PI;
 
 /// Factors of the module's formulas.
@@ -222,16 +222,16 @@ pub(super) fn check(
             "use at most {} solid steps per interval, or omit `coupling_interval`",
             number(most)
         ))
-        .set(PATH, to_u32(crate::number::whole(most))),
+        .set(PATH, to_u32(base::number::whole(most))),
     );
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::error::Severity;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::error::Severity;
+    use case::Document;
     use std::path::Path;
 
     /// Eight grains of 1 mm on each other in a column of liquid.
@@ -239,7 +239,7 @@ mod tests {
         viscosity: f64,
         damping: f64,
         set: &[&str],
-    ) -> Result<Plan, Vec<crate::error::Problem>> {
+    ) -> Result<Plan, Vec<base::error::Problem>> {
         let grains: Vec<String> = (0..8)
             .map(|k| {
                 let z = 0.0005 + 0.001 * f64::from(k);
@@ -273,9 +273,8 @@ mod tests {
     fn limits_are_those_of_contacts_drag_and_bed() {
         let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();
         let eps = 0.4;
-        let stops = |mu: f64| {
-            2650.0 * (1.0 - eps) * crate::darcy::permeability::kozeny_carman(eps, 1e-3) / mu
-        };
+        let stops =
+            |mu: f64| 2650.0 * (1.0 - eps) * darcy::permeability::kozeny_carman(eps, 1e-3) / mu;
         for (viscosity, damping) in [(1.0, 0.0), (1e-3, 0.0), (1e-3, 0.2)] {
             let plan = column(viscosity, damping, &["fluid.darcy.coupling_interval=1"]).unwrap();
             let found = limits(&plan.scene).unwrap();

@@ -1,10 +1,10 @@
 //! The critical solid time step: that of the lightest grain or free body with its stiffest contact.
 
-use crate::dem::contact::TimeLimits;
-use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::grains::GrainSource;
+use base::number::to_u32;
+use dem::contact::TimeLimits;
 
 /// The critical time step and the grain that decides it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,16 +1,16 @@
 //! What stands between a scene and a GPU.
 //!
-//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells ([`crate::lbm::gpu`]).
+//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells ([`lbm::gpu`]).
 //! Whether there is a GPU is known when the run starts.
 
-use crate::case::coupling::Coupling;
-use crate::case::fluid::{Device, Precision};
-use crate::error::Remedy;
-use crate::lbm::boundary::Surface;
-use crate::lbm::fluid::kernel_exists_on_gpu;
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use crate::scene::flow::{BodyForce, PATH};
+use base::error::Remedy;
+use case::coupling::Coupling;
+use case::fluid::{Device, Precision};
+use lbm::boundary::Surface;
+use lbm::fluid::kernel_exists_on_gpu;
 
 /// What of a scene a GPU does not run yet.
 fn obstacles(scene: &Scene) -> Vec<String> {
@@ -95,11 +95,11 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
 
 #[cfg(test)]
 mod tests {
-    use crate::case::{Document, examples};
-    use crate::plan::Plan;
+    use crate::Plan;
+    use case::{Document, examples};
     use std::path::Path;
 
-    fn of(example: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
+    fn of(example: &str, set: &[&str]) -> Result<Plan, Vec<base::error::Problem>> {
         let set: Vec<String> = set.iter().map(|&text| text.into()).collect();
         let text = examples::find(example).unwrap().text;
         Plan::prepare(Document::read(text, &set, Path::new("."))?)

@@ -13,13 +13,13 @@
 //! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with stated conductivities;
 //! structures are no part of it.
 
-use crate::case::darcy::ZonePermeability;
-use crate::case::geometry::{Axis, Region};
-use crate::darcy::Condition;
-use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
+use base::number::real;
+use case::darcy::ZonePermeability;
+use case::geometry::{Axis, Region};
+use darcy::Condition;
 
 /// Loss of discharge from which the plan warns.
 const LOSS: f64 = 0.02;
@@ -156,9 +156,9 @@ fn leakage_length(conductivity: &[f64], thickness: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::error::Problem;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::error::Problem;
+    use case::Document;
     use serde_json::json;
     use std::path::Path;
 

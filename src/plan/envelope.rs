@@ -6,8 +6,6 @@
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
 use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin, slower_clock};
-use crate::error::Remedy;
-use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::auto::density;
 use crate::scene::contact::ContactTable;
@@ -15,6 +13,8 @@ use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
+use base::error::Remedy;
+use base::number::real;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 

@@ -10,11 +10,11 @@ pub mod memory;
 pub mod time;
 
 use super::Clock;
-use crate::error::Remedy;
-use crate::number::{common_divisor, real, whole};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
+use base::error::Remedy;
+use base::number::{common_divisor, real, whole};
 use serde::Serialize;
 use time::Seconds;
 
@@ -324,12 +324,12 @@ fn machine_memory() -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use crate::case::{Document, examples};
-    use crate::number::real;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::number::real;
+    use case::{Document, examples};
     use std::path::Path;
 
-    fn planned(name: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
+    fn planned(name: &str, set: &[&str]) -> Result<Plan, Vec<base::error::Problem>> {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let text = examples::find(name).unwrap().text;
         Document::read(text, &set, Path::new(".")).and_then(Plan::prepare)

@@ -2,7 +2,7 @@
 //!
 //! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its start a grain of
 //! mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag stops it, its velocity changes
-//! sign and grows. The drag at the end of the interval ([`crate::coupling::seepage`], `semi_implicit_drag`) is stable for any interval.
+//! sign and grows. The drag at the end of the interval ([`coupling::seepage`], `semi_implicit_drag`) is stable for any interval.
 //!
 //! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where the
 //! interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable where the
@@ -10,14 +10,14 @@
 
 use super::Clock;
 use super::margin::{Margin, margin};
-use crate::darcy::drag::{Bed, Grain};
-use crate::darcy::porosity::measure;
-use crate::darcy::{Enclosure, Equations, Liquid, Openness, Pores};
-use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
+use base::error::Remedy;
+use darcy::drag::{Bed, Grain};
+use darcy::porosity::measure;
+use darcy::{Enclosure, Equations, Liquid, Openness, Pores};
 
 /// Compares the interval with the shortest response time of a grain.
 pub(super) fn check(

@@ -17,9 +17,6 @@
 //! nothing falls faster than it settles.
 
 use super::margin::{Margin, margin};
-use crate::dem::contact::{ContactModel, Depth, StaticContact};
-use crate::error::Remedy;
-use crate::number::{to_u32, whole};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
@@ -28,6 +25,9 @@ use crate::scene::observe::Action;
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample::Grain;
 use crate::scene::speed::settling;
+use base::error::Remedy;
+use base::number::{to_u32, whole};
+use dem::contact::{ContactModel, Depth, StaticContact};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -477,14 +477,14 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
 
 #[cfg(test)]
 mod tests {
-    use crate::case::Document;
-    use crate::error::Severity;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::error::Severity;
+    use case::Document;
     use std::path::Path;
 
     /// A disc that meets another, or the floor after a fall.
     fn planned(change: &[&str]) -> Plan {
-        let text = crate::case::examples::find("collision").unwrap().text;
+        let text = case::examples::find("collision").unwrap().text;
         let change: Vec<String> = change.iter().map(|set| (*set).to_owned()).collect();
         let document = Document::read(text, &change, Path::new(".")).unwrap();
         Plan::prepare(document).unwrap()

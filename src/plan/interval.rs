@@ -28,14 +28,14 @@ impl Interval {
     #[must_use]
     pub fn of_steps(steps: u64) -> Self {
         Self {
-            steps: crate::number::real(steps).max(1.0),
+            steps: base::number::real(steps).max(1.0),
         }
     }
 
     /// The step of event `event`; event 0 is at step 0.
     #[must_use]
     pub fn step(&self, event: u64) -> u64 {
-        let step = (crate::number::real(event) * self.steps).round();
+        let step = (base::number::real(event) * self.steps).round();
         u64::try_from(super::whole(step)).unwrap_or(u64::MAX)
     }
 
@@ -48,7 +48,7 @@ impl Interval {
     /// The first step with an event that is not before `step`.
     #[must_use]
     pub fn next_from(&self, step: u64) -> u64 {
-        let before = (crate::number::real(step) / self.steps).floor() - 1.0;
+        let before = (base::number::real(step) / self.steps).floor() - 1.0;
         let mut event = u64::try_from(super::whole(before.max(0.0))).unwrap_or(u64::MAX);
         // The quotient is off by less than one event; a step grows with its event.
         while self.step(event) < step {
@@ -100,7 +100,7 @@ mod tests {
         ) {
             let found = Interval::new(interval, time_step);
             let step = found.step(event);
-            let number = crate::number::real;
+            let number = base::number::real;
             if interval >= time_step {
                 let off = number(step) - number(event) * interval / time_step;
                 prop_assert!(off.abs() <= 0.5 + 2e-9 * number(step), "{off}");

@@ -1,7 +1,7 @@
 //! Linear stability over the steps of a run: growing waves with multiple relaxation times.
 //!
 //! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the moments of an operator are not orthogonal under the weights of
-//! the lattice and have different rates, some waves grow in fluid at rest ([`crate::lbm::collision::linear_stability`]): with the published
+//! the lattice and have different rates, some waves grow in fluid at rest ([`lbm::collision::linear_stability`]): with the published
 //! matrix and rates of Suga by 0.075 % per step at tau = 0.5001. A short run does not show this. Over G = gain times steps an amplitude
 //! grows by the factor e^G. With the operator `mrt` none grow.
 //!
@@ -10,9 +10,9 @@
 //! finding is a warning.
 
 use super::Clock;
-use crate::error::Remedy;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
+use base::error::Remedy;
 use serde_json::json;
 
 /// The largest G without a finding.
@@ -58,8 +58,8 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
 
 #[cfg(test)]
 mod tests {
-    use crate::case::Document;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use case::Document;
 
     /// The finding about waves in a closed box of water with an operator and relaxation time over some steps.
     fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {

@@ -1,12 +1,12 @@
 //! A limit of the method and the distance of a case to it.
 
-use crate::error::Remedy;
 use crate::scene::findings::at_most;
 use crate::scene::flow::{Flow, PATH};
+use base::error::Remedy;
 use serde::Serialize;
 
 /// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
-pub(crate) const USUAL_LATTICE_VELOCITY: f64 = 0.1;
+pub const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 
 /// A limit and the value of the case.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -2,18 +2,18 @@
 
 use super::Clock;
 use super::device::device;
-use crate::case::coupling::{Coupling, Scheme, SolidFraction};
-use crate::case::darcy::Darcy;
-use crate::case::fluid::Device;
-use crate::case::fluid::Precision;
-use crate::family::Description;
-use crate::lbm::lattice::VelocitySet;
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;
+use base::family::Description;
+use case::coupling::{Coupling, Scheme, SolidFraction};
+use case::darcy::Darcy;
+use case::fluid::Device;
+use case::fluid::Precision;
+use lbm::lattice::VelocitySet;
 use serde::Serialize;
 
 /// A model and its reason.

@@ -9,10 +9,10 @@
 //! through a bed of equal grains in random close packing, in zones the most permeable one, or the largest flux that is imposed. The run measures the number again.
 
 use super::explicit_drag;
-use crate::darcy::{Condition, Equations, Liquid};
-use crate::error::Remedy;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
+use base::error::Remedy;
+use darcy::{Condition, Equations, Liquid};
 use serde_json::json;
 
 /// Reynolds number from which inertial losses count.

@@ -1,4 +1,4 @@
-//! The limit of the time step by the resistance of porous zones ([`crate::lbm::term::porous`]).
+//! The limit of the time step by the resistance of porous zones ([`lbm::term::porous`]).
 
 use super::margin::{Margin, margin, slower_clock};
 use crate::scene::Scene;

@@ -3,7 +3,7 @@
 use super::estimate::size;
 use super::{Plan, envelope};
 use crate::scene::findings::number;
-use crate::units::LatticeUnits;
+use base::units::LatticeUnits;
 use std::fmt::{self, Display, Formatter};
 
 impl Display for Plan {

@@ -7,13 +7,13 @@
 //! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they act on.
 
 use super::explicit_drag::openness;
-use crate::case::darcy::ZonePermeability;
-use crate::darcy::{Condition, Openness};
-use crate::error::Remedy;
-use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::{PATH, Seepage};
+use base::error::Remedy;
+use base::number::real;
+use case::darcy::ZonePermeability;
+use darcy::{Condition, Openness};
 
 /// Part of the largest difference of heads from which neighbours count as different.
 const DIFFERENT: f64 = 0.1;

@@ -2,7 +2,7 @@
 //!
 //! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the lattice velocity
 //! alone, except that some operators bear less the faster the flow. Each operator states its bounds beside its formula
-//! ([`crate::lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last value up to which every run ended,
+//! ([`lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last value up to which every run ended,
 //! `fails` the first at which one did not.
 //!
 //! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many scenes run at several
@@ -15,14 +15,14 @@
 //! times these values: where the border lies depends on what makes the eddies.
 
 use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin};
-use crate::case::coupling::{Coupling, Scheme};
-use crate::error::Remedy;
-use crate::lbm::boundary::Surface;
-use crate::lbm::collision::border::{Border, Bounds, MovingBody, Situation, Surroundings};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 use crate::scene::speed::{self, Speed};
+use base::error::Remedy;
+use case::coupling::{Coupling, Scheme};
+use lbm::boundary::Surface;
+use lbm::collision::border::{Border, Bounds, MovingBody, Situation, Surroundings};
 
 fn surroundings(flow: &Flow) -> Surroundings {
     let mut all = Surroundings::Periodic;
@@ -214,14 +214,14 @@ fn judge(
 
 #[cfg(test)]
 mod tests {
-    use crate::case::Document;
-    use crate::error::Severity;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use base::error::Severity;
+    use case::Document;
 
     /// What the plan says of a cavity at this relaxation time and Mach number U/C of the lid.
     fn warned(collision: &str, tau: f64, mach: f64) -> bool {
         let found = planned(collision, 2, tau, mach).unwrap().warnings;
-        let words = |w: &crate::error::Problem| w.to_string().contains("cell Reynolds number");
+        let words = |w: &base::error::Problem| w.to_string().contains("cell Reynolds number");
         found.iter().any(words)
     }
 
@@ -230,7 +230,7 @@ mod tests {
         dimension: usize,
         tau: f64,
         mach: f64,
-    ) -> Result<Plan, Vec<crate::error::Problem>> {
+    ) -> Result<Plan, Vec<base::error::Problem>> {
         let speed = mach * 3e-6 / (1e-4 * (tau - 0.5));
         let (size, face, velocity) = if dimension == 2 {
             ("0.0032, 0.0032", "y_max", format!("{speed}, 0"))
@@ -314,7 +314,7 @@ mod tests {
             );
             let document = Document::read(&text, &[], std::path::Path::new("")).unwrap();
             let found = Plan::prepare(document).unwrap().warnings;
-            let unstable = |w: &crate::error::Problem| w.severity == Severity::Unstable;
+            let unstable = |w: &base::error::Problem| w.severity == Severity::Unstable;
             found.iter().any(unstable)
         };
         for model in ["wale", "smagorinsky"] {

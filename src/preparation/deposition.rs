@@ -6,21 +6,21 @@
 //! mean contact force. Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of
 //! the case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones settle once more.
 //! The deposition runs on one rank and depends on the seed only. Sizes and places come from counter-based random numbers:
-//! [`crate::random`].
+//! [`base::random`].
 
 use serde::{Deserialize, Serialize};
 
 use super::numbering::curve_order;
 use super::room::Room;
 use super::supervision::{Saved, Supervision};
-use crate::dem::relax::unbalanced_text;
-use crate::dem::{
+use base::error::Error;
+use base::number::{floor_i64, whole};
+use base::random::Stream;
+use dem::relax::unbalanced_text;
+use dem::{
     Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall, alone,
 };
-use crate::error::Error;
-use crate::number::{floor_i64, whole};
-use crate::random::Stream;
-use crate::scene::grading::Grading;
+use plan::scene::grading::Grading;
 
 /// Grains that fall from a box.
 #[derive(Clone, Debug)]
@@ -501,11 +501,11 @@ fn ratio(a: u64, b: u64) -> f64 {
 mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
-    use crate::dem::contact::Scaled;
-    use crate::dem::contact::linear::{self, Linear};
-    use crate::dem::{PairTable, Volume};
-    use crate::scene::grading::Class;
+    use dem::contact::Scaled;
+    use dem::contact::linear::{self, Linear};
+    use dem::{PairTable, Volume};
     use nalgebra::Vector3;
+    use plan::scene::grading::Class;
 
     fn classes() -> Vec<Class> {
         let class = |min: f64, max: f64, part| Class { min, max, part };
@@ -629,7 +629,7 @@ mod tests {
             own.map(|grain| grain.0[2]).collect::<Vec<_>>()
         };
         let mean =
-            |heights: &[f64]| heights.iter().sum::<f64>() / crate::number::real(heights.len());
+            |heights: &[f64]| heights.iter().sum::<f64>() / base::number::real(heights.len());
         let (below, above) = (heights(0), heights(1));
         assert_eq!((below.len(), above.len()), (150, 200));
         assert!(mean(&above) > mean(&below) + 2e-3);

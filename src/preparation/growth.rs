@@ -9,7 +9,7 @@
 //! requested ones times one common factor close to 1, which the report gives; with [`Stop::SolidFraction`] the factor is exactly 1 and
 //! the overlap follows.
 //!
-//! Sizes and places come from counter-based random numbers: [`crate::random`].
+//! Sizes and places come from counter-based random numbers: [`base::random`].
 
 mod cloud;
 
@@ -17,14 +17,14 @@ use cloud::{put_neighbours_together, scatter};
 use serde::{Deserialize, Serialize};
 
 use super::supervision::{Saved, Supervision};
-use crate::dem::contact::Scaled;
-use crate::dem::contact::linear::{Linear, Parameters};
-use crate::dem::{
+use base::error::Error;
+use base::number::{real, to_usize};
+use base::random::Stream;
+use dem::contact::Scaled;
+use dem::contact::linear::{Linear, Parameters};
+use dem::{
     Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall, alone,
 };
-use crate::error::Error;
-use crate::number::{real, to_usize};
-use crate::random::Stream;
 
 /// Which diameters (m) the grains have.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -649,9 +649,9 @@ const ROUNDS: u32 = 40;
 mod tests {
     use super::super::supervision::tests::interrupted;
     use super::*;
-    use crate::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use crate::dem::{Plane, Relaxation, Stillness, Volume};
     use decomposition::Domain;
+    use dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+    use dem::{Plane, Relaxation, Stillness, Volume};
     use nalgebra::{Vector2, Vector3};
 
     /// Advances with damping until the grains are at rest, and restores the damping.

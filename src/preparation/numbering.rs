@@ -3,9 +3,9 @@
 //! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie close in memory, and
 //! few pairs cross from one thread's grains to another's.
 
-use crate::dem::{Components, Space};
-use crate::number::whole;
-use crate::scene::sample::Grain;
+use base::number::whole;
+use dem::{Components, Space};
+use plan::scene::sample::Grain;
 
 /// Bits of a coordinate: three of them fill a word.
 const BITS: u32 = 21;

@@ -5,13 +5,13 @@
 //! the case.
 
 use super::supervision::{Request, Requests};
-use crate::dem::particles::Particles;
-use crate::dem::relax::unbalanced_text;
-use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Relaxation, Stillness};
-use crate::error::Error;
-use crate::scene::Scene;
+use base::error::Error;
 use decomposition::Domain;
+use dem::particles::Particles;
+use dem::relax::unbalanced_text;
+use dem::space::{Components, Space};
+use dem::{Dem, Relaxation, Stillness};
+use plan::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -206,11 +206,11 @@ impl Rest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dem::contact::Scaled;
-    use crate::dem::contact::linear::{self, Linear};
-    use crate::dem::particles::{Body, Motion};
-    use crate::dem::{Law, PairTable, Region, Settings, Volume, Wall, alone};
     use decomposition::Communicator;
+    use dem::contact::Scaled;
+    use dem::contact::linear::{self, Linear};
+    use dem::particles::{Body, Motion};
+    use dem::{Law, PairTable, Region, Settings, Volume, Wall, alone};
     use nalgebra::Vector3;
 
     /// No requests.

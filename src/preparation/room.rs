@@ -5,8 +5,8 @@
 //! cells are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are both at least half a
 //! cell away from a structure have no sheet between them, however thin, so that the filling passes through no structure.
 
-use crate::number::{floor_i64, real, whole};
-use crate::scene::structures::Structure;
+use base::number::{floor_i64, real, whole};
+use plan::scene::structures::Structure;
 
 /// Cells of the filling at most.
 const MOST_CELLS: f64 = 2e6;
@@ -221,13 +221,13 @@ impl Room {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::dem::space::Plane;
-    use crate::dem::{Region, Wall};
-    use crate::plan::Plan;
-    use crate::preparation::supervision::Supervision;
-    use crate::preparation::{Engine, Prepared, prepare};
+    use crate::supervision::Supervision;
+    use crate::{Engine, Prepared, prepare};
+    use case::Document;
+    use dem::space::Plane;
+    use dem::{Region, Wall};
     use nalgebra::Vector2;
+    use plan::Plan;
     use std::path::Path;
 
     /// Grains that fall over a weir and a culvert, whose four plates leave a hollow.

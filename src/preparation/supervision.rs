@@ -1,11 +1,11 @@
 //! Reports, interruption and resumption of the preparation of a sample, which can take minutes.
 
-use crate::dem::particles::Particles;
-use crate::dem::space::Space;
-use crate::dem::state::Contacts;
-use crate::dem::{Dem, alone};
-use crate::error::Error;
+use base::error::Error;
 use decomposition::Communicator;
+use dem::particles::Particles;
+use dem::space::Space;
+use dem::state::Contacts;
+use dem::{Dem, alone};
 use serde_json::Value;
 use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
@@ -232,7 +232,7 @@ pub(super) mod tests {
     }
 
     /// The result of work that is stopped repeatedly, and the number of stops.
-    pub(in crate::preparation) fn interrupted<S: Space, T>(
+    pub(crate) fn interrupted<S: Space, T>(
         work: impl Fn(&Supervision<'_, S>) -> Result<T, Error>,
     ) -> (T, u32) {
         let mut saved = None;

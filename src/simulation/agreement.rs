@@ -1,6 +1,6 @@
 //! Errors that keep their kind when they are shared with all ranks.
 
-use crate::error::Error;
+use base::error::Error;
 use decomposition::Communicator;
 
 /// The outcome of the first rank for all: it does the work, the others wait and get `T::default()` where it went well, or the
@@ -8,7 +8,7 @@ use decomposition::Communicator;
 ///
 /// # Errors
 /// That of the work, on every rank.
-pub(crate) fn on_first<T: Default>(
+pub fn on_first<T: Default>(
     communicator: &Communicator,
     work: impl FnOnce() -> Result<T, Error>,
 ) -> Result<T, Error> {

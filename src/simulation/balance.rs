@@ -8,13 +8,13 @@
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
 use super::{calibration, setup};
-use crate::dem::particles::Particles;
-use crate::dem::space::{Components, Space};
-use crate::number::{floor_i64, real, to_i64};
-use crate::plan::Plan;
-use crate::plan::estimate::time::Parts;
-use crate::scene::Scene;
+use base::number::{floor_i64, real, to_i64};
 use decomposition::{Communicator, Slabs};
+use dem::particles::Particles;
+use dem::space::{Components, Space};
+use plan::Plan;
+use plan::estimate::time::Parts;
+use plan::scene::Scene;
 
 /// Most that the busiest rank may compute over the mean before slabs are cut by cost.
 const UNEVEN: f64 = 1.05;
@@ -312,10 +312,10 @@ fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::dem::polyhedron::Polyhedron;
-    use crate::dem::{Body, Motion, Volume};
+    use case::Document;
     use decomposition::Axis;
+    use dem::polyhedron::Polyhedron;
+    use dem::{Body, Motion, Volume};
     use nalgebra::{UnitQuaternion, Vector3};
     use proptest::prelude::*;
     use std::path::Path;

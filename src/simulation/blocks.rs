@@ -4,10 +4,10 @@
 //! domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots, or is stored in the springs. The sums are
 //! exact, so that they do not depend on the ranks.
 
-use crate::dem::particles::{Kind, Particles};
-use crate::dem::space::{Components, Space};
-use crate::plan::Plan;
 use decomposition::{Communicator, ExactSum};
+use dem::particles::{Kind, Particles};
+use dem::space::{Components, Space};
+use plan::Plan;
 use serde_json::{Value, json};
 
 /// Mass, energies of motion and position, then mass times position, velocity and displacement.

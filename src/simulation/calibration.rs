@@ -1,21 +1,21 @@
 //! Speed of the machine at hand, measured before a run: of the fluid of a plan, of grains in contact, and of the disk.
 
-use crate::case::fluid::Precision;
-use crate::dem::contact::Scaled;
-use crate::dem::contact::linear::{self, Linear};
-use crate::dem::{
+use base::error::Error;
+use base::number::real;
+use base::random::Stream;
+use case::fluid::Precision;
+use decomposition::{Axis, Domain};
+use dem::contact::Scaled;
+use dem::contact::linear::{self, Linear};
+use dem::{
     Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, alone,
 };
-use crate::error::Error;
-use crate::lbm::fluid::{Fluid, Force, Setup};
-use crate::lbm::lanes::Stored;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::plan::estimate::Machine;
-use crate::random::Stream;
-use crate::scene::flow::Flow;
-use decomposition::{Axis, Domain};
+use lbm::fluid::{Fluid, Force, Setup};
+use lbm::lanes::Stored;
 use nalgebra::Vector3;
+use plan::Plan;
+use plan::estimate::Machine;
+use plan::scene::flow::Flow;
 use std::io::Write;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
@@ -233,7 +233,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
         periodic: [false, false, plan.scene.grid.dimension == 2],
         patches: Vec::new(),
         saturation: None,
-        device: crate::lbm::gpu::Device::Cpu,
+        device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
     let axis = [Axis::X, Axis::Y, Axis::Z][plan.scene.grid.split_axis.min(2)];

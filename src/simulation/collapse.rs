@@ -1,5 +1,5 @@
 //! Records of a ground collapse: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
-//! and two figures at its end. [`crate::analysis::ground_collapse`] defines the quantities.
+//! and two figures at its end. [`analysis::ground_collapse`] defines the quantities.
 //!
 //! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them into the frame of the
 //! analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on any number of ranks. This costs 64
@@ -11,26 +11,24 @@ use super::agreement::agree;
 use super::removal::Departed;
 use super::table::{Table, append};
 use super::view::View;
-use crate::analysis::erosion_law::{Row, read_rows};
-use crate::analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
-use crate::analysis::ground_collapse::measure::{
-    Above, Cells, Grain, Ground, Limits, Point, Sample,
-};
-use crate::analysis::ground_collapse::record::{
+use analysis::erosion_law::{Row, read_rows};
+use analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
+use analysis::ground_collapse::measure::{Above, Cells, Grain, Ground, Limits, Point, Sample};
+use analysis::ground_collapse::record::{
     ClusterKind, ClusterRecord, CollapseRecord, CollapseSummary, PointRecord, PointSummary,
     StageTimes, SurfaceRecord,
 };
-use crate::analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Thresholds};
-use crate::darcy::overlap::sphere_box;
-use crate::dem::space::Space;
-use crate::error::Error;
-use crate::figures::ground_collapse as figures;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::plan::interval::Interval;
-use crate::scene::collapse::GroundCollapse;
+use analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Thresholds};
+use base::error::Error;
+use base::number::real;
+use darcy::overlap::sphere_box;
 use decomposition::{Domain, ExactSum};
+use dem::space::Space;
+use figures::ground_collapse as figures;
 use gathered::{gather, in_frame, length};
+use plan::Plan;
+use plan::interval::Interval;
+use plan::scene::collapse::GroundCollapse;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;

@@ -1,22 +1,22 @@
 //! Construction of the fluid with its coupling from the plan.
 
-use crate::case::coupling::{
+use base::units::LatticeUnits;
+use case::coupling::{
     BounceBack as WrittenBounceBack, Coupling, Scheme as WrittenScheme, SolidFraction,
 };
-use crate::coupling::body_map::Rules;
-use crate::coupling::bounce_back::{self, BounceBack};
-use crate::coupling::partially_saturated::{self, PartiallySaturated};
-use crate::coupling::solid_fraction::Method as FractionMethod;
-use crate::coupling::water::Water;
-use crate::dem::space::Space;
-use crate::lbm::fluid::Fluid;
-use crate::lbm::lanes::Stored;
-use crate::lbm::links::Scheme;
-use crate::lbm::saturation::Method as Saturation;
-use crate::plan::Plan;
-use crate::structure::Images;
-use crate::units::LatticeUnits;
+use coupling::body_map::Rules;
+use coupling::bounce_back::{self, BounceBack};
+use coupling::partially_saturated::{self, PartiallySaturated};
+use coupling::solid_fraction::Method as FractionMethod;
+use coupling::water::Water;
+use dem::space::Space;
+use lbm::fluid::Fluid;
+use lbm::lanes::Stored;
+use lbm::links::Scheme;
+use lbm::saturation::Method as Saturation;
+use plan::Plan;
 use std::sync::Arc;
+use structure::Images;
 
 /// Force per volume of a solid [N/m3] that the lattice does not know of.
 fn buoyancy(plan: &Plan) -> [f64; 3] {

@@ -1,8 +1,8 @@
 //! Kinetic energy of all bodies that forces move, for `summary.json`.
 
-use crate::dem::particles::{Kind, Particles};
-use crate::dem::space::{Components, Space};
 use decomposition::{Communicator, ExactSum};
+use dem::particles::{Kind, Particles};
+use dem::space::{Components, Space};
 
 /// Energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on the ranks. Collective.
 pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {

@@ -6,7 +6,7 @@
 //!
 //! - **Profiles.** V_x(y) and the solid fraction s(y) are means over the length of the hole box, with zero velocity in
 //!   solid cells. [`hole_faces`] finds the faces in s(y), relative to the mean of s outside the hole at the first row.
-//! - **Gradient.** [`crate::analysis::erosion_law::shear_by_gradient`] of V_x(y) at those faces, times the dynamic
+//! - **Gradient.** [`analysis::erosion_law::shear_by_gradient`] of V_x(y) at those faces, times the dynamic
 //!   viscosity.
 //! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as in
 //!   hole erosion tests. Losses in the chambers make it an upper bound.
@@ -39,21 +39,21 @@ use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
 use super::table::{Table, append};
 use super::view::View;
-use crate::analysis::erosion_law::{
+use analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
     RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_traction,
 };
-use crate::dem::space::{Components, Space};
-use crate::dem::{BondBreak, Failure};
-use crate::error::Error;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::plan::interval::Interval;
-use crate::scene::observe::Action;
+use base::error::Error;
+use base::number::real;
 use decomposition::{Domain, ExactSum};
+use dem::space::{Components, Space};
+use dem::{BondBreak, Failure};
 use hole::{BEHIND, Hole, Sums, cell_sums, excess_force, profile};
 use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
 use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
+use plan::Plan;
+use plan::interval::Interval;
+use plan::scene::observe::Action;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;

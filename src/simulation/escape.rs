@@ -1,10 +1,10 @@
 //! Remedies for a grain that left through an open face, in terms of the case.
 
-use crate::case::geometry::{Extent, Face, Vector};
-use crate::case::observe::{Action, Region, When};
-use crate::dem::escape::Escape;
-use crate::error::Error;
-use crate::plan::Plan;
+use base::error::Error;
+use case::geometry::{Extent, Face, Vector};
+use case::observe::{Action, Region, When};
+use dem::escape::Escape;
+use plan::Plan;
 use serde_json::{Value, json};
 
 /// An error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.

@@ -10,7 +10,7 @@
 
 use super::agreement;
 use super::progress::clock;
-use crate::error::Error;
+use base::error::Error;
 use decomposition::Communicator;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

@@ -4,10 +4,10 @@
 //! contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved: which walls there are follows from the step.
 
 use super::setup;
-use crate::dem::{Dem, Particles, Space};
-use crate::error::Error;
-use crate::plan::Plan;
+use base::error::Error;
 use decomposition::Domain;
+use dem::{Dem, Particles, Space};
+use plan::Plan;
 
 /// A wall that comes or goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +85,7 @@ impl Gates {
             move_wall(change, dem);
             particles.forget_loads();
             let verb = if change.comes { "comes" } else { "goes" };
-            let time = crate::number::real(step) * plan.clock.time_step;
+            let time = base::number::real(step) * plan.clock.time_step;
             self.news
                 .push(format!("wall `{name}` {verb} at {time:.6e} s, step {step}"));
         }

@@ -10,7 +10,7 @@
 //!   and 24 ns (one core of a busy machine). A step reads and writes the populations, so that a check every 100 steps
 //!   costs 0.6 to 0.9 % of memory-bound steps, and less otherwise.
 //! * *Mach number*: a lattice velocity above 0.1, a Mach number above 0.17, is reported once and at the end.
-//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`crate::dem::deepest`]). A
+//! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`dem::deepest`]). A
 //!   check ends the run if it is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through
 //!   it.
 //! * *Openings*: at each check inflow and outflow are compared ([`openings`]).
@@ -24,25 +24,25 @@ mod failure;
 mod look;
 mod openings;
 
-use crate::case::coupling::{Coupling, Scheme};
-use crate::case::fluid::Precision;
-use crate::coupling::lattice::LatticeFlow;
-use crate::coupling::structure_map::StructureMap;
-use crate::dem::deepest::{Deepest, With};
-use crate::dem::escape::Escape;
-use crate::dem::particles::Particles;
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::lbm::boundary::from_quanta;
-use crate::lbm::lanes::Stored;
-use crate::lbm::populations::RowSums;
-use crate::plan::Plan;
-use crate::plan::margin::USUAL_LATTICE_VELOCITY;
+use base::error::Error;
+use case::coupling::{Coupling, Scheme};
+use case::fluid::Precision;
+use coupling::lattice::LatticeFlow;
+use coupling::structure_map::StructureMap;
 use decomposition::{Communicator, Domain};
+use dem::deepest::{Deepest, With};
+use dem::escape::Escape;
+use dem::particles::Particles;
+use dem::space::{Components, Space};
 pub use failure::of_solids;
 use failure::{Failure, Kind};
+use lbm::boundary::from_quanta;
+use lbm::lanes::Stored;
+use lbm::populations::RowSums;
 use look::{At, Look, Order, Seen};
 use openings::Openings;
+use plan::Plan;
+use plan::margin::USUAL_LATTICE_VELOCITY;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -436,7 +436,7 @@ impl Guards {
             .fluid()
             .domain_cells()
             .iter()
-            .map(|&n| crate::number::real(n))
+            .map(|&n| base::number::real(n))
             .product();
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let (force, largest) = flow.fluid_force_total(communicator);
@@ -759,7 +759,7 @@ fn totals<Sp: Space, S: Stored>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::{Document, examples};
+    use case::{Document, examples};
     use std::path::Path;
 
     /// What rounding explains is not spoken of; what is above it is.

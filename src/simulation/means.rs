@@ -2,10 +2,10 @@
 //!
 //! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
 
-use crate::number::real;
-use crate::plan::Plan;
-use crate::scene::observe::ProbeAt;
+use base::number::real;
 use io::table::{self, Rows};
+use plan::Plan;
+use plan::scene::observe::ProbeAt;
 use serde::Serialize;
 use std::path::Path;
 

@@ -42,7 +42,7 @@ const BAR_EVERY: Duration = Duration::from_millis(500);
 /// Decimals of times up to an end, of which at least four digits are to be seen.
 fn decimals_of(end: f64) -> usize {
     const LEAST: i64 = 4;
-    let first = crate::number::floor_i64(end.log10().clamp(-20.0, 20.0));
+    let first = base::number::floor_i64(end.log10().clamp(-20.0, 20.0));
     usize::try_from((LEAST - first).clamp(LEAST, 15)).unwrap_or(0)
 }
 
@@ -72,7 +72,7 @@ impl Progress {
     /// Says where the run is.
     pub fn say(&mut self, moment: &Moment) {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
-        let number = crate::number::real;
+        let number = base::number::real;
         let rate = number(moment.step.saturating_sub(self.last_step)) / since;
         let whole = number(moment.step.saturating_sub(self.first_step))
             / self.start.elapsed().as_secs_f64().max(1e-9);
@@ -100,7 +100,7 @@ impl Progress {
         text += &format!("  ETA {}", clock(left));
         if self.terminal {
             const WIDTH: usize = 24;
-            let full = crate::number::whole(part * 24.0).min(WIDTH);
+            let full = base::number::whole(part * 24.0).min(WIDTH);
             let bar: String = (0..WIDTH)
                 .map(|k| if k < full { '█' } else { '░' })
                 .collect();
@@ -170,7 +170,7 @@ pub fn clock(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 3.6e7 {
         return "unknown".into();
     }
-    let s = crate::number::whole(seconds.max(0.0).round());
+    let s = base::number::whole(seconds.max(0.0).round());
     format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
 }
 

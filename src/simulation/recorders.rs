@@ -1,7 +1,7 @@
 //! The states of the recorders of a run in a checkpoint.
 
 use super::{collapse, erosion, guards, removal};
-use crate::error::Error;
+use base::error::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -2,7 +2,7 @@
 //!
 //! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is removed; the
 //! first region that contains it counts. Named bodies stay. A generating region adds `rate x time` grains. The draws of
-//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]). The first drawn position that is free of every
+//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`base::random`]). The first drawn position that is free of every
 //! grain, body and wall is used. If no position of a batch is free, the next step continues with the next batch. New ids are larger than every
 //! id used before.
 //!
@@ -10,27 +10,27 @@
 //! result does not depend on ranks or list rebuilds. A step without such events costs a scan of the own grains and one
 //! reduction of a number.
 
-use crate::analysis::erosion_law::RemovedGrain;
-use crate::case::grains::Radii;
-use crate::case::observe::When;
-use crate::case::sieve;
-use crate::dem::particles::{Body, Motion, Particles};
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::number::{real, whole};
-use crate::plan::Plan;
-use crate::random::Stream;
-use crate::scene::block::Block;
-use crate::scene::grid::Grid;
-use crate::scene::observe::Action;
+use analysis::erosion_law::RemovedGrain;
+use base::error::Error;
+use base::number::{real, whole};
+use base::random::Stream;
+use case::grains::Radii;
+use case::observe::When;
+use case::sieve;
 use decomposition::Domain;
+use dem::particles::{Body, Motion, Particles};
+use dem::space::{Components, Space};
 use nalgebra::Vector3;
+use plan::Plan;
+use plan::scene::block::Block;
+use plan::scene::grid::Grid;
+use plan::scene::observe::Action;
 use serde::{Deserialize, Serialize};
 
 /// A grain that was taken out, and by which region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Departed {
-    /// Index of the region in [`crate::scene::Scene::regions`].
+    /// Index of the region in [`plan::scene::Scene::regions`].
     pub region: usize,
     /// Where its centre was, in the box \[m\].
     pub at: [f64; 3],
@@ -520,9 +520,9 @@ fn first_free<S: Space>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::dem::space::Plane;
+    use case::Document;
     use decomposition::Axis;
+    use dem::space::Plane;
     use nalgebra::Vector2;
     use std::path::Path;
 

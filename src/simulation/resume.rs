@@ -1,33 +1,33 @@
 //! Continuation of a run from its newest checkpoint, with a case that fits it.
 //!
 //! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by field. Changes that a
-//! restart allows ([`crate::case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
+//! restart allows ([`case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
 //! values chosen for the run, so that a later end or another output does not change the time step.
 
 use super::folder::RunFolder;
 use super::gates::{Gates, clear_of};
 use super::setup;
-use crate::case::fluid::Precision;
-use crate::case::set::covers;
-use crate::case::{Case, Document, restart};
-use crate::checkpoint;
-use crate::dem::Dem;
-use crate::dem::particles::Particles;
-use crate::dem::space::Space;
-use crate::error::{Error, Problem, Severity, Verdict};
-use crate::number::{real, whole};
-use crate::output::averages::Averages;
-use crate::output::group::RankGroup;
-use crate::plan::Plan;
-use crate::preparation::rest::SavedRest;
-use crate::provenance;
-use crate::scene::findings::refused;
-use crate::scene::grains::{GrainSource, Grains};
-use crate::scene::observe::Action;
-use crate::scene::walls::Wall;
+use base::error::{Error, Problem, Severity, Verdict};
+use base::number::{real, whole};
+use base::provenance;
+use case::fluid::Precision;
+use case::set::covers;
+use case::{Case, Document, restart};
 use decomposition::{Communicator, Domain};
+use dem::Dem;
+use dem::particles::Particles;
+use dem::space::Space;
 use io::checkpoint::Found;
 use io::marks::{Marks, check, cut_back};
+use output::averages::Averages;
+use output::checkpoint;
+use output::group::RankGroup;
+use plan::Plan;
+use plan::scene::findings::refused;
+use plan::scene::grains::{GrainSource, Grains};
+use plan::scene::observe::Action;
+use plan::scene::walls::Wall;
+use preparation::rest::SavedRest;
 use serde_json::{Value, json};
 use std::path::Path;
 

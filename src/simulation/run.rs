@@ -24,13 +24,13 @@ use super::agreement;
 use super::folder::{Entry, RunFolder};
 use super::resume::{self, Resumed};
 use super::setup;
-use crate::case::fluid::Precision;
-use crate::checkpoint::Saved;
-use crate::dem::space::{Plane, Space, Volume};
-use crate::error::{Error, Problem, Severity};
-use crate::plan::Plan;
-use crate::scene::grid::Grid;
+use base::error::{Error, Problem, Severity};
+use case::fluid::Precision;
 use decomposition::{Communicator, Slabs, World};
+use dem::space::{Plane, Space, Volume};
+use output::checkpoint::Saved;
+use plan::Plan;
+use plan::scene::grid::Grid;
 use runner::Runner;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -127,19 +127,19 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
 
 /// Until when work of several runs may go on.
 #[derive(Clone, Debug)]
-pub(crate) struct Bounds {
+pub struct Bounds {
     /// Folder in which a file STOP ends it.
-    pub(crate) folder: PathBuf,
+    pub folder: PathBuf,
     /// When it began, and the wall time that it may take.
-    pub(crate) begun: Instant,
-    pub(crate) limit: Option<Duration>,
+    pub begun: Instant,
+    pub limit: Option<Duration>,
 }
 
 /// Runs a plan on existing ranks, without messages; continues an earlier attempt that was stopped. Collective.
 ///
 /// # Errors
 /// As [`run`].
-pub(crate) fn trial(
+pub fn trial(
     communicator: &Communicator,
     threads: usize,
     plan: Plan,
@@ -179,11 +179,7 @@ pub(crate) fn trial(
 ///
 /// # Errors
 /// None of its own.
-pub(crate) fn is_done(
-    communicator: &Communicator,
-    plan: &Plan,
-    folder: &Path,
-) -> Result<bool, Error> {
+pub fn is_done(communicator: &Communicator, plan: &Plan, folder: &Path) -> Result<bool, Error> {
     let done = agreement::on_first(communicator, || {
         let text = io::plain::text(&folder.join("summary.json"), io::plain::LONGEST_CASE)
             .unwrap_or_default();
@@ -197,7 +193,7 @@ pub(crate) fn is_done(
 ///
 /// # Errors
 /// Those of the work.
-pub(crate) fn on_world<T>(
+pub fn on_world<T>(
     threads: Option<usize>,
     work: impl FnOnce(&Communicator, usize) -> Result<T, Error>,
 ) -> Result<T, Error> {

@@ -2,14 +2,14 @@
 
 use super::Simulation;
 use super::guards::Guards;
-use crate::checkpoint::Saved;
-use crate::coupling::water::Water;
-use crate::dem::space::Space;
+use coupling::water::Water;
+use dem::space::Space;
+use output::checkpoint::Saved;
 
 /// The events that are due after the next step. The same on every rank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
-    /// Steps that the water makes at once ([`crate::lbm::fluid::Fluid::at_once`]): one, or more of water alone up to
+    /// Steps that the water makes at once ([`lbm::fluid::Fluid::at_once`]): one, or more of water alone up to
     /// the next event.
     pub(super) steps: u64,
     /// The guards balance the step.

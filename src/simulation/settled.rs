@@ -4,12 +4,12 @@
 //! has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared; with fewer still nothing is known. The
 //! numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
 
-use crate::number::real;
-use crate::plan::Plan;
-use crate::scene::flow::BodyForce;
-use crate::scene::observe::ProbeAt;
-use crate::units::LatticeUnits;
+use base::number::real;
+use base::units::LatticeUnits;
 use io::table::{self, Rows};
+use plan::Plan;
+use plan::scene::flow::BodyForce;
+use plan::scene::observe::ProbeAt;
 use serde::Serialize;
 use std::path::Path;
 

@@ -4,28 +4,28 @@ pub mod blocks;
 pub mod initial;
 
 use super::coupled;
-use crate::coupling::body_map::GHOSTS;
-use crate::coupling::seepage::{self, Seepage};
-use crate::darcy;
-use crate::dem::particles::{Body, Kind, Motion, Particles};
-pub use crate::dem::space::vector;
-use crate::dem::space::{Components, Space};
-use crate::dem::{Dem, Region, Settings, Wall};
-use crate::error::Error;
-use crate::lbm::boundary::{Opening, Patch};
-use crate::lbm::fluid::{Force, Setup};
-use crate::lbm::lanes::Stored;
-use crate::lbm::term::Make;
-use crate::lbm::term::porous::Porous;
-use crate::number::{real, to_u32};
-use crate::plan::{self, Plan};
-use crate::scene::bodies::Mobility;
-use crate::scene::boundaries;
-use crate::scene::flow::{BodyForce, Flow};
-use crate::scene::porous;
-use crate::scene::sample::Grain;
-use crate::units::LatticeUnits;
+use base::error::Error;
+use base::number::{real, to_u32};
+use base::units::LatticeUnits;
+use coupling::body_map::GHOSTS;
+use coupling::seepage::{self, Seepage};
+use darcy;
 use decomposition::{Axis, Communicator};
+use dem::particles::{Body, Kind, Motion, Particles};
+pub use dem::space::vector;
+use dem::space::{Components, Space};
+use dem::{Dem, Region, Settings, Wall};
+use lbm::boundary::{Opening, Patch};
+use lbm::fluid::{Force, Setup};
+use lbm::lanes::Stored;
+use lbm::term::Make;
+use lbm::term::porous::Porous;
+use plan::scene::bodies::Mobility;
+use plan::scene::boundaries;
+use plan::scene::flow::{BodyForce, Flow};
+use plan::scene::porous;
+use plan::scene::sample::Grain;
+use plan::{self, Plan};
 use std::sync::Arc;
 
 /// Axis by number.
@@ -294,7 +294,7 @@ pub fn seepage<S: Space>(
     let written = &scene.written;
     let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
     let pores = plan::explicit_drag::pores(scene, &openness);
-    let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
+    let patch = |p: &plan::scene::seepage::Patch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
         from: p.from,

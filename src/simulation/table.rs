@@ -2,7 +2,7 @@
 //!
 //! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an uninterrupted run.
 
-use crate::error::Error;
+use base::error::Error;
 use io::csv::step_of;
 use std::fs::{self, File};
 use std::io::Write as _;

@@ -1,8 +1,8 @@
 //! Versions of the program, its libraries and the processor, for `--version`, `summary.json` and the provenance of files.
 
-use crate::lbm::lanes::Level;
-use crate::provenance;
+use base::provenance;
 use decomposition::{Communicator, mpi_library};
+use lbm::lanes::Level;
 use serde_json::{Value, json};
 
 /// A line for each library and property of this program; MPI need not run.

@@ -20,9 +20,9 @@
 //! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call [`attend`](Watch::attend), so
 //! that a request to any rank takes effect.
 
-use crate::error::Error;
-use crate::preparation::supervision::{Request, Requests};
+use base::error::Error;
 use decomposition::Communicator;
+use preparation::supervision::{Request, Requests};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};

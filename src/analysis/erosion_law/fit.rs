@@ -20,8 +20,8 @@
 
 use super::rate::RateWindow;
 use super::statistics::{median, student};
-use crate::number::real;
-use crate::random::SplitMix;
+use base::number::real;
+use base::random::SplitMix;
 
 /// A confidence interval, 95 % unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -653,29 +653,10 @@ fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use approx::assert_relative_eq;
-
-    /// Random numbers of the tests of this folder.
-    pub(crate) struct Draws(SplitMix);
-
-    impl Draws {
-        pub(crate) fn new(seed: u64) -> Self {
-            Self(SplitMix::new(seed))
-        }
-        /// In (0, 1).
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        pub(crate) fn uniform(&mut self) -> f64 {
-            ((self.0.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-        }
-        pub(crate) fn normal(&mut self) -> f64 {
-            (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-        }
-        pub(crate) fn exponential(&mut self, rate: f64) -> f64 {
-            -self.uniform().ln() / rate
-        }
-    }
+    use base::random::Draws;
 
     const TRUTH: Threshold = Threshold { k: 9.1, c: 9e-4 };
 

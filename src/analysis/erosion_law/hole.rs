@@ -10,7 +10,7 @@
 //! and gaps in the packing do not move it, whereas a search for the first solid cell would stop at them. The position of the step
 //! within its cell is where `s` crosses `s_0 / 2`.
 
-use crate::number::real;
+use base::number::real;
 
 /// Cell-centred values across the hole: entry `j` lies at `origin + (j + 1/2) spacing`.
 #[derive(Clone, Copy, Debug)]
@@ -203,9 +203,9 @@ pub fn shear_by_traction(force: f64, length: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fit::tests::Draws;
     use super::*;
     use approx::assert_relative_eq;
+    use base::random::Draws;
 
     const H: f64 = 2e-5;
     const CELLS: usize = 100;

@@ -22,7 +22,7 @@
 //! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
 
 use super::record::{ErosionRecord, RemovedGrain};
-use crate::number::real;
+use base::number::real;
 
 /// How a run is cut into windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -268,9 +268,9 @@ fn median_slope(records: &[&ErosionRecord]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fit::tests::Draws;
     use super::*;
     use approx::assert_relative_eq;
+    use base::random::Draws;
 
     const LENGTH: f64 = 1.2e-2;
     const GRAIN: f64 = 8e-5;

@@ -11,7 +11,7 @@
 //! are written with the shortest text that reads back to the same bits. Undefined values, such as the shear stress on a hole that no
 //! longer exists, are `NaN`.
 
-use crate::error::Error;
+use base::error::Error;
 use io::csv::Reader;
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! The median, and quantiles of Student's distribution.
 
-use crate::number::real;
+use base::number::real;
 
 /// The median; `NaN` of nothing.
 pub(super) fn median(values: &mut [f64]) -> f64 {

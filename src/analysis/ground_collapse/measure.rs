@@ -2,7 +2,7 @@
 //!
 //! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by rising id.
 
-use crate::number::real;
+use base::number::real;
 use serde::{Deserialize, Serialize};
 
 /// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the surface or a

@@ -10,8 +10,8 @@
 //!
 //! Undefined values, such as the shape of a front that does not move, are `NaN`.
 
-use crate::analysis::erosion_law::Row;
-use crate::analysis::erosion_law::record::{Value, csv_row};
+use crate::erosion_law::Row;
+use crate::erosion_law::record::{Value, csv_row};
 use serde::{Deserialize, Serialize};
 
 csv_row! {

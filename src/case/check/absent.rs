@@ -244,7 +244,7 @@ mod tests {
             }
         }
         let mut found = Vec::new();
-        names(&crate::case::check::bare_schema(), &mut found);
+        names(&crate::check::bare_schema(), &mut found);
         assert!(found.len() > 100);
         for name in found {
             assert_eq!(feature(&name), None, "{name}");

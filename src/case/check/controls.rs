@@ -1,7 +1,7 @@
 //! Control characters in the texts of a case.
 
-use crate::case::text::{brief, join};
-use crate::error::{Problem, Severity, controls};
+use crate::text::{brief, join};
+use base::error::{Problem, Severity, controls};
 use serde_json::Value;
 
 /// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They

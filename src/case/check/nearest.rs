@@ -1,6 +1,6 @@
 //! The known name that is nearest to an unknown one, and the remedies that propose it.
 
-use crate::error::Remedy;
+use base::error::Remedy;
 use std::borrow::Cow;
 
 /// The names to choose from, as a remedy.

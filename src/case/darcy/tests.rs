@@ -1,17 +1,17 @@
 //! The defaults of a case of seepage against published values.
 
 use super::Darcy;
-use crate::coupling::Flow;
-use crate::coupling::seepage::{Seepage, Settings};
-use crate::darcy::{
+use base::number;
+use coupling::Flow;
+use coupling::seepage::{Seepage, Settings};
+use darcy::{
     Condition, Enclosure, Grid, Liquid, Openness, Patch, Permeability, Pores, Pressure,
     Settings as PressureSettings,
 };
-use crate::dem::alone;
-use crate::dem::particles::{Body, Kind, Motion, Particles};
-use crate::dem::space::Volume;
-use crate::number;
 use decomposition::Communicator;
+use dem::alone;
+use dem::particles::{Body, Kind, Motion, Particles};
+use dem::space::Volume;
 use nalgebra::Vector3;
 
 /// With what a case leaves out, a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the minimum velocity of

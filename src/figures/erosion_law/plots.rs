@@ -1,11 +1,9 @@
 //! The plots of the erosion law.
 
 use super::{Published, digits};
-use crate::analysis::erosion_law::{ErosionRecord, Interval, Law, LinearLaw};
-use crate::analysis::study::{CohesionReport, measured, points};
-use crate::figures::plot::{
-    Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
-};
+use crate::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
+use analysis::erosion_law::{ErosionRecord, Interval, Law, LinearLaw};
+use analysis::study::{CohesionReport, measured, points};
 use std::fmt::Write as _;
 
 /// At most 400 of the records, first and last among them: what a figure can show.

@@ -1,8 +1,8 @@
 //! The tables of the erosion law as CSV.
 
 use super::plots::{line_stresses, thinned};
-use crate::analysis::erosion_law::{Interval, Law};
-use crate::analysis::study::{CohesionReport, measured, points};
+use analysis::erosion_law::{Interval, Law};
+use analysis::study::{CohesionReport, measured, points};
 use std::fmt;
 use std::fmt::Write as _;
 

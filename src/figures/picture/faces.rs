@@ -1,8 +1,8 @@
 //! Faces of blocks in a picture: plane convex polygons with their edges, hidden by nearer faces.
 
 use super::{Frame, Raster, dot, failed, magnitudes, real};
-use crate::error::Error;
-use crate::number::whole;
+use base::error::Error;
+use base::number::whole;
 use io::fields::read_column;
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! What a picture shows over the grains: arrows of a vector of each grain, and the network of contacts.
 
 use super::{Frame, Raster, Section, failed};
-use crate::error::Error;
-use crate::number::{real, whole};
+use base::error::Error;
+use base::number::{real, whole};
 use io::fields::read_column;
 use std::fmt::Write as _;
 use std::path::Path;

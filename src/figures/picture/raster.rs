@@ -1,8 +1,8 @@
 //! The frame that a panel shows, and its pixels.
 
 use super::{PAPER, Scene, View, Water, share, water_colour};
-use crate::error::Error;
-use crate::number::{real, whole};
+use base::error::Error;
+use base::number::{real, whole};
 
 /// Rectangle that a panel shows, and the directions of its axes.
 pub(super) struct Frame {

@@ -2,7 +2,7 @@
 //! scene in the other two axes, x before y before z.
 
 use super::{Grains, Water};
-use crate::number::{real, whole};
+use base::number::{real, whole};
 use std::str::FromStr;
 
 /// Where to cut.

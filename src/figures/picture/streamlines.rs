@@ -3,7 +3,7 @@
 //! Visualization in Scientific Computing '97, 43, with squares instead of distances).
 
 use super::Water;
-use crate::number::{real, whole};
+use base::number::{real, whole};
 use std::fmt::Write as _;
 
 /// Squares that keep lines apart, along the longer edge of the plane.

@@ -31,16 +31,16 @@
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
 use super::{Heading, TIME, no_fluid};
-use crate::coupling::FluidView;
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::lbm::boundary::Surface;
-use crate::number::{real, to_i64, whole};
-use crate::output::view::View;
-use crate::scene::Scene;
-use crate::scene::grid::Grid;
-use crate::scene::observe;
+use crate::view::View;
+use base::error::Error;
+use base::number::{real, to_i64, whole};
+use coupling::FluidView;
 use decomposition::{Communicator, ExactSum, Fixed};
+use dem::space::{Components, Space};
+use lbm::boundary::Surface;
+use plan::scene::Scene;
+use plan::scene::grid::Grid;
+use plan::scene::observe;
 
 /// Diameters that a column is wide.
 const COLUMN: f64 = 2.0;
@@ -490,7 +490,7 @@ fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dem::space::{Plane, Space, Volume};
+    use dem::space::{Plane, Space, Volume};
 
     #[test]
     fn half_of_the_volume_lies_below_the_median() {

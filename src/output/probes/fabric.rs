@@ -20,13 +20,13 @@
 
 use super::bed::{median_diameter, of_all_ranks};
 use super::{Heading, TIME};
-use crate::dem::space::{Components, Space};
-use crate::number::real;
-use crate::output::grains::space_vector;
-use crate::output::view::View;
-use crate::scene::block::Block;
-use crate::scene::grid::Grid;
+use crate::grains::space_vector;
+use crate::view::View;
+use base::number::real;
 use decomposition::ExactSum;
+use dem::space::{Components, Space};
+use plan::scene::block::Block;
+use plan::scene::grid::Grid;
 use std::path::{Path, PathBuf};
 
 /// Components of the stress in their order.

@@ -4,12 +4,12 @@
 //! and its two neighbours: exact for a level surface, however it crosses the cells. The depth is the sum of
 //! the fill levels of the column: drops count, air does not.
 
-use crate::coupling::FluidView;
-use crate::lbm::boundary::from_quanta;
-use crate::lbm::quanta::quanta;
-use crate::number::real;
-use crate::scene::free_surface::FreeSurface;
+use base::number::real;
+use coupling::FluidView;
 use decomposition::Communicator;
+use lbm::boundary::from_quanta;
+use lbm::quanta::quanta;
+use plan::scene::free_surface::FreeSurface;
 
 /// A column of cells along the axis of gravity.
 #[derive(Debug)]

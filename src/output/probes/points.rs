@@ -1,10 +1,10 @@
 //! The state of the fluid at points, interpolated linearly along each axis from the cell centres around them.
 
-use crate::coupling::FluidView;
-use crate::error::Error;
-use crate::number::{real, whole};
-use crate::scene::grid::Grid;
+use base::error::Error;
+use base::number::{real, whole};
+use coupling::FluidView;
 use decomposition::Domain;
+use plan::scene::grid::Grid;
 
 /// Points with the cells around them.
 #[derive(Debug)]

@@ -2,11 +2,11 @@
 //!
 //! Every rank knows the whole coarse grid, so that nothing is gathered.
 
-use crate::coupling::seepage::Seepage;
-use crate::dem::space::Space;
-use crate::number::{real, whole};
-use crate::scene::block::Block;
-use crate::scene::seepage::Seepage as Scene;
+use base::number::{real, whole};
+use coupling::seepage::Seepage;
+use dem::space::Space;
+use plan::scene::block::Block;
+use plan::scene::seepage::Seepage as Scene;
 use std::ops::Range;
 
 /// A part of a plane between cells of the coarse grid.

@@ -1,22 +1,22 @@
 //! Force of the fluid on a face of the domain, from the momentum that the links through it carry.
 //!
-//! [`Flux`](crate::lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of density one on every
+//! [`Flux`](lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of density one on every
 //! patch. This reference is subtracted link by link, in the same integers, and the gauge pressure remains. Away from edges the reference is 1/3
 //! per cell along the normal. A link through an edge or a corner belongs to the face with the strongest condition (see
-//! [`crate::lbm::boundary`]).
+//! [`lbm::boundary`]).
 //!
 //! On a face through which fluid passes the force includes the momentum of that fluid.
 
 use super::face_area;
-use crate::case::geometry::Face;
-use crate::coupling::FluidView;
-use crate::error::Error;
-use crate::lbm::boundary::{Condition, Flux, Nature, Surface, from_quanta, quanta};
-use crate::lbm::lattice::Velocities;
-use crate::number::real;
-use crate::scene::flow::Flow;
-use crate::scene::grid::Grid;
+use base::error::Error;
+use base::number::real;
+use case::geometry::Face;
+use coupling::FluidView;
 use decomposition::Communicator;
+use lbm::boundary::{Condition, Flux, Nature, Surface, from_quanta, quanta};
+use lbm::lattice::Velocities;
+use plan::scene::flow::Flow;
+use plan::scene::grid::Grid;
 
 /// A face.
 #[derive(Debug)]
@@ -174,15 +174,15 @@ fn nature(condition: Option<&Condition>) -> Nature {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::Document;
-    use crate::lbm::boundary::convective_outflow::{Carried, Links};
-    use crate::lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, pressure};
-    use crate::lbm::collision::{Operator, bgk};
-    use crate::lbm::fluid::{Fluid, Force, Setup};
-    use crate::lbm::lattice::VelocitySet;
-    use crate::plan::Plan;
-    use crate::units::LatticeUnits;
+    use base::units::LatticeUnits;
+    use case::Document;
     use decomposition::{Axis, Domain};
+    use lbm::boundary::convective_outflow::{Carried, Links};
+    use lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, pressure};
+    use lbm::collision::{Operator, bgk};
+    use lbm::fluid::{Fluid, Force, Setup};
+    use lbm::lattice::VelocitySet;
+    use plan::Plan;
     use std::path::Path;
 
     const CASE: &str = r#"{
@@ -262,7 +262,7 @@ mod tests {
             periodic: [false; 3],
             patches,
             saturation: None,
-            device: crate::lbm::gpu::Device::Cpu,
+            device: lbm::gpu::Device::Cpu,
             terms: Vec::new(),
         };
         let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(Axis::X, 6, false)).unwrap();

@@ -1,13 +1,13 @@
 //! Limits of blocks: springs on all faces, and on the smallest face alone; contacts without an energy.
 
 use super::{Limits, limit};
-use crate::dem::contact::Springs;
-use crate::dem::contact::blocks::{self, Blocks};
-use crate::dem::polyhedron::{Law, Model, Polyhedron, Stiffness};
-use crate::error::Remedy;
-use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
+use base::error::Remedy;
+use base::number::to_u32;
+use dem::contact::Springs;
+use dem::contact::blocks::{self, Blocks};
+use dem::polyhedron::{Law, Model, Polyhedron, Stiffness};
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
 /// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that

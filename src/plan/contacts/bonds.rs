@@ -1,12 +1,12 @@
 //! Bonds of the grains at the start.
 
-use crate::dem::contact::ContactModel;
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use crate::scene::grains::GrainSource;
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample::Grain;
 use crate::scene::walls::Wall;
+use dem::contact::ContactModel;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -63,8 +63,8 @@ pub(super) fn none(scene: &Scene, law: &dyn ContactModel, findings: &mut Finding
 
 #[cfg(test)]
 mod tests {
-    use crate::case::Document;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use case::Document;
     use std::path::Path;
 
     /// Two grains of 1 mm, their centres so far apart \[m\]: `true` if the plan warns that nothing is bonded.

@@ -1,13 +1,13 @@
 //! The initial contacts of spheres and discs, and the largest eigenvalue of their network.
 
 use super::{bonds, limit, turning};
-use crate::dem::contact::{ContactModel, Depth, Springs, StaticContact};
-use crate::number::to_u32;
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::grains::GrainSource;
 use crate::scene::grid::Grid;
 use crate::scene::pairs::{self, Ball};
+use base::number::to_u32;
+use dem::contact::{ContactModel, Depth, Springs, StaticContact};
 use std::ops::ControlFlow;
 
 /// A grain or body; what does not move by forces has inverse masses of zero.

@@ -2,15 +2,15 @@
 
 use super::network::Network;
 use super::{Depth, Limits, blocks, of_densest};
-use crate::case::Document;
-use crate::error::Severity;
-use crate::plan::Plan;
+use crate::Plan;
 use crate::scene::Scene;
 use approx::assert_relative_eq;
+use base::error::Severity;
+use case::Document;
 use serde_json::{Value, json};
 use std::path::Path;
 
-fn plan(case: &Value) -> Result<Plan, Vec<crate::error::Problem>> {
+fn plan(case: &Value) -> Result<Plan, Vec<base::error::Problem>> {
     let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
     Plan::prepare(document)
 }

@@ -1,11 +1,11 @@
 //! Disk space of a run.
 
 use super::{Amounts, Estimate, outputs};
-use crate::case::fluid::Precision;
-use crate::case::observe::FieldName;
-use crate::number::real;
 use crate::scene::Scene;
 use crate::scene::observe::ProbeAt;
+use base::number::real;
+use case::fluid::Precision;
+use case::observe::FieldName;
 
 /// An HDF5 file of a field and its entry in the index.
 const FIELD_FILE: f64 = 1.0e4;

@@ -58,8 +58,8 @@ pub(super) fn share(scene: &Scene) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::case::Document;
-    use crate::plan::Plan;
+    use crate::Plan;
+    use case::Document;
     use std::path::Path;
 
     #[test]

@@ -1,11 +1,11 @@
 //! Memory of a run.
 
 use super::{Amounts, Estimate, disk};
-use crate::case::coupling::Coupling;
-use crate::case::fluid::Precision;
-use crate::lbm::populations::Layout;
-use crate::number::real;
 use crate::scene::Scene;
+use base::number::real;
+use case::coupling::Coupling;
+use case::fluid::Precision;
+use lbm::populations::Layout;
 
 /// The program itself, MPI and HDF5 included, where small blocks come from huge pages.
 const PROGRAM: f64 = 3.95e7;

@@ -4,13 +4,13 @@
 //! lattice scales with the measured speed of the fluid, everything else with that of grains in contact ([`Machine`]).
 
 use super::{Amounts, Machine, outputs};
-use crate::case::coupling::Coupling;
-use crate::case::fluid::Precision;
-use crate::lbm::lattice::VelocitySet;
-use crate::number::{real, to_u32};
-use crate::plan::Clock;
+use crate::Clock;
 use crate::scene::Scene;
 use crate::scene::grains::GrainSource;
+use base::number::{real, to_u32};
+use case::coupling::Coupling;
+use case::fluid::Precision;
+use lbm::lattice::VelocitySet;
 use serde::Serialize;
 
 /// Time of each phase on one core \[s\].

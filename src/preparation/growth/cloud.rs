@@ -1,10 +1,10 @@
 //! The loose cloud from which a packing grows, and the order in which its grains are numbered.
 
 use super::{CLOUD, Grain, PLACES, PackingSettings};
-use crate::dem::{Components, Space};
-use crate::error::Error;
-use crate::number::{real, whole};
-use crate::random::Stream;
+use base::error::Error;
+use base::number::{real, whole};
+use base::random::Stream;
+use dem::{Components, Space};
 
 /// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
 pub(super) fn scatter<S: Space>(

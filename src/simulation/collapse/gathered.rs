@@ -1,11 +1,11 @@
 //! The grains of all ranks in the frame of the analysis, on the first rank.
 
-use crate::analysis::ground_collapse::measure::{Grain, Point};
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::scene::collapse::{GroundCollapse, SeepagePoint};
-use crate::simulation::removal::{boxed, rows};
-use crate::simulation::view::View;
+use crate::removal::{boxed, rows};
+use crate::view::View;
+use analysis::ground_collapse::measure::{Grain, Point};
+use base::error::Error;
+use dem::space::{Components, Space};
+use plan::scene::collapse::{GroundCollapse, SeepagePoint};
 
 /// Id, radius, position, displacement.
 const NUMBERS: usize = 2 + 2 * 3;

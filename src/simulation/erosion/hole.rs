@@ -1,16 +1,16 @@
 //! Measurements in the hole of an erosion run: sums over its cells, and the force on its faces.
 
 use super::Start;
-use crate::analysis::erosion_law::hole::Profile;
-use crate::analysis::erosion_law::{HoleFaces, shear_by_gradient};
-use crate::dem::space::{Components, Space};
-use crate::number::{real, whole};
-use crate::plan::Plan;
-use crate::scene::observe::ErosionLaw;
-use crate::simulation::removal::boxed;
-use crate::simulation::view::View;
-use crate::units::LatticeUnits;
+use crate::removal::boxed;
+use crate::view::View;
+use analysis::erosion_law::hole::Profile;
+use analysis::erosion_law::{HoleFaces, shear_by_gradient};
+use base::number::{real, whole};
+use base::units::LatticeUnits;
 use decomposition::{Communicator, ExactSum, Fixed};
+use dem::space::{Components, Space};
+use plan::Plan;
+use plan::scene::observe::ErosionLaw;
 
 /// Grains up to this many mean diameters behind a face count for the traction.
 pub(super) const BEHIND: f64 = 2.0;

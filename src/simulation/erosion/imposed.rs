@@ -1,8 +1,8 @@
 //! What a piping case imposes: its pressures and the cohesion of its bonds.
 
-use crate::dem::contact::Scaled;
-use crate::number::to_u32;
-use crate::plan::Plan;
+use base::number::to_u32;
+use dem::contact::Scaled;
+use plan::Plan;
 
 /// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {

@@ -8,12 +8,12 @@
 //!   still there.
 
 use super::hole::{BEHIND, Hole, depth};
-use crate::analysis::erosion_law::HoleFaces;
-use crate::dem::space::{Components, Space};
-use crate::number::real;
-use crate::simulation::removal::boxed;
-use crate::simulation::view::View;
+use crate::removal::boxed;
+use crate::view::View;
+use analysis::erosion_law::HoleFaces;
+use base::number::real;
 use decomposition::ExactSum;
+use dem::space::{Components, Space};
 use serde::{Deserialize, Serialize};
 
 /// The part of the mass that leaves while the mechanism is looked at.

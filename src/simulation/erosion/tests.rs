@@ -1,20 +1,20 @@
 //! Poiseuille flow between two packings: made up, and computed with momentum exchange on discs.
 
 use super::*;
-use crate::analysis::erosion_law::read_rows;
-use crate::case::Document;
-use crate::coupling::body_map::Rules;
-use crate::coupling::bounce_back::{BounceBack, Settings};
-use crate::coupling::{Flow as _, FluidView};
-use crate::dem::space::Plane;
-use crate::dem::{Body, Kind, Motion, Particles, alone};
-use crate::lbm::boundary::{Flux, Patch, Ramp, pressure};
-use crate::lbm::collision::{Operator, trt};
-use crate::lbm::fluid::{Fluid, Force, Setup};
-use crate::lbm::lattice::VelocitySet;
-use crate::lbm::links::Scheme;
-use crate::units::LatticeUnits;
+use analysis::erosion_law::read_rows;
+use base::units::LatticeUnits;
+use case::Document;
+use coupling::body_map::Rules;
+use coupling::bounce_back::{BounceBack, Settings};
+use coupling::{Flow as _, FluidView};
 use decomposition::Axis;
+use dem::space::Plane;
+use dem::{Body, Kind, Motion, Particles, alone};
+use lbm::boundary::{Flux, Patch, Ramp, pressure};
+use lbm::collision::{Operator, trt};
+use lbm::fluid::{Fluid, Force, Setup};
+use lbm::lattice::VelocitySet;
+use lbm::links::Scheme;
 use nalgebra::Vector2;
 use std::fs::{self, OpenOptions};
 use std::io::Write as _;
@@ -239,7 +239,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         periodic: [false; 3],
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
         saturation: None,
-        device: crate::lbm::gpu::Device::Cpu,
+        device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
     let settings = Settings {

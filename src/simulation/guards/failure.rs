@@ -4,18 +4,18 @@
 //! failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
-use crate::coupling::lattice::LatticeFlow;
-use crate::dem::deepest::{Deepest, With};
-use crate::dem::escape::Escape;
-use crate::dem::particles::Particles;
-use crate::dem::space::{Components, Space};
-use crate::error::Error;
-use crate::lbm::lanes::Stored;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::plan::margin::Margin;
-use crate::scene::findings::number;
+use base::error::Error;
+use base::number::real;
+use coupling::lattice::LatticeFlow;
 use decomposition::Communicator;
+use dem::deepest::{Deepest, With};
+use dem::escape::Escape;
+use dem::particles::Particles;
+use dem::space::{Components, Space};
+use lbm::lanes::Stored;
+use plan::Plan;
+use plan::margin::Margin;
+use plan::scene::findings::number;
 
 /// How a cell fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,7 +106,7 @@ fn lost<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>, communicator: &Comm
         !(drho + u[0] + u[1] + u[2]).is_finite()
     };
     let count = fluid.populations().interior().filter(broken).count();
-    crate::number::whole(real(communicator.all_reduce_sum_u64(count as u64)))
+    base::number::whole(real(communicator.all_reduce_sum_u64(count as u64)))
 }
 
 pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {
@@ -173,7 +173,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         };
         (real(cells) + 0.5) * grid.spacing
     };
-    let holds = |patch: &&crate::scene::boundaries::Patch| {
+    let holds = |patch: &&plan::scene::boundaries::Patch| {
         let axis = patch.face.axis();
         (0..grid.dimension).all(|a| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]))
     };
@@ -271,7 +271,7 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// How the limit of [`crate::plan`] of impacts begins.
+/// How the limit of [`plan`] of impacts begins.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
 /// The engine's message about a failure, with the nearest limit and a remedy.
@@ -294,7 +294,7 @@ pub fn of_solids(error: Error, plan: &Plan) -> Error {
 
 /// How the limits of the solids begin.
 const SOLID: &str = "solid time step";
-/// How the limit of [`crate::plan`] of the cell Reynolds number begins.
+/// How the limit of [`plan`] of the cell Reynolds number begins.
 const CELL_REYNOLDS: &str = "cell Reynolds number";
 
 /// How the limits of imposed pressures begin.

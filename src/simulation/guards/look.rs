@@ -5,10 +5,10 @@
 //! count. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
 //! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
 
-use crate::coupling::lattice::LatticeFlow;
-use crate::dem::space::Space;
-use crate::lbm::extremes::{Extremes, Rows, squared_speed};
-use crate::lbm::lanes::Stored;
+use coupling::lattice::LatticeFlow;
+use dem::space::Space;
+use lbm::extremes::{Extremes, Rows, squared_speed};
+use lbm::lanes::Stored;
 
 /// A number and the place of its cell in the order of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]

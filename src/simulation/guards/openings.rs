@@ -15,14 +15,14 @@ use decomposition::Communicator;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-use crate::coupling::lattice::LatticeFlow;
-use crate::dem::space::Space;
-use crate::lbm::boundary::from_quanta;
-use crate::lbm::lanes::Stored;
-use crate::number::real;
-use crate::plan::Plan;
-use crate::scene::boundaries::Patch;
-use crate::units::LatticeUnits;
+use base::number::real;
+use base::units::LatticeUnits;
+use coupling::lattice::LatticeFlow;
+use dem::space::Space;
+use lbm::boundary::from_quanta;
+use lbm::lanes::Stored;
+use plan::Plan;
+use plan::scene::boundaries::Patch;
 
 /// Times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
@@ -162,8 +162,8 @@ impl Openings {
         // Sound goes at 1/sqrt(3) of a cell in a step.
         let steps = CROSSINGS * real(longest) * 3.0_f64.sqrt();
         let looks = (steps / real(every)).ceil();
-        self.window = crate::number::whole(looks).max(LEAST_LOOKS);
-        self.ramps_end = crate::number::whole(fluid.boundaries().ramps_end()) as u64;
+        self.window = base::number::whole(looks).max(LEAST_LOOKS);
+        self.ramps_end = base::number::whole(fluid.boundaries().ramps_end()) as u64;
         self.still = STILL * cells.map(real).iter().product::<f64>();
         self.looks.reserve(self.window);
         self.sums.reserve(fluid.boundaries().names().count());

@@ -9,13 +9,13 @@ use super::super::removal::Removal;
 use super::super::resume::{self, Resumed, Stage};
 use super::super::setup;
 use super::outside::Outside;
-use crate::checkpoint::{self, Saved};
-use crate::coupling::water::Water;
-use crate::dem::space::Space;
-use crate::dem::state::Contacts;
-use crate::error::Error;
-use crate::plan::Plan;
+use base::error::Error;
+use coupling::water::Water;
+use dem::space::Space;
+use dem::state::Contacts;
 use io::checkpoint::{Found, Reader};
+use output::checkpoint::{self, Saved};
+use plan::Plan;
 use serde_json::{Value, json};
 
 /// The source of grains.

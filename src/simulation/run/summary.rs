@@ -10,13 +10,13 @@ use super::super::progress::clock;
 use super::super::settled;
 use super::super::versions::versions;
 use super::runner::Runner;
-use crate::checkpoint::Saved;
-use crate::coupling::seepage::{Extremes, Seepage};
-use crate::dem::space::Space;
-use crate::error::Error;
-use crate::lbm::quanta::from_quanta;
-use crate::number::real;
-use crate::scene::Scene;
+use base::error::Error;
+use base::number::real;
+use coupling::seepage::{Extremes, Seepage};
+use dem::space::Space;
+use lbm::quanta::from_quanta;
+use output::checkpoint::Saved;
+use plan::scene::Scene;
 use serde_json::{Value, json};
 
 /// Relative change of the mass of enclosed water from which a run warns.

@@ -3,14 +3,14 @@
 use super::super::Present;
 use super::super::guards::Guards;
 use super::outside::Outside;
-use crate::case::time::WarmUp;
-use crate::checkpoint::{self, Saved, State};
-use crate::coupling::lattice::LatticeFlow;
-use crate::coupling::water::Water;
-use crate::dem::space::Space;
-use crate::error::Error;
-use crate::preparation::supervision::{Request, Requests};
+use base::error::Error;
+use case::time::WarmUp;
+use coupling::lattice::LatticeFlow;
+use coupling::water::Water;
 use decomposition::Communicator;
+use dem::space::Space;
+use output::checkpoint::{self, Saved, State};
+use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 
 /// Steps between two looks at whether the fluid is steady.

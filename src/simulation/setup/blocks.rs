@@ -1,13 +1,13 @@
 //! Construction of the state of blocks from the plan: the table of shapes, the blocks.
 
 use super::motion_of;
-use crate::dem::particles::{Body, Kind, Particles};
-use crate::dem::polyhedron::Polyhedron;
-use crate::dem::space::Space;
-use crate::error::Error;
-use crate::number::to_u32;
-use crate::plan::Plan;
+use base::error::Error;
+use base::number::to_u32;
 use decomposition::Communicator;
+use dem::particles::{Body, Kind, Particles};
+use dem::polyhedron::Polyhedron;
+use dem::space::Space;
+use plan::Plan;
 use std::sync::Arc;
 
 /// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added or after they

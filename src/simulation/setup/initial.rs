@@ -1,13 +1,13 @@
 //! The fluid at the start as a field on the lattice: the formulas of a case, and a field output of an earlier run.
 
-use crate::error::Error;
-use crate::lbm::initial::Field;
-use crate::number::{real, whole};
-use crate::plan::Plan;
-use crate::scene::flow::Flow;
-use crate::scene::grid::Grid;
-use crate::scene::initial::Initial;
-use crate::units::LatticeUnits;
+use base::error::Error;
+use base::number::{real, whole};
+use base::units::LatticeUnits;
+use lbm::initial::Field;
+use plan::Plan;
+use plan::scene::flow::Flow;
+use plan::scene::grid::Grid;
+use plan::scene::initial::Initial;
 use std::path::Path;
 
 /// Lengths in cells after which a field repeats.

@@ -1,0 +1,272 @@
+//! The case file as written: SI units, no derived values, unknown fields are refused.
+//!
+//! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are generated from
+//! these comments. A case is read in four steps, and each step reports all errors that it finds:
+//!
+//! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
+//! 2. [`set`]: `--set path=value` changes the tree.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each value is kept.
+//! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
+//!
+//! [`plan::scene`] and [`plan`] then check whether the values are consistent.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+)]
+
+pub mod accuracy;
+pub mod annotation;
+pub mod blocks;
+pub mod boundary;
+pub mod check;
+pub mod collapse;
+pub mod contact;
+pub mod coupling;
+pub mod darcy;
+pub mod domain;
+pub mod examples;
+pub mod fluid;
+pub mod free_surface;
+pub mod grains;
+pub mod observe;
+pub mod reference;
+pub mod restart;
+pub mod set;
+pub mod sieve;
+pub mod solids;
+pub mod structures;
+pub mod text;
+pub mod time;
+
+pub use base::geometry;
+
+use annotation::Source;
+use base::error::{Problem, Severity};
+use geometry::{Face, Vector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A problem to solve, in SI units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// One line that names the run, without control characters.
+    #[serde(default)]
+    pub title: String,
+    /// Purpose of the run.
+    #[serde(default)]
+    pub description: String,
+    /// Target accuracy of the fluid forces. The program chooses the missing ones of cell size, time step, collision operator,
+    /// eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step and names no accuracy gets
+    /// `normal`.
+    #[serde(default)]
+    pub accuracy: Option<accuracy::Accuracy>,
+    /// The box and its cells.
+    pub domain: domain::Domain,
+    /// Acceleration of gravity [m/s2]. Default: none.
+    #[serde(default)]
+    pub gravity: Option<Vector>,
+    /// Materials by name.
+    #[serde(default)]
+    pub materials: BTreeMap<String, domain::Material>,
+    /// The fluid. Without it the grains are dry.
+    #[serde(default)]
+    pub fluid: Option<fluid::Fluid>,
+    /// The grains.
+    #[serde(default)]
+    pub grains: Option<grains::Grains>,
+    /// Convex polyhedral blocks (3-D).
+    #[serde(default)]
+    pub blocks: Option<blocks::Blocks>,
+    /// Contact law of grains, bodies and blocks. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
+    /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
+    #[serde(default)]
+    pub contact: Option<contact::Contact>,
+    /// Solids at rest that water and grains meet: sheet piles, weirs, steps, piers.
+    #[serde(default)]
+    pub structures: Vec<structures::Structure>,
+    /// Walls for grains and blocks, anywhere in the domain. Water does not meet them: see `structures`.
+    #[serde(default)]
+    pub walls: Vec<solids::Wall>,
+    /// Faces of the domain that act as walls for grains and blocks.
+    #[serde(default)]
+    pub box_walls: Vec<Face>,
+    /// Material of the `box_walls`. Default: the material of the grains, else of the blocks, else of the first free body.
+    #[serde(default)]
+    pub box_wall_material: Option<String>,
+    /// Named solids in the fluid.
+    #[serde(default)]
+    pub bodies: Vec<solids::Body>,
+    /// Method that couples fluid and solids. Default: interpolated bounce-back at discs and spheres, partially saturated cells at
+    /// polyhedra, and at spheres that grow or fall into a packing.
+    #[serde(default)]
+    pub coupling: Option<coupling::Coupling>,
+    /// Duration and time steps.
+    pub time: time::Time,
+    /// Boxes in which grains are removed, generated or recorded.
+    #[serde(default)]
+    pub regions: Vec<observe::Region>,
+    /// Quantities sampled over time and written as CSV.
+    #[serde(default)]
+    pub probes: Vec<observe::Probe>,
+    /// Fields written for ParaView.
+    #[serde(default)]
+    pub output: observe::Output,
+    /// Checkpoints to restart from.
+    #[serde(default)]
+    pub checkpoint: time::Checkpoint,
+    /// Limits that end the run when they are exceeded.
+    #[serde(default)]
+    pub guards: time::Guards,
+    /// Analyses computed during the run.
+    #[serde(default)]
+    pub analysis: observe::Analysis,
+    /// Folder to which paths in the case are relative.
+    #[serde(skip)]
+    pub directory: PathBuf,
+}
+
+/// A case with the sources of its values.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// The case.
+    pub case: Case,
+    /// Problems of single fields (wrong range, unknown name) found so far; the case is nevertheless complete.
+    pub problems: Vec<Problem>,
+    /// Sources of values, by JSON path.
+    pub sources: BTreeMap<String, Source>,
+    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied, paths of input files absolute, so that
+    /// it means the same in any folder.
+    pub canonical: String,
+}
+
+impl Document {
+    /// Reads the text of a case.
+    ///
+    /// `set` holds the arguments of `--set`; `directory` is where relative paths start.
+    ///
+    /// # Errors
+    /// All problems that keep the text from being a case.
+    pub fn read(text: &str, set: &[String], directory: &Path) -> Result<Self, Vec<Problem>> {
+        let (tree, mut problems) = text::parse(text);
+        let Some(mut tree) = tree else {
+            return Err(problems);
+        };
+        let mut sources = annotation::strip(&mut tree);
+        for assignment in set {
+            match set::apply(&mut tree, assignment) {
+                Ok(path) => {
+                    sources.retain(|known, _| !set::covers(&path, known));
+                    sources.insert(path, Source::of("command line"));
+                }
+                Err(problem) => problems.push(*problem),
+            }
+        }
+        sources.extend(annotation::strip(&mut tree));
+        let mut written = Vec::new();
+        anchor(&mut tree, directory, &mut written);
+        let canonical = tree.to_string();
+        if !written.is_empty() {
+            put_back(&mut tree, &mut written.into_iter());
+        }
+        let cut_short = text::cut_short(&problems);
+        let checked = check::against_schema(&mut tree);
+        problems.extend(checked.problems);
+        if cut_short {
+            // What seems to be missing may stand among the keys that were not read.
+            problems.retain(|problem| problem.value != "missing");
+        }
+        if cut_short || checked.misshapen {
+            return Err(problems);
+        }
+        // The schema has found what is wrong, with its path; what is left is an error of the schema.
+        match Case::deserialize(&tree) {
+            Ok(mut case) => {
+                case.directory = directory.to_path_buf();
+                Ok(Self {
+                    case,
+                    problems,
+                    sources,
+                    canonical,
+                })
+            }
+            Err(error) => {
+                if problems.is_empty() {
+                    problems.push(Problem {
+                        path: "the case".into(),
+                        value: "not readable".into(),
+                        reason: error.to_string(),
+                        remedy: "compare with `solver schema`".into(),
+                        severity: Severity::Error,
+                    });
+                }
+                Err(problems)
+            }
+        }
+    }
+}
+
+/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`, `{"raster": {"path": ..}}`. `written` gets
+/// them as they were.
+fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
+    each_path(tree, &mut |path| {
+        written.push(path.clone());
+        if let Ok(whole) = std::path::absolute(directory.join(path.as_str()))
+            && let Some(whole) = whole.to_str()
+        {
+            *path = whole.to_owned();
+        }
+    });
+}
+
+/// Undoes [`anchor`].
+fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
+    each_path(tree, &mut |path| {
+        if let Some(old) = written.next() {
+            *path = old;
+        }
+    });
+}
+
+/// The paths of all input files, in an order that does not depend on them.
+fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
+    match tree {
+        Value::Object(map) => {
+            for (key, child) in map {
+                if matches!(key.as_str(), "file" | "mesh" | "raster")
+                    && let Some(Value::String(path)) = child.get_mut("path")
+                {
+                    with(path);
+                }
+                each_path(child, with);
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(|child| each_path(child, with)),
+        _ => {}
+    }
+}
+
+/// The JSON schema of a case, for editors: every value may also be written with its source.
+#[must_use]
+pub fn schema() -> Value {
+    restart::mark(annotation::allow(check::bare_schema()))
+}

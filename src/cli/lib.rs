@@ -1,0 +1,933 @@
+//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as well.
+//!
+//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the number of ranks are
+//! found when MPI has started, before the verdict is printed. Only the first rank reports them.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+mod cite;
+mod estimate;
+mod manual;
+mod reference;
+mod usage;
+
+use base::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
+use base::provenance;
+use case::{Document, examples, schema};
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use figures::erosion_law::Published;
+use figures::picture::PictureOptions;
+use plan::Plan;
+use simulation::run::RunOptions;
+use simulation::watch;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+use std::time::{Duration, Instant};
+use studies::critical_gradient::{self, Search};
+use studies::sweep;
+use studies::sweep::study::Run;
+use studies::sweep::{Sweep, Task, study};
+use studies::uncertainty::pilot;
+
+/// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
+#[derive(Debug, Parser)]
+#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more.
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
+
+const ABOUT: &str =
+    "Water eroding grains and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI";
+
+const EXIT_CODES: &str = "`solver CASE` runs a case, also as `mpirun -n N solver CASE`.
+
+Exit codes: 0 done, 2 usage, 3 invalid case, 4 numerical failure, 5 input or output, 6 internal or MPI,
+75 stopped early with a checkpoint, 101 panic, 128 + n ended by signal n.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a case (the default command).
+    Run(StartArgs),
+    /// Check a case and list all errors and warnings.
+    Validate {
+        #[command(flatten)]
+        case: CaseArgs,
+        #[command(flatten)]
+        stability: Stability,
+    },
+    /// Check a case and show models, time steps, limits and costs.
+    Plan(PlanArgs),
+    /// List the papers of the models that a case uses.
+    Cite {
+        #[command(flatten)]
+        case: CaseArgs,
+        /// Format of the references.
+        #[arg(long, default_value = "text")]
+        format: cite::Format,
+    },
+    /// Print the JSON schema of a case, or of a study.
+    Schema {
+        /// Document that the schema describes.
+        #[arg(default_value = "case")]
+        of: Text,
+    },
+    /// Write the reference of all parameters of a case: one page for each section.
+    Reference {
+        /// Format of the pages.
+        #[arg(long, default_value = "html")]
+        format: reference::Format,
+        /// Folder for the pages; files of the same names are replaced.
+        #[arg(long, value_name = "DIR", default_value = "reference")]
+        output: PathBuf,
+    },
+    /// List the example cases, or print one.
+    Example {
+        /// Name of the example.
+        name: Option<String>,
+        /// Print the list as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Describe an output file, an output folder or a checkpoint.
+    Info {
+        /// File or folder.
+        file: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Continue a run from its newest checkpoint, on any number of ranks. A later `time.end` extends a finished run.
+    Restart {
+        /// Output folder of the run.
+        directory: PathBuf,
+        /// Change a field that a restart may change (`solver reference` lists them): path=value.
+        #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
+        set: Vec<String>,
+        #[command(flatten)]
+        run: RunArgs,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Draw fluid and grains of a run at several times as one SVG file.
+    Picture {
+        /// Output folder of the run.
+        run: PathBuf,
+        #[command(flatten)]
+        options: PictureOptions,
+    },
+    /// Fit the erosion law across runs.
+    ErosionLaw {
+        /// Output folders of the runs.
+        #[arg(required = true)]
+        runs: Vec<PathBuf>,
+        /// Folder for CSV and SVG files.
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        output: PathBuf,
+        /// Published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
+        #[arg(long, value_name = "C,TAU,K")]
+        published: Option<Published>,
+        /// Print the fit as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Run the members of a study; write a table and a picture of error against cost.
+    Sweep {
+        /// Study file.
+        study: PathBuf,
+        /// Output folder [default: beside the study, with its name].
+        #[arg(long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        #[command(flatten)]
+        task: TaskArgs,
+        /// Stop before this wall-clock time has passed. The same command continues later.
+        #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+        max_walltime: Option<Duration>,
+    },
+    /// Run a case on several grids; give the numerical uncertainty of every answer.
+    Estimate(estimate::Arguments),
+    /// Print the completion script of a shell.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page: `solver man | man -l -`.
+    Man,
+    /// Find by bisection the smallest pressure, head or flux at which the seepage erodes grains.
+    CriticalGradient(CriticalArgs),
+}
+
+/// Arguments of a run.
+#[derive(Debug, Args)]
+struct StartArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    /// Output folder [default: results/NAME-OF-THE-CASE].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Replace the run in the output folder.
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Arguments of a plan.
+#[derive(Debug, Args)]
+struct PlanArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    /// Estimate the time on this number of MPI ranks, too.
+    #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    ranks: Option<u32>,
+    /// Estimate the time with this number of threads per rank, at most 1024 [default: cores of the machine divided by
+    /// its ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// First run the case on coarse cells, for at most a tenth of its cost, and take speed and pressure of the
+    /// water from there; the case with these numbers is written to NAME.pilot.json.
+    #[arg(long)]
+    pilot: bool,
+    /// Print every feature of the promised accuracy with its cells and its measured bound.
+    #[arg(long)]
+    details: bool,
+    #[command(flatten)]
+    stability: Stability,
+}
+
+/// Arguments of the search for a critical gradient.
+#[derive(Debug, Args)]
+struct CriticalArgs {
+    #[command(flatten)]
+    case: CaseArgs,
+    #[command(flatten)]
+    stability: Stability,
+    /// Boundary that drives the water [default: the one with the highest head].
+    #[arg(long, value_name = "NAME")]
+    boundary: Option<String>,
+    /// Value that does not erode, in the unit of the boundary condition.
+    #[arg(long, allow_hyphen_values = true)]
+    from: f64,
+    /// Value that erodes, in the same unit.
+    #[arg(long, allow_hyphen_values = true)]
+    to: f64,
+    /// Width of the final bracket over its upper end [1].
+    #[arg(long, default_value_t = 0.05, value_parser = share)]
+    tolerance: f64,
+    /// Minimum outflow counted as erosion: number of grains that leave in a run.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    grains: u64,
+    /// Folder of the runs [default: results/NAME-OF-THE-CASE].
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// Stop before this wall-clock time has passed. The same command continues later.
+    #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+    max_walltime: Option<Duration>,
+}
+
+/// Documents with a schema.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Text {
+    Case,
+    Study,
+}
+
+#[derive(Debug, Args)]
+#[group(multiple = false)]
+struct TaskArgs {
+    /// Only list the members, their costs and their states.
+    #[arg(long)]
+    list: bool,
+    /// Only run the member with this number in the list, for a job array.
+    #[arg(long, value_name = "K")]
+    member: Option<usize>,
+    /// Only write table and picture from the members that are done.
+    #[arg(long)]
+    collect: bool,
+    /// Only print a Slurm job array script.
+    #[arg(long)]
+    slurm: bool,
+}
+
+impl TaskArgs {
+    fn task(&self) -> Task {
+        match self.member {
+            Some(number) => Task::Member(number),
+            None if self.list => Task::List,
+            None if self.collect => Task::Collect,
+            None if self.slurm => Task::Slurm,
+            None => Task::Run,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct CaseArgs {
+    /// Case file.
+    case: PathBuf,
+    /// Set a field of the case: path=value, for example time.end=2 or probes[0].every=0.1.
+    #[arg(long = "set", value_name = "PATH=VALUE", value_parser = assignment)]
+    set: Vec<String>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Threads per rank, at most 1024 [default: cores of the machine divided by its ranks].
+    #[arg(long, value_parser = usage::threads)]
+    threads: Option<u16>,
+    /// Stop with a checkpoint before this wall-clock time has passed.
+    #[arg(long, value_name = "H:M:S", value_parser = walltime)]
+    max_walltime: Option<Duration>,
+    /// Write no checkpoint at the end of the run. The run cannot be extended then.
+    #[arg(long)]
+    no_final_checkpoint: bool,
+    #[command(flatten)]
+    stability: Stability,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct Stability {
+    /// Run a case although similar runs failed.
+    #[arg(long)]
+    allow_unstable: bool,
+}
+
+/// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
+#[must_use]
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
+    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
+    // flag itself is never looked at.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    let begun = Instant::now();
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if arguments.get(1).is_some_and(|first| first == "--version") {
+        let text = format!("solver {}\n{}", *VERSION, simulation::versions::report());
+        return ended(print(&text));
+    }
+    let arguments = match with_default_command(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => return ended(Err(error)),
+    };
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            if first_rank() {
+                // Nothing can be done if the terminal is gone.
+                let _ = error.print();
+            }
+            return error.exit_code();
+        }
+    };
+    let runs = matches!(
+        cli.command,
+        Command::Run(_) | Command::Restart { .. } | Command::CriticalGradient(_)
+    );
+    if runs && let Err(error) = watch::hear() {
+        return ended(Err(error));
+    }
+    ended(carry_out(cli.command, begun))
+}
+
+fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
+    match command {
+        Command::Run(arguments) => start(arguments, begun),
+        Command::Validate { case, stability } => validate(&case, stability),
+        Command::Plan(arguments) => plan(&arguments),
+        Command::Cite { case, format } => {
+            let plan = prepare(&case)?;
+            if case.json {
+                print(&pretty(&plan::citations::citations(&plan)))
+            } else {
+                print(&cite::text(&plan, format))
+            }
+        }
+        Command::Schema { of: Text::Case } => print(&pretty(&schema())),
+        Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
+        Command::Reference { format, output } => print(&reference::write(format, &output)?),
+        Command::Example { name, json } => example(name.as_deref(), json),
+        Command::Info { file, json } => print(&output::info::info(&file, json)?),
+        Command::Restart {
+            directory,
+            set,
+            run,
+            json,
+        } => {
+            let options = options(run, json, begun);
+            judged(
+                simulation::run::restart(&directory, &set, options),
+                &directory,
+            )
+        }
+        Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
+        Command::Man => {
+            let page = manual::page::<Cli>();
+            put(&page.map_err(|e| Error::Internal(format!("the manual page: {e}")))?)
+        }
+        Command::Picture { run, options } => print(&figures::picture::picture(&run, &options)?),
+        Command::Sweep {
+            study,
+            output,
+            task,
+            max_walltime,
+        } => sweep(&Sweep {
+            study,
+            output,
+            task: task.task(),
+            max_walltime,
+        }),
+        Command::Estimate(arguments) => estimate::command(arguments),
+        Command::CriticalGradient(arguments) => search(arguments, begun),
+        Command::ErosionLaw {
+            runs,
+            output,
+            published,
+            json,
+        } => {
+            let command = figures::erosion_law::command;
+            print(&command(&runs, &output, published, json)?)
+        }
+    }
+}
+
+/// Searches for the critical gradient of a case.
+fn search(arguments: CriticalArgs, begun: Instant) -> Result<(), Error> {
+    let CriticalArgs { case, output, .. } = arguments;
+    let search = Search {
+        output: output.unwrap_or_else(|| folder_of(&case.case)),
+        case: case.case.clone(),
+        set: case.set,
+        boundary: arguments.boundary,
+        from: arguments.from,
+        to: arguments.to,
+        tolerance: arguments.tolerance,
+        grains: arguments.grains,
+        threads: arguments.threads.map(usize::from),
+        begun,
+        max_walltime: arguments.max_walltime,
+        allow_unstable: arguments.stability.allow_unstable,
+    };
+    let found = critical_gradient::command(&search, case.json);
+    judged(found.and_then(|text| print(&text)), &case.case)
+}
+
+/// Reports an error and returns the exit code.
+fn ended(result: Result<(), Error>) -> i32 {
+    match result {
+        Ok(()) => 0,
+        Err(error) => {
+            // Problems of a case have been listed by `report_problems`.
+            if !matches!(error, Error::Case(_)) {
+                report_error(&format!("solver: {error}"));
+            }
+            if !first_rank() {
+                // mpirun ends all ranks as soon as one ends with an error: the first one reports before that.
+                std::thread::sleep(SILENT_RANKS_WAIT);
+            }
+            error.exit_code()
+        }
+    }
+}
+
+/// Delay of the other ranks behind the first one, which reports the error.
+const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
+
+/// `solver case.json` is `solver run case.json`.
+///
+/// # Errors
+/// [`Error::Usage`] where the first word is neither a command nor a file.
+fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, Error> {
+    let command = Cli::command();
+    let known = |word: &str| {
+        matches!(word, "help" | "-h" | "--help" | "-V" | "--version")
+            || command.get_subcommands().any(|sub| sub.get_name() == word)
+    };
+    if let Some(first) = arguments.get(1)
+        && !first.to_str().is_some_and(known)
+    {
+        let commands: Vec<&str> = command.get_subcommands().map(|c| c.get_name()).collect();
+        usage::command_or_file(first, &commands)?;
+        arguments.insert(1, "run".into());
+    }
+    Ok(arguments)
+}
+
+/// Runs a case.
+fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
+    let case = &arguments.case;
+    let output = arguments.output.unwrap_or_else(|| folder_of(&case.case));
+    let options = RunOptions {
+        output: Some(output),
+        case: Some(case.case.clone()),
+        overwrite: arguments.overwrite,
+        ..options(arguments.run, case.json, begun)
+    };
+    let plan = prepare(case)?;
+    let stability = Stability {
+        allow_unstable: options.allow_unstable,
+    };
+    let accept = |plan: &Plan| {
+        show(plan, case)?;
+        judge(&plan.warnings, case, stability)
+    };
+    if !Verdict::of(&plan.warnings).runs(stability.allow_unstable) {
+        return accept(&plan);
+    }
+    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are known.
+    let mut accepted = false;
+    let outcome = simulation::run::run(plan, options, |plan| {
+        accepted = true;
+        accept(plan)
+    });
+    match outcome {
+        Err(Error::Case(problems)) if !accepted => refuse(problems, case),
+        outcome => report_problems(outcome),
+    }
+}
+
+/// The members are separate processes. If several ranks were started, only the first one runs them.
+fn sweep(sweep: &Sweep) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    // A reader that has gone away is no reason to stop.
+    report_problems(sweep::command(sweep, &|line| drop(print(line))))
+}
+
+/// The folder of a case where none is named.
+fn folder_of(case: &Path) -> PathBuf {
+    Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
+}
+
+/// A part of a whole, above 0 and below 1.
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
+        _ => Err("a number above 0 and below 1".into()),
+    }
+}
+
+/// Lists problems that only the work itself can find.
+fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
+    if let Err(Error::Case(problems)) = &outcome {
+        list(problems);
+    }
+    outcome
+}
+
+/// As [`report_problems`], with the verdict on a case that only the work itself has read.
+fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
+    let outcome = report_problems(outcome);
+    if let Err(Error::Case(findings)) = &outcome {
+        report_error(&refusal(findings, name));
+    }
+    outcome
+}
+
+/// The verdict on a case that is not run.
+fn refusal(findings: &[Problem], name: &Path) -> String {
+    let sentence = match Verdict::of(findings) {
+        // Files that are not text have no findings.
+        Verdict::Valid => Verdict::Refused.name().to_owned(),
+        _ => Verdict::sentence(findings),
+    };
+    let how = match Verdict::of(findings) {
+        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
+        _ => String::new(),
+    };
+    format!("{}: {sentence}; nothing was run{how}", name.display())
+}
+
+fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
+    RunOptions {
+        output: None,
+        case: None,
+        overwrite: false,
+        final_checkpoint: !run.no_final_checkpoint,
+        begun,
+        threads: run.threads.map(usize::from),
+        max_walltime: run.max_walltime,
+        json,
+        allow_unstable: run.stability.allow_unstable,
+    }
+}
+
+fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+    let plan = prepare(case)?;
+    if case.json {
+        print(&pretty(&report(&plan.warnings, stability)))?;
+    } else {
+        list(&plan.warnings);
+    }
+    judge(&plan.warnings, case, stability)
+}
+
+fn plan(arguments: &PlanArgs) -> Result<(), Error> {
+    let PlanArgs {
+        ref case,
+        ranks,
+        threads,
+        pilot,
+        details,
+        stability,
+    } = *arguments;
+    let mut plan = prepare(case)?;
+    if pilot && !first_rank() {
+        return Ok(());
+    }
+    if pilot {
+        plan = match piloted(&plan, case) {
+            Ok(plan) => plan,
+            Err(error) => return judged(Err(error), &case.case),
+        };
+    }
+    plan.on_machine(simulation::calibration::machine(&plan));
+    if ranks.is_some() || threads.is_some() {
+        let ranks = ranks.map_or(1, |ranks| ranks as usize);
+        let threads = threads.map_or_else(|| (usage::cores() / ranks).max(1), usize::from);
+        let crowded = simulation::calibration::crowded(&plan, ranks * threads);
+        plan.on_cores(ranks, threads, crowded);
+    }
+    if case.json {
+        let mut tree = shown(&plan);
+        tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);
+        print(&pretty(&tree))?;
+    } else {
+        show(&plan, case)?;
+        print(&estimate::costs(&plan, stability))?;
+        if details {
+            print(&plan.details())?;
+        }
+    }
+    judge(&plan.warnings, case, stability)
+}
+
+/// Returns the plan of the case with its pilot, which is run and written beside the case.
+fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
+    let report = |line: &str| {
+        if !case.json {
+            // A reader that has gone away is no reason to stop.
+            drop(print(line));
+        }
+    };
+    let mut folder = folder_of(&case.case).into_os_string();
+    folder.push("-pilot");
+    let threads = u32::try_from(usage::cores()).unwrap_or(1);
+    let run = Run {
+        threads,
+        ..Run::default()
+    };
+    let (found, tree) = pilot::command(plan, Path::new(&folder), &run, &report)?;
+    let path = case.case.with_extension("pilot.json");
+    pilot::write(&tree, &path)?;
+    report(&format!(
+        "{}; `solver {}` runs the case with it",
+        pilot::told(&found),
+        path.display()
+    ));
+    let directory = case.case.parent().unwrap_or_else(|| Path::new(""));
+    let document = Document::read(&tree.to_string(), &[], directory).map_err(Error::Case)?;
+    Plan::prepare(document).map_err(Error::Case)
+}
+
+/// The findings, then the plan.
+fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
+    if case.json {
+        print(&pretty(&shown(plan)))
+    } else {
+        list(&plan.warnings);
+        print(&plan.to_string())
+    }
+}
+
+/// The plan and its verdict as data.
+fn shown(plan: &Plan) -> serde_json::Value {
+    let mut tree = serde_json::to_value(plan).unwrap_or_default();
+    tree["verdict"] = Verdict::of(&plan.warnings).name().into();
+    tree
+}
+
+/// The findings as data.
+fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
+    let verdict = Verdict::of(findings);
+    let allowed = stability.allow_unstable;
+    serde_json::json!({
+        "verdict": verdict.name(),
+        "valid": verdict.runs(allowed),
+        "exit_code": verdict.exit_code(allowed),
+        "findings": findings,
+    })
+}
+
+/// Prints the verdict unless the JSON contains it.
+///
+/// # Errors
+/// [`Error::Case`] where the case is not run.
+fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+    let accepted = Verdict::of(findings).runs(stability.allow_unstable);
+    if !accepted {
+        if !case.json {
+            report_error(&refusal(findings, &case.case));
+        }
+        return Err(Error::Case(findings.to_vec()));
+    }
+    if case.json {
+        return Ok(());
+    }
+    let sentence = Verdict::sentence(findings);
+    print(&format!("{}: {sentence}", case.case.display()))
+}
+
+/// Reads, checks and plans the case; lists all problems.
+fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
+    let path = &case.case;
+    let text = io::plain::text(path, io::plain::LONGEST_CASE);
+    let text = text.map_err(|error| match error {
+        io::Error::Corrupt { .. } => {
+            report_error(&format!(
+                "error: {} is not text (UTF-8); a case is JSON text",
+                path.display()
+            ));
+            report_error(&refusal(&[], path));
+            Error::Case(vec![])
+        }
+        other => Error::Io(format!("the case: {other}")),
+    })?;
+    let directory = path.parent().unwrap_or(Path::new(""));
+    Document::read(&text, &case.set, directory)
+        .and_then(Plan::prepare)
+        .or_else(|problems| refuse(problems, case))
+}
+
+/// Lists problems with the verdict.
+///
+/// # Errors
+/// Always: [`Error::Case`] with the problems, or that of the output.
+fn refuse<T>(problems: Vec<Problem>, case: &CaseArgs) -> Result<T, Error> {
+    if case.json {
+        let stability = Stability {
+            allow_unstable: false,
+        };
+        print(&pretty(&report(&problems, stability)))?;
+    } else {
+        list(&problems);
+        report_error(&refusal(&problems, &case.case));
+    }
+    Err(Error::Case(problems))
+}
+
+fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
+    let Some(name) = name else {
+        if json {
+            let list: Vec<_> = examples::EXAMPLES
+                .iter()
+                .map(|e| serde_json::json!({"name": e.name, "summary": e.summary}))
+                .collect();
+            return print(&pretty(&list));
+        }
+        let lines: Vec<String> = examples::EXAMPLES
+            .iter()
+            .map(|e| format!("{:14}  {}", e.name, e.summary))
+            .collect();
+        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > study.json; solver sweep study.json";
+        return print(&format!("{}\n{last}", lines.join("\n")));
+    };
+    match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {
+        Some(example) => print(example.text.trim_end()),
+        None => {
+            let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();
+            let meant = match case::check::nearest(name, &known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("use one of: {}", known.join(", ")),
+            };
+            Err(Error::Usage(format!(
+                "there is no example `{name}`; {meant}"
+            )))
+        }
+    }
+}
+
+fn list(problems: &[Problem]) {
+    for problem in problems {
+        let weight = match problem.severity {
+            Severity::Error => "error",
+            Severity::Unstable => "unstable",
+            Severity::Warning => "warning",
+        };
+        report_error(&format!("{weight}: {problem}"));
+    }
+}
+
+fn pretty(value: &impl serde::Serialize) -> String {
+    serde_json::to_string_pretty(value).unwrap_or_default()
+}
+
+/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of a shell: there it
+/// counts only with a number of ranks above it.
+fn first_rank() -> bool {
+    let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
+    let ranks: [(&str, &[&str]); 3] = [
+        (
+            "PMIX_RANK",
+            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"],
+        ),
+        ("PMI_RANK", &["PMI_SIZE"]),
+        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"]),
+    ];
+    let of_mpirun = number("OMPI_COMM_WORLD_RANK").is_none_or(|rank| rank == 0);
+    of_mpirun
+        && ranks.iter().all(|(rank, sizes)| {
+            let size = sizes.iter().find_map(|name| number(name));
+            !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
+        })
+}
+
+/// A text to the standard output; a reader that has gone away is no error.
+fn print(text: &str) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    put(format!("{}\n", printable_lines(text)).as_bytes())
+}
+
+/// Bytes to the standard output as they are; a reader that has gone away is no error.
+fn put(bytes: &[u8]) -> Result<(), Error> {
+    if !first_rank() {
+        return Ok(());
+    }
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::Io(format!(
+            "cannot write to the standard output: {error}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// A text to the standard error; nothing can be done if that fails.
+fn report_error(text: &str) {
+    if first_rank() {
+        let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));
+    }
+}
+
+fn assignment(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((path, _)) if !path.trim().is_empty() => Ok(text.to_string()),
+        _ => Err("write path=value, for example time.end=2".into()),
+    }
+}
+
+fn walltime(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("`{text}` is not H:M:S, for example 1:30:00");
+    let parts: Vec<u64> = text
+        .split(':')
+        .map(|part| part.parse().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    let [hours, minutes, seconds] = parts[..] else {
+        return Err(wrong());
+    };
+    if minutes > 59 || seconds > 59 || hours > 100_000 || hours + minutes + seconds == 0 {
+        return Err(wrong());
+    }
+    Ok(Duration::from_secs(hours * 3600 + minutes * 60 + seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_case_without_a_command_is_run() {
+        let line = |words: &[&str]| {
+            with_default_command(words.iter().map(OsString::from).collect())
+                .unwrap()
+                .into_iter()
+                .map(|w| w.into_string().unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(line(&["solver", "a.json"]), ["solver", "run", "a.json"]);
+        assert_eq!(line(&["solver", "--threads", "2", "a.json"])[1], "run");
+        assert_eq!(line(&["solver", "validate", "a.json"])[1], "validate");
+        assert_eq!(line(&["solver", "--help"])[1], "--help");
+        assert_eq!(line(&["solver"]).len(), 1);
+        let words = ["solver", "frobnicate"].map(OsString::from);
+        assert!(with_default_command(words.to_vec()).is_err());
+    }
+
+    #[test]
+    fn completions_and_manual_know_every_command() {
+        use clap::ValueEnum;
+        let page = String::from_utf8(manual::page::<Cli>().unwrap()).unwrap();
+        let scripts = clap_complete::Shell::value_variants().iter().map(|&shell| {
+            let script = manual::completions::<Cli>(shell);
+            (shell.to_string(), String::from_utf8(script).unwrap())
+        });
+        let mut seen = 0;
+        for (what, text) in scripts.chain([("man".to_owned(), page.replace("\\-", "-"))]) {
+            for command in Cli::command().get_subcommands() {
+                assert!(text.contains(command.get_name()), "{what}: {text}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 60, "{seen}");
+        assert_eq!(
+            page.matches("\n.TH ").count() + usize::from(page.starts_with(".TH ")),
+            1
+        );
+        for word in ["SOLVER RESTART", "EXIT CODES", "max\\-walltime"] {
+            assert!(
+                page.to_uppercase().contains(&word.to_uppercase()),
+                "{word}: {page}"
+            );
+        }
+    }
+
+    #[test]
+    fn walltime_is_hours_minutes_seconds() {
+        assert_eq!(walltime("1:02:03"), Ok(Duration::from_secs(3723)));
+        for bad in [
+            "",
+            "1:2",
+            "1:60:00",
+            "a:0:0",
+            "0:0:0",
+            "-1:0:0",
+            "1:2:3:4",
+            "99999999999999999:0:0",
+        ] {
+            assert!(walltime(bad).is_err(), "{bad}");
+        }
+    }
+}

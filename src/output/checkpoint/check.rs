@@ -1,0 +1,348 @@
+//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
+
+use super::{EARLIER, TABLES};
+use crate::averages::SUMS;
+use base::error::Error;
+use base::number::to_usize;
+use darcy::pressure::NUMBERS;
+use dem::state::{Contacts, Table, Values};
+use io::checkpoint::Manifest;
+use io::data::Kind;
+use serde_json::{Value, json};
+
+/// The possible contents of checkpoints of a case, compared with a manifest before memory is allocated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    /// Whether the preparation is over: earlier checkpoints hold less.
+    pub prepared: bool,
+    /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
+    pub lattice: Option<([usize; 3], usize, usize)>,
+    /// Cells of the grid in which water seeps; none without seepage.
+    pub seepage: Option<usize>,
+    /// Grains, blocks and bodies at most; none where nothing is solid.
+    pub grains: Option<u64>,
+    /// Steps of the case.
+    pub steps: u64,
+    /// Steps of the fluid before the first, at most.
+    pub warm_up: u64,
+    /// Longest edge of the domain \[m\].
+    pub length: f64,
+}
+
+/// Contacts of a grain at most, on the mean.
+const MOST_CONTACTS: u64 = 1000;
+
+impl Expected {
+    /// Whether a manifest can be that of a checkpoint of the case.
+    ///
+    /// # Errors
+    /// A sentence that names the mismatch.
+    pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
+        let attributes = &manifest.attributes;
+        let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
+        let count = |name: &str| {
+            let value = &attributes[name];
+            let number = if value.is_null() {
+                Some(0)
+            } else {
+                value.as_u64()
+            };
+            number.ok_or_else(|| format!("its `{name}` is {value}, which is not a count"))
+        };
+        // A preparation counts other steps.
+        if self.prepared && manifest.step > self.steps {
+            return Err(format!(
+                "it is of step {}, and the case ends at step {}",
+                manifest.step, self.steps
+            ));
+        }
+        if let Some(([nx, ny, nz], q, bytes)) = self.lattice {
+            let cells = |numbers: usize| vec![nz, ny, nx, numbers];
+            let kind = if bytes == 4 { Kind::F32 } else { Kind::F64 };
+            known.push(("populations".to_owned(), kind, cells(q)));
+            if attributes["velocities"] == json!(true) {
+                known.push(("velocities".to_owned(), Kind::F32, cells(3)));
+            }
+            if attributes[super::SURFACE_LOSS].is_string() {
+                let numbers = cells(super::SURFACE_NUMBERS);
+                known.push((super::SURFACE.to_owned(), Kind::F64, numbers));
+            }
+            if count("averages")? > manifest.step.saturating_add(1) {
+                return Err("it holds more averages than steps".to_owned());
+            }
+            known.push((EARLIER.to_owned(), Kind::F64, cells(3)));
+            if count("averages")? > 0 || manifest.arrays.iter().any(|a| a.name == "averages") {
+                known.push(("averages".to_owned(), Kind::F64, cells(SUMS)));
+            }
+            let steps = count("fluid_steps")?;
+            if self.prepared && steps < manifest.step
+                || steps > manifest.step.saturating_add(self.warm_up)
+            {
+                return Err(format!(
+                    "its fluid has done {steps} steps at step {}",
+                    manifest.step
+                ));
+            }
+        }
+        let seepage = count("seepage")?;
+        if seepage > 0 {
+            let cells = self.seepage.unwrap_or(0);
+            if cells.checked_mul(NUMBERS) != Some(to_usize(seepage)) {
+                return Err(format!(
+                    "it holds {seepage} numbers of the seepage; the case has {cells} cells with {NUMBERS} numbers each"
+                ));
+            }
+            known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
+        }
+        self.tables(attributes, &mut known)?;
+        for array in &manifest.arrays {
+            let Some((_, kind, shape)) = known.iter().find(|(name, ..)| *name == array.name) else {
+                return Err(format!(
+                    "it holds an array {} that the case does not have",
+                    array.name
+                ));
+            };
+            if array.kind != *kind || array.shape != *shape {
+                return Err(format!(
+                    "its array {} has the shape {:?} of {:?}, and that of the case has {shape:?} of {kind:?}",
+                    array.name, array.shape, array.kind
+                ));
+            }
+        }
+        // What a preparation has saved depends on how far it was; reading it says what it lacks.
+        let lacks = |name: &str| name != EARLIER && manifest.arrays.iter().all(|a| a.name != name);
+        match known.iter().find(|(name, ..)| lacks(name)) {
+            Some((name, ..)) if self.prepared => Err(format!("it lacks the array {name}")),
+            _ => Ok(()),
+        }
+    }
+
+    /// The arrays of grains and contacts.
+    fn tables(
+        &self,
+        attributes: &Value,
+        known: &mut Vec<(String, Kind, Vec<usize>)>,
+    ) -> Result<(), String> {
+        let most = self.grains.unwrap_or(0);
+        for (n, kind) in TABLES.iter().enumerate() {
+            let rows = attributes["rows"][n].as_u64();
+            let rows = rows.ok_or_else(|| format!("it does not state its number of {kind}"))?;
+            let most = if n == 0 {
+                most
+            } else {
+                most.saturating_mul(MOST_CONTACTS)
+            };
+            if rows > most {
+                return Err(format!(
+                    "it holds {rows} {kind}, and the case has {most} at most"
+                ));
+            }
+            for column in attributes["columns"][n].as_array().into_iter().flatten() {
+                let (Some(name), Some(values)) = (column[0].as_str(), column[1].as_str()) else {
+                    return Err(format!("a column of its {kind} has no name"));
+                };
+                let values = match values {
+                    "real" => Kind::F64,
+                    "whole" => Kind::U64,
+                    other => return Err(format!("its {kind} have a column of {other} numbers")),
+                };
+                if rows > 0 {
+                    known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
+                }
+                if known.len() > MOST_ARRAYS {
+                    return Err(format!("it has more than {MOST_ARRAYS} columns"));
+                }
+            }
+        }
+        if !matches!(attributes["notes"], Value::Object(_) | Value::Null) {
+            return Err("its notes are not an object".to_owned());
+        }
+        let radius = &attributes["typical_radius"];
+        let plausible = |r: f64| r > 0.0 && r <= self.length;
+        if self.prepared && self.grains.is_some() && !radius.as_f64().is_some_and(plausible) {
+            return Err(format!(
+                "its typical radius is {radius}, in a domain of {} m",
+                self.length
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Limits of the grains and contacts of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    /// Edges of the domain \[m\].
+    pub size: [f64; 3],
+    /// Number of materials.
+    pub materials: u64,
+    /// Number of shapes of blocks.
+    pub shapes: u64,
+    /// Radius of the smallest grain or body \[m\]; 0 while grains grow.
+    pub smallest: f64,
+    /// Radius of the largest grain, body or block \[m\].
+    pub largest: f64,
+    /// Mass of the heaviest sphere or disc of the largest radius [kg; in 2-D kg/m].
+    pub heaviest: f64,
+}
+
+/// One past the largest id: contacts name two grains by one number.
+const IDS: u64 = 1 << 32;
+/// Largest number of solid steps: beyond it sums of a few could overflow.
+const LARGEST: u64 = 1 << 53;
+/// Lengths of the domain that a grain may be away from it: round a periodic axis it keeps its place on the line.
+const FARTHEST: f64 = 1e6;
+/// Largest periods by which a grain or the partner of a contact may be shifted.
+const SHIFTS: i64 = 1 << 20;
+/// Largest magnitude of a force, a moment or a number of a contact, as of any quantity of a case.
+const MAGNITUDE: f64 = 1e30;
+/// Largest speed [m/s].
+const SPEED: f64 = 3e8;
+/// Rounding of radii and masses.
+const ROUNDING: f64 = 1e-6;
+
+impl Bounds {
+    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the next
+    /// step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads them.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the column.
+    pub fn hold(&self, grains: &Table, contacts: &Contacts) -> Result<(), Error> {
+        self.grains(grains)?;
+        let mut ids = match grains.columns.iter().find(|(name, _)| name == "id") {
+            Some((_, Values::Whole(ids))) => ids.clone(),
+            _ => Vec::new(),
+        };
+        ids.sort_unstable();
+        if ids.windows(2).any(|pair| pair[0] == pair[1]) {
+            return wrong("two grains have the same id");
+        }
+        if contacts.steps > LARGEST {
+            return wrong(&format!("{} solid steps", contacts.steps));
+        }
+        let known = |id: &u64| ids.is_empty() && *id < IDS || ids.binary_search(id).is_ok();
+        let walls = contacts.faces.rows() as u64;
+        for (table, kind) in [
+            (&contacts.grains, "contacts"),
+            (&contacts.walls, "contacts with walls"),
+        ] {
+            for (name, values) in &table.columns {
+                let good = match (name.as_str(), values) {
+                    ("first" | "second" | "grain", Values::Whole(ids)) => ids.iter().all(known),
+                    ("wall", Values::Whole(numbers)) => numbers.iter().all(|wall| *wall < walls),
+                    (_, Values::Whole(numbers)) if name.starts_with("shift") => shifts(numbers),
+                    (_, Values::Whole(numbers)) => numbers.iter().all(|n| *n < IDS),
+                    (_, Values::Real(numbers)) => within(numbers, -MAGNITUDE, MAGNITUDE),
+                };
+                if !good {
+                    return wrong(&format!(
+                        "column {name} of the {kind} holds values that no contact can have"
+                    ));
+                }
+            }
+        }
+        for (name, values) in &contacts.faces.columns {
+            let good = match values {
+                Values::Real(values) => within(values, -MAGNITUDE, MAGNITUDE),
+                Values::Whole(values) => values.iter().all(|n| *n < self.materials.max(1)),
+            };
+            if !good {
+                return wrong(&format!(
+                    "column {name} of the walls holds values that no wall can have"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the columns of the grains.
+    fn grains(&self, grains: &Table) -> Result<(), Error> {
+        for (name, values) in &grains.columns {
+            let good = match values {
+                Values::Real(values) => {
+                    let [least, most] = self.range(name);
+                    within(values, least, most)
+                }
+                Values::Whole(values) => match name.as_str() {
+                    "id" => values.iter().all(|id| *id < IDS),
+                    "material" => values.iter().all(|n| *n < self.materials.max(1)),
+                    "kind" => values.iter().all(|kind| *kind < 3),
+                    "shape" => {
+                        let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
+                        values.iter().all(|s| shape(*s))
+                    }
+                    _ if name.starts_with("shift") => shifts(values),
+                    _ => values.iter().all(|n| *n < LARGEST),
+                },
+            };
+            if !good {
+                return wrong(&format!(
+                    "column {name} of the grains holds values that no grain can have"
+                ));
+            }
+        }
+        let turns: Vec<&[f64]> = ["x", "y", "z", "w"]
+            .iter()
+            .filter_map(|axis| {
+                let name = format!("orientation_{axis}");
+                let found = grains.columns.iter().find(|(known, _)| *known == name);
+                match found {
+                    Some((_, Values::Real(values))) => Some(values.as_slice()),
+                    _ => None,
+                }
+            })
+            .collect();
+        if let [x, y, z, w] = turns[..] {
+            let squares = (0..x.len()).map(|k| {
+                [x, y, z, w]
+                    .iter()
+                    .filter_map(|part| part.get(k))
+                    .map(|q| q * q)
+                    .sum::<f64>()
+            });
+            // Spheres beside blocks have the turn of nothing, or none.
+            let mut squares = squares.filter(|square| *square > 0.0);
+            if squares.any(|square| (square - 1.0).abs() > 1e-6) {
+                return wrong("an orientation of the grains is no rotation");
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the least and the largest value of a column of real numbers.
+    fn range(&self, name: &str) -> [f64; 2] {
+        let both = |most: f64| [-most, most];
+        let axis = |name: &str| "xyz".find(name.chars().last()?);
+        let (more, less) = (1.0 + ROUNDING, 1.0 - ROUNDING);
+        match name {
+            "radius" => [less * self.smallest, more * self.largest],
+            "mass" => [f64::MIN_POSITIVE, more * self.heaviest],
+            // Of a needle as long as the sphere round it.
+            "inertia" => [0.0, more * self.heaviest * self.largest * self.largest],
+            _ if name.starts_with("position") || name.starts_with("start") => {
+                both(axis(name).map_or(MAGNITUDE, |a| FARTHEST * self.size[a].max(1.0)))
+            }
+            _ if name.starts_with("velocity") || name.starts_with("last_velocity") => both(SPEED),
+            _ if name.starts_with("orientation") => both(1.0 + 1e-6),
+            _ => both(MAGNITUDE),
+        }
+    }
+}
+
+fn wrong(what: &str) -> Result<(), Error> {
+    Err(Error::Io(format!("the checkpoint: {what}")))
+}
+
+/// `true` if all numbers lie in a range; none is NaN.
+fn within(numbers: &[f64], least: f64, most: f64) -> bool {
+    numbers.iter().all(|x| (least..=most).contains(x))
+}
+
+/// `true` if all numbers of periods, stored as whole numbers, are small.
+fn shifts(numbers: &[u64]) -> bool {
+    let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
+    numbers.iter().all(small)
+}
+
+/// Arrays of a checkpoint at most.
+const MOST_ARRAYS: usize = 1000;

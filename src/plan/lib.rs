@@ -1,0 +1,420 @@
+//! The plan of a scene: its models with reasons, the time steps, the margin to every limit, and the costs.
+//!
+//! [`Plan::prepare`] turns the text of a case into a plan. The plan owns the scene.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+mod added_mass;
+pub mod bibliography;
+mod bodies;
+pub mod citations;
+pub mod contacts;
+mod coupling_interval;
+pub(crate) mod critical_step;
+pub mod device;
+mod ends;
+pub mod envelope;
+pub mod estimate;
+pub mod explicit_drag;
+mod impacts;
+pub mod interval;
+mod linear_stability;
+pub mod margin;
+pub mod models;
+pub mod pore_flow;
+mod porous;
+pub mod report;
+pub mod scene;
+mod seepage;
+mod stability;
+
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, at_most, number, refused};
+use base::error::{Problem, Remedy, Severity};
+use base::number::whole;
+use base::units::LatticeUnits;
+use case::annotation::Source;
+use case::time::{Limits, SolidSteps, USUAL_SAFETY, WarmUp};
+use case::{Case, Document};
+use estimate::Estimate;
+use interval::Interval;
+use margin::Margin;
+use models::Choice;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// All decisions before the start of a run; the same on every rank.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// The resolved problem.
+    pub scene: Scene,
+    /// The chosen models, each with its reason.
+    pub models: Vec<Choice>,
+    /// Scales of the lattice, if there is one.
+    pub units: Option<LatticeUnits>,
+    /// Time steps.
+    pub clock: Clock,
+    /// The margin to each limit.
+    pub margins: Vec<Margin>,
+    /// Memory, disk and time.
+    pub estimate: Estimate,
+    /// Warnings.
+    pub warnings: Vec<Problem>,
+    /// Sources of values, by JSON path.
+    pub sources: BTreeMap<String, Source>,
+    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    #[serde(skip)]
+    pub case_text: String,
+    /// blake3 of [`Plan::case_text`], in hexadecimal.
+    pub case_hash: String,
+}
+
+/// Time steps of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Clock {
+    /// The time step of the program \[s\]: that of the fluid, or of the grains where there is no fluid.
+    pub time_step: f64,
+    /// Steps until the end, after the warm-up.
+    pub steps: u64,
+    /// Solid steps per step.
+    pub solid_steps_per_step: u32,
+    /// Solid time step \[s\].
+    pub solid_time_step: f64,
+    /// Critical time step of the grains, 2 sqrt(m/k) \[s\]; none without moving bodies in contact.
+    pub critical_solid_time_step: Option<f64>,
+    /// Largest number of warm-up steps.
+    pub warm_up_steps: u64,
+}
+
+impl Clock {
+    /// The steps nearest to the multiples of `interval` seconds.
+    #[must_use]
+    pub fn every(&self, interval: f64) -> Interval {
+        Interval::new(interval, self.time_step)
+    }
+
+    /// The fewest whole steps that take `interval` seconds or longer; at least 1.
+    #[must_use]
+    pub fn interval_to_steps(&self, interval: f64) -> u64 {
+        steps(interval / self.time_step).max(1)
+    }
+}
+
+/// More steps than this never end.
+const MOST_STEPS: f64 = 1e13;
+
+impl Plan {
+    /// Resolves, checks and plans a case.
+    ///
+    /// # Errors
+    /// All problems of the case, warnings included.
+    pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
+        Self::made(document, None)
+    }
+
+    /// Plans a case that goes on with the state of another: what both leave out is as the other plan chose it.
+    ///
+    /// # Errors
+    /// As [`Self::prepare`].
+    pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
+        Self::made(document, Some(like))
+    }
+
+    /// Warns where the pilot of the case ran another case.
+    fn warn_of_another_pilot(&mut self) {
+        let pilot = self
+            .scene
+            .flow
+            .as_ref()
+            .and_then(|flow| flow.pilot.as_ref());
+        let Some(pilot) = pilot else { return };
+        if hash_without_pilot(&self.case_text).as_ref() != Some(&pilot.of) {
+            self.warnings.push(Problem {
+                path: "fluid.lattice_boltzmann.pilot.of".into(),
+                value: pilot.of.clone(),
+                reason: "the case has changed since its pilot ran, so that speed and pressure may be others".into(),
+                remedy: "run `solver plan --pilot` again, or take the field `pilot` out".into(),
+                severity: Severity::Warning,
+            });
+        }
+    }
+
+    fn made(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
+        let Document {
+            case,
+            problems: mut all,
+            sources,
+            canonical,
+        } = document;
+        let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
+        let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
+        let (plan, found) = Self::attempt(&case, like, &wrong);
+        // A field that is already known to be wrong needs no second sentence.
+        let new: Vec<Problem> = found
+            .into_iter()
+            .filter(|p| !all.iter().any(|known| known.path == p.path))
+            .collect();
+        all.extend(new);
+        match plan {
+            Some(mut plan) if !refused(&all) => {
+                plan.warnings = all;
+                plan.sources = sources;
+                plan.case_hash = blake3::hash(canonical.as_bytes()).to_hex().to_string();
+                plan.case_text = canonical;
+                plan.warn_of_another_pilot();
+                let Clock {
+                    time_step,
+                    steps,
+                    solid_steps_per_step,
+                    ..
+                } = plan.clock;
+                log::info!(
+                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
+                    plan.estimate.memory_bytes / 1e6,
+                    plan.estimate.seconds_on_one_core,
+                    plan.margins.len(),
+                    plan.warnings.len()
+                );
+                for choice in &plan.models {
+                    log::debug!(
+                        "plan: {}: {}, for {}",
+                        choice.what,
+                        choice.model,
+                        choice.reason
+                    );
+                }
+                Ok(plan)
+            }
+            _ => {
+                if !refused(&all) {
+                    all.push(Problem {
+                        path: "the case".into(),
+                        value: "unresolved".into(),
+                        reason: "the case could not be resolved".into(),
+                        remedy: "correct the warnings first".into(),
+                        severity: Severity::Error,
+                    });
+                }
+                Err(all)
+            }
+        }
+    }
+
+    /// Takes the speed of the machine at hand for the estimate of the time.
+    pub fn on_machine(&mut self, machine: estimate::Machine) {
+        self.estimate.on(machine, &self.scene, &self.clock);
+    }
+
+    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them over that of one alone.
+    pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
+        self.estimate.on_cores(&self.scene, ranks, threads, crowded);
+    }
+
+    /// Plans a case that is already in memory.
+    ///
+    /// # Errors
+    /// All problems of the case, warnings included.
+    pub fn of_case(case: &Case) -> Result<Self, Vec<Problem>> {
+        Self::prepare(Document {
+            case: case.clone(),
+            problems: Vec::new(),
+            sources: BTreeMap::new(),
+            canonical: serde_json::to_string(case).unwrap_or_default(),
+        })
+    }
+
+    fn attempt(case: &Case, like: Option<&Self>, wrong: &[String]) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene), wrong);
+        // The limits of a plan from wrong fields would be wrong as well.
+        let sound = scene.filter(|_| !findings.stop_plan());
+        let plan = sound.and_then(|scene| {
+            let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
+            let before = findings.problems.len();
+            let clock = clock(&scene, like.map(|plan| &plan.clock), &mut findings)?;
+            device::check(&scene, &mut findings);
+            let margins = envelope::margins(&scene, &clock, &mut findings);
+            if scene.guards.limits == Limits::Warn {
+                let refused = |p: &&mut Problem| p.severity == Severity::Error;
+                for problem in findings.problems[before..].iter_mut().filter(refused) {
+                    problem.severity = Severity::Unstable;
+                }
+            }
+            let estimate = Estimate::of(&scene, &clock, &mut findings);
+            Some(Self {
+                models: models::choices(&scene, &clock),
+                scene,
+                units,
+                clock,
+                margins,
+                estimate,
+                warnings: Vec::new(),
+                sources: BTreeMap::new(),
+                case_text: String::new(),
+                case_hash: String::new(),
+            })
+        });
+        findings.drop_consequences();
+        (plan, findings.problems)
+    }
+}
+
+/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
+/// Those of a plan that it goes on from stay.
+/// Returns the hash of the text of a case without its pilot; none of a text that is no JSON.
+#[must_use]
+pub fn hash_without_pilot(text: &str) -> Option<String> {
+    let mut tree: serde_json::Value = serde_json::from_str(text).ok()?;
+    if let Some(water) = tree.pointer_mut("/fluid/lattice_boltzmann")
+        && let Some(fields) = water.as_object_mut()
+    {
+        fields.remove("pilot");
+    }
+    Some(
+        blake3::hash(tree.to_string().as_bytes())
+            .to_hex()
+            .to_string(),
+    )
+}
+
+fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option<Clock> {
+    let time = &scene.time;
+    let critical = critical_step::critical_solid_time_step(scene);
+    let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
+    // A larger safety than the usual one is a choice of the case, which the plan judges and does not change.
+    let chosen = time.solid_time_step_safety <= USUAL_SAFETY;
+    let automatic = allowed.map(|step| {
+        if chosen {
+            contacts::accepted(scene, step)
+        } else {
+            step
+        }
+    });
+    let (time_step, solid_steps) = if let Some(like) = like {
+        (like.time_step, like.solid_steps_per_step)
+    } else if let Some(flow) = &scene.flow {
+        let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+        let path = "time.solid_steps_per_fluid_step";
+        if needed > 100_000.0 {
+            let cause = critical_step::decisive(scene).map_or(String::new(), |(k, radius, mass)| {
+                format!(
+                    ": the lightest grain, of radius {} m and {} kg/m3 (`{}`), has a mass of {} kg",
+                    number(radius),
+                    number(scene.density(k)),
+                    scene.materials[k].name,
+                    number(mass)
+                )
+            });
+            findings.error(
+                path,
+                format!(
+                    "stability requires {} solid steps per fluid step; at most 100000 are allowed{cause}",
+                    number(needed)
+                ),
+                "check the units of radius, density and stiffness; use softer contacts or a smaller fluid time step",
+            );
+            return None;
+        }
+        let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
+        let steps = match time.solid_steps_per_fluid_step {
+            SolidSteps::Auto(_) => {
+                let needed = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+                u32::try_from(whole(needed.min(1e5))).unwrap_or(u32::MAX)
+            }
+            SolidSteps::Number(n) => {
+                if n < needed {
+                    findings.error(
+                        path,
+                        format!(
+                            "the solid time step of {} s is above {} times the critical one",
+                            number(flow.time_step / f64::from(n.max(1))),
+                            time.solid_time_step_safety
+                        ),
+                        Remedy::from(format!("use at least {needed}, or \"auto\""))
+                            .set(path, needed),
+                    );
+                }
+                n.max(1)
+            }
+        };
+        (flow.time_step, steps)
+    } else {
+        let dt = time
+            .solid_time_step
+            .or(automatic)
+            .unwrap_or(time.end / 1000.0);
+        if let Some(allowed) = allowed
+            && dt > allowed * (1.0 + 1e-12)
+        {
+            findings.error(
+                "time.solid_time_step",
+                format!(
+                    "the time step is above {} times the critical one",
+                    time.solid_time_step_safety
+                ),
+                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                    .set("time.solid_time_step", at_most(allowed)),
+            );
+        }
+        let steps = scene.seepage.as_ref().map_or(1, |seepage| {
+            let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
+            seepage.coupling_interval(dt, longest)
+        });
+        (dt * f64::from(steps), steps)
+    };
+    let total = time.end / time_step;
+    if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {
+        findings.error(
+            "time.end",
+            format!(
+                "this takes {} steps of {} s; at most {MOST_STEPS:e}",
+                number(total),
+                number(time_step)
+            ),
+            "use a shorter time or larger steps",
+        );
+        return None;
+    }
+    let warm_up_steps = match time.warm_up {
+        Some(WarmUp::FluidOnly { at_most, .. }) if at_most / time_step <= MOST_STEPS => {
+            steps(at_most / time_step)
+        }
+        Some(_) => {
+            findings.error(
+                "time.warm_up.fluid_only.at_most",
+                "the warm-up would never end",
+                "use a shorter time",
+            );
+            return None;
+        }
+        None => 0,
+    };
+    Some(Clock {
+        time_step,
+        steps: steps(total).max(1),
+        solid_steps_per_step: solid_steps,
+        solid_time_step: time_step / f64::from(solid_steps),
+        critical_solid_time_step: critical.map(|c| c.time_step),
+        warm_up_steps,
+    })
+}
+
+/// A number of steps: the nearest whole number, if it is one to round-off, else the next.
+fn steps(x: f64) -> u64 {
+    let nearest = x.round();
+    let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);
+    u64::try_from(whole(if exact { nearest } else { x.ceil() })).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,663 @@
+//! The resolved problem: checked, complete, the same on every rank, without state.
+//!
+//! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI.
+//! [`crate`] derives time steps, memory and stability.
+
+pub mod auto;
+pub mod block;
+pub mod blocks;
+pub mod bodies;
+pub mod body_force;
+pub mod boundaries;
+pub mod collapse;
+pub mod contact;
+pub mod findings;
+pub mod flow;
+pub mod free_surface;
+pub mod grading;
+pub mod grains;
+pub(crate) mod gravity;
+pub mod grid;
+pub mod initial;
+mod motion;
+pub mod observe;
+mod overlaps;
+pub(crate) mod packed;
+pub(crate) mod pairs;
+pub mod porous;
+pub mod profile;
+mod region;
+pub mod rock;
+pub mod sample;
+pub(crate) mod saved;
+pub mod seepage;
+pub(crate) mod speed;
+pub(crate) mod stl;
+pub mod structures;
+pub mod walls;
+
+use base::error::{Problem, Remedy, Report};
+use case::Case;
+use case::coupling::Coupling;
+use case::fluid::Fluid;
+use case::observe::Output;
+use case::solids;
+use case::time::{Checkpoint, Guards, SolidSteps, Time};
+use dem::contact::{blocks as law_of_blocks, linear};
+use dem::polyhedron::Solid;
+use findings::Findings;
+use serde::Serialize;
+
+/// The resolved problem.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// One line that names the run.
+    pub title: String,
+    /// The cells.
+    pub grid: grid::Grid,
+    /// Acceleration of gravity [m/s2].
+    pub gravity: [f64; 3],
+    /// Materials; other parts of the scene refer to them by index.
+    pub materials: Vec<Material>,
+    /// The fluid, if any.
+    pub flow: Option<flow::Flow>,
+    /// The free surface of the fluid, if any.
+    pub surface: Option<free_surface::FreeSurface>,
+    /// The seepage, if any. A scene has at most one fluid.
+    pub seepage: Option<seepage::Seepage>,
+    /// The grains, if any.
+    pub grains: Option<grains::Grains>,
+    /// The blocks, if any.
+    pub blocks: Option<blocks::Blocks>,
+    /// The contact law, if contacts are possible.
+    pub contact: Option<contact::ContactTable>,
+    /// Structures, in the order of the case.
+    pub structures: Vec<structures::Structure>,
+    /// Porous zones of a fluid on a lattice, in the order of the case.
+    pub porous_zones: Vec<porous::PorousZone>,
+    /// Walls of grains: those of the case, of the structures, and on faces of the domain.
+    pub walls: Vec<walls::Wall>,
+    /// Named bodies.
+    pub bodies: Vec<bodies::Body>,
+    /// The coupling, if there are fluid and solids.
+    pub coupling: Option<Coupling>,
+    /// Duration and steps, as written.
+    pub time: Time,
+    /// Regions.
+    pub regions: Vec<observe::Region>,
+    /// Probes.
+    pub probes: Vec<observe::Probe>,
+    /// Outputs, as written.
+    pub output: Output,
+    /// Checkpoints, as written.
+    pub checkpoint: Checkpoint,
+    /// Guards, as written.
+    pub guards: Guards,
+    /// Erosion law analysis.
+    pub erosion_law: Option<observe::ErosionLaw>,
+    /// Analysis of ground collapse.
+    pub ground_collapse: Option<collapse::GroundCollapse>,
+    /// The automatic choices and their reasons.
+    pub chosen: auto::Chosen,
+    /// Causes of changes of density in the lattice fluid beside the pressures that the case states.
+    pub density_causes: Vec<auto::density::Cause>,
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Material {
+    /// Its name.
+    pub name: String,
+    /// Density [kg/m3]; required for free motion.
+    pub density: Option<f64>,
+}
+
+/// The solids of a scene, and the law of their contacts.
+struct Solids {
+    structures: Vec<structures::Structure>,
+    walls: Vec<walls::Wall>,
+    bodies: Vec<bodies::Body>,
+    grains: Option<grains::Grains>,
+    contact: Option<contact::ContactTable>,
+    blocks: Option<blocks::Blocks>,
+}
+
+impl Solids {
+    /// Resolves the solids of a case.
+    fn resolve(
+        case: &Case,
+        grid: &grid::Grid,
+        names: &[String],
+        flow: Option<&flow::Flow>,
+        findings: &mut Findings,
+    ) -> Self {
+        let structures = structures::structures(case, grid, names, findings);
+        if let Some(flow) = flow {
+            structures::openings(grid, &structures, flow, findings);
+        }
+        let walls = walls::walls(case, grid, names, &structures, findings);
+        let bodies = bodies::bodies(case, grid, names, findings);
+        let grains = grains::grains(case, grid, names, findings);
+        let contact = contact::ContactTable::resolve(case, grains.as_ref(), findings);
+        contact::warn_of_friction(case, findings);
+        Self {
+            structures,
+            walls,
+            bodies,
+            grains,
+            contact,
+            blocks: blocks::blocks(case, grid, names, findings),
+        }
+    }
+
+    /// Checks walls in the water.
+    fn check_water(&self, case: &Case, grid: &grid::Grid, findings: &mut Findings) {
+        let fixed = |body: &&bodies::Body| body.mobility == bodies::Mobility::Fixed;
+        let bodies = self.bodies.iter().filter(fixed);
+        let bodies = bodies.filter_map(|body| body.solid.as_ref());
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        let blocks = blocks.filter(|block| block.fixed);
+        let fixed: Vec<&Solid> = bodies.chain(blocks.map(|block| &block.solid)).collect();
+        let solids = (self.structures.as_slice(), fixed.as_slice());
+        walls::walls_in_water(case, grid, &self.walls, solids, findings);
+    }
+
+    /// Refuses solids that overlap at the start.
+    fn check_start(
+        &self,
+        case: &Case,
+        grid: &grid::Grid,
+        gravity: [f64; 3],
+        findings: &mut Findings,
+    ) {
+        let start = overlaps::Start {
+            case,
+            grid,
+            gravity,
+            grains: self.grains.as_ref(),
+            blocks: self.blocks.as_ref(),
+            bodies: &self.bodies,
+            walls: &self.walls,
+            structures: &self.structures,
+        };
+        overlaps::overlaps(&start, findings);
+    }
+}
+
+impl Scene {
+    /// Resolves a case; returns warnings beside the scene.
+    ///
+    /// # Errors
+    /// All problems of the case, warnings included.
+    pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
+        match Self::attempt(case, None, &[]) {
+            (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
+            (_, findings) => Err(findings.problems),
+        }
+    }
+
+    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields that both
+    /// leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
+    pub(crate) fn attempt<'a>(
+        case: &'a Case,
+        like: Option<&Self>,
+        wrong: &[String],
+    ) -> (Option<Self>, Findings<'a>) {
+        let mut findings = Findings::with_wrong(case, wrong);
+        if let Some(like) = like {
+            let spacing = auto::spacing::Spacing::like(like);
+            return Self::at(case, &spacing, Some(like), findings);
+        }
+        // A spacing chosen from wrong fields would be the cause of further findings.
+        if case.domain.spacing.is_none() && findings.stop_plan() {
+            return (None, findings);
+        }
+        let Some(spacing) = auto::spacing::first(case, &mut findings) else {
+            return (None, findings);
+        };
+        let (scene, findings) = Self::at(case, &spacing, None, findings);
+        if findings.stopped {
+            return (scene, findings);
+        }
+        // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
+        let finer = scene.as_ref();
+        match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
+            Some(finer) => Self::at(case, &finer, None, Findings::with_wrong(case, wrong)),
+            None => (scene, findings),
+        }
+    }
+
+    /// Resolves a case at a spacing, with the choices that it leaves to the program.
+    fn at<'a>(
+        written: &Case,
+        spacing: &auto::spacing::Spacing,
+        like: Option<&Self>,
+        mut findings: Findings<'a>,
+    ) -> (Option<Self>, Findings<'a>) {
+        let mut chosen = auto::Chosen::default();
+        spacing.note(&mut chosen);
+        spacing.tell_of_rounding(written, &mut findings);
+        let case = &*auto::filled(written, spacing, &mut chosen);
+        // A restarted run is past its start.
+        let starts = like.is_none();
+        let Some(mut scene) = Self::filled(case, starts, &mut findings) else {
+            return (None, findings);
+        };
+        scene.chosen = chosen;
+        // What the choices below refuse, a finer spacing may cure; what is wrong before them it does not.
+        findings.stopped = findings.stop_plan();
+        if findings.stopped {
+            return (Some(scene), findings);
+        }
+        match like {
+            Some(like) => {
+                auto::keep(&mut scene, written, like);
+                scene.forget_sample();
+            }
+            None => auto::settle(&mut scene, case, written, &mut findings),
+        }
+        log::debug!(
+            "scene: cells {:?} of {} m, {} materials, {} bodies, \
+             {} blocks, {} walls, {} regions, {} probes, {} findings",
+            scene.grid.cells,
+            scene.grid.spacing,
+            scene.materials.len(),
+            scene.bodies.len(),
+            scene.blocks.as_ref().map_or(0, |blocks| blocks.number),
+            scene.walls.len(),
+            scene.regions.len(),
+            scene.probes.len(),
+            findings.problems.len()
+        );
+        (Some(scene), findings)
+    }
+
+    /// Resolves a case with a spacing, before the program chooses what the case leaves out.
+    fn filled(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
+        let grid = grid::Grid::resolve(&case.domain, findings)?;
+        let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
+            block::Block::vector(&grid, g, "gravity", findings)
+        });
+        gravity::check_size(gravity, findings);
+        let names: Vec<String> = case.materials.keys().cloned().collect();
+        let materials = case.materials.iter().map(|(name, material)| Material {
+            name: name.clone(),
+            density: material.density,
+        });
+        let materials = materials.collect();
+        let flow = flow::Flow::resolve(case, &grid, findings);
+        let surface = flow
+            .as_ref()
+            .and_then(|flow| free_surface::resolve(case, &grid, &flow.faces, findings));
+        let solids = Solids::resolve(case, &grid, &names, flow.as_ref(), findings);
+        const SOLIDS: [&str; 6] = [
+            "domain",
+            "structures",
+            "walls",
+            "bodies",
+            "grains",
+            "blocks",
+        ];
+        if !findings.wrong_in(&SOLIDS) {
+            solids.check_water(case, &grid, findings);
+        }
+        if starts && !findings.wrong_in(&SOLIDS) {
+            solids.check_start(case, &grid, gravity, findings);
+        }
+        let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
+        let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
+        let porous_zones = porous::zones(case, &grid, findings);
+        let regions = observe::regions(case, &grid, &names, findings);
+        let measured = observe::Measured {
+            case,
+            grid: &grid,
+            bodies: &solids.bodies,
+            structures,
+        };
+        let probes = observe::probes(&measured, findings);
+        let erosion_law = observe::erosion_law(case, &grid, &regions, findings);
+        let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, findings);
+        let solid = has_solids(case);
+        observe::outputs(case, solid, findings);
+        agree(case, findings);
+        saved::names(case, findings);
+        findings.drop_consequences();
+        if findings.refused()
+            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
+                || case.grains.is_some() && solids.grains.is_none()
+                || case.blocks.is_some() && solids.blocks.is_none())
+        {
+            return None;
+        }
+        Some(Self {
+            title: case.title.clone(),
+            grid,
+            gravity,
+            materials,
+            flow,
+            surface,
+            seepage,
+            grains: solids.grains,
+            blocks: solids.blocks,
+            contact: solids.contact,
+            structures: solids.structures,
+            porous_zones,
+            walls: solids.walls,
+            bodies: solids.bodies,
+            coupling: case.coupling.clone().filter(|_| solid),
+            time: case.time.clone(),
+            regions,
+            probes,
+            output: case.output.clone(),
+            checkpoint: case.checkpoint.clone(),
+            guards: case.guards.clone(),
+            erosion_law,
+            ground_collapse,
+            density_causes: Vec::new(),
+            chosen: auto::Chosen::default(),
+        })
+    }
+
+    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion law.
+    #[must_use]
+    pub fn marks_start(&self) -> bool {
+        self.follows_grains() || self.erosion_law.is_some()
+    }
+
+    /// Whether an output or analysis requires the initial position of each grain.
+    #[must_use]
+    pub fn follows_grains(&self) -> bool {
+        let written = self.output.grains.as_ref();
+        self.ground_collapse.is_some()
+            || self.output.blocks.is_some()
+            || written.is_some_and(|grains| grains.displacement)
+    }
+
+    /// Id of the first grain: the named bodies come first, then the blocks.
+    #[must_use]
+    pub fn first_grain(&self) -> u64 {
+        (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
+    }
+
+    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then blocks.
+    pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
+        let bodies = self.bodies.iter().filter_map(|body| {
+            let free = body.mobility == bodies::Mobility::Free;
+            body.solid
+                .as_ref()
+                .map(|solid| (solid, body.material, free))
+        });
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
+    }
+
+    /// The polyhedron of this id in its initial position.
+    #[must_use]
+    pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
+        let place = usize::try_from(id).ok()?;
+        if let Some(body) = self.bodies.get(place) {
+            return body.solid.as_ref();
+        }
+        let blocks = self.blocks.as_ref()?;
+        let block = blocks.list.get(place - self.bodies.len());
+        block.map(|block| &block.solid)
+    }
+
+    /// Whether there are solids.
+    #[must_use]
+    pub fn has_solids(&self) -> bool {
+        self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
+    }
+
+    /// Frees the listed grains once the run contains them: some hundred bytes each.
+    pub fn forget_sample(&mut self) {
+        use grains::GrainSource::{File, List};
+        if let Some(List(grains) | File { grains, .. }) =
+            self.grains.as_mut().map(|grains| &mut grains.source)
+        {
+            *grains = Vec::new();
+        }
+    }
+
+    /// Density of a material [kg/m3]; zero where it has none.
+    #[must_use]
+    pub fn density(&self, material: usize) -> f64 {
+        let known = self.materials.get(material);
+        known.and_then(|m| m.density).unwrap_or(0.0)
+    }
+
+    /// Mass of a disc (per metre of depth) or sphere of this material \[kg\].
+    #[must_use]
+    pub fn mass(&self, material: usize, radius: f64) -> f64 {
+        let density = self.density(material);
+        let pi = std::f64::consts::PI;
+        if self.grid.dimension == 2 {
+            density * pi * radius * radius
+        } else {
+            density * 4.0 / 3.0 * pi * radius.powi(3)
+        }
+    }
+}
+
+fn has_solids(case: &Case) -> bool {
+    case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty()
+}
+
+/// Checks that the parts of a case fit each other.
+fn agree(case: &Case, findings: &mut Findings) {
+    let solid = has_solids(case);
+    let fluid = case.fluid.is_some();
+    if !solid && !fluid {
+        findings.error(
+            "fluid",
+            "this case has neither a fluid nor solids",
+            "add `fluid`, `grains` or `blocks`",
+        );
+    }
+    if case.coupling.is_some() && !fluid {
+        findings.error(
+            "coupling",
+            "there is no fluid in this case",
+            Remedy::take_out("remove the coupling", "coupling"),
+        );
+    } else if case.coupling.is_some() && !solid {
+        findings.warn(
+            "coupling",
+            "there are no solids in this case",
+            Remedy::take_out("remove the coupling", "coupling"),
+        );
+    }
+    let polyhedra = has_polyhedra(case);
+    of_covered_cells(case, findings);
+    if polyhedra {
+        of_polyhedra(case, findings);
+    } else if case.output.blocks.is_some() && solid {
+        findings.error(
+            "output.blocks",
+            "there are no blocks in this case",
+            Remedy::take_out("remove this output", "output.blocks"),
+        );
+    }
+    of_contacts(case, findings);
+    of_times(case, findings);
+    for name in case.materials.keys().filter(|name| name.is_empty()) {
+        findings.error(
+            &format!("materials.{name}"),
+            "a material needs a name",
+            "give it one",
+        );
+    }
+}
+
+/// Checks that there is a contact law where bodies move, and only there.
+fn of_contacts(case: &Case, findings: &mut Findings) {
+    let moving = case.grains.is_some()
+        || case.blocks.is_some()
+        || case
+            .bodies
+            .iter()
+            .any(|b| matches!(b.motion, solids::Motion::Free { .. }));
+    let polyhedra = has_polyhedra(case);
+    let flat = case.domain.size.0.len() == 2;
+    if moving && case.contact.is_none() && !auto::solids::move_without_law(case) {
+        let law = if polyhedra {
+            law_of_blocks::example()
+        } else {
+            linear::example()
+        };
+        findings.error(
+            "contact",
+            "bodies can move and touch, but there is no contact law",
+            if polyhedra && flat {
+                "make the domain 3-D, and add a law of blocks".into()
+            } else {
+                Remedy::from(format!("add for example \"contact\": {law}")).set("contact", law)
+            },
+        );
+    }
+    if case.contact.is_some() && !moving {
+        findings.warn(
+            "contact",
+            "nothing moves freely in this case",
+            Remedy::take_out("remove the contact law", "contact"),
+        );
+    }
+}
+
+/// Checks times that depend on the fluid.
+fn of_times(case: &Case, findings: &mut Findings) {
+    let fluid = case.fluid.is_some();
+    let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
+    if lattice && case.time.solid_time_step.is_some() {
+        findings.error(
+            "time.solid_time_step",
+            "with a fluid, the solid time step is the fluid time step divided by `solid_steps_per_fluid_step`",
+            Remedy::take_out("remove it", "time.solid_time_step"),
+        );
+    }
+    if !lattice && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
+        let (reason, remedy) = if fluid {
+            (
+                "with seepage, `coupling_interval` determines it",
+                "use that one",
+            )
+        } else {
+            ("there is no fluid in this case", "remove it")
+        };
+        let path = "time.solid_steps_per_fluid_step";
+        findings.error(path, reason, Remedy::from(remedy).set(path, "auto"));
+    }
+    if case.time.warm_up.is_some() && !fluid {
+        findings.error(
+            "time.warm_up",
+            "the warm-up needs a fluid, and there is none",
+            Remedy::take_out("remove it", "time.warm_up"),
+        );
+    }
+}
+
+/// The matched operator scales the times of its fluid.
+fn of_covered_cells(case: &Case, findings: &mut Findings) {
+    if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
+        (&case.coupling, &case.fluid)
+        && let Some(operator) = cells.solid_operator
+        && operator.model().needs_two_rates()
+        && fluid
+            .collision
+            .is_some_and(|collision| collision.model().antisymmetric_rate().is_none())
+    {
+        findings.error(
+            "coupling.partially_saturated.solid_operator",
+            format!(
+                "{} scales the one or two relaxation times of BGK and TRT",
+                operator.name()
+            ),
+            Remedy::from("take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back")
+                .set(
+                    "coupling.partially_saturated.solid_operator",
+                    "non_equilibrium_bounce_back",
+                ),
+        );
+    }
+}
+
+/// What polyhedra can do without, and what they cannot.
+fn of_polyhedra(case: &Case, findings: &mut Findings) {
+    if matches!(case.fluid, Some(Fluid::Darcy(_))) {
+        findings.error(
+            "fluid",
+            "seepage acts on grains, not on blocks",
+            "use lattice_boltzmann, or remove the blocks and polyhedra",
+        );
+    }
+    if case.contact.as_ref().is_some_and(|law| !law.of_polyhedra()) {
+        findings.error(
+            "contact",
+            "this law is for discs and spheres, but there are polyhedra",
+            if case.domain.size.0.len() == 2 {
+                "remove the polyhedra: they require three dimensions".into()
+            } else {
+                let law = law_of_blocks::example();
+                Remedy::from(format!("write for example {law}")).set("contact", law)
+            },
+        );
+        findings.depends(&["blocks", "bodies"]);
+    }
+}
+
+/// Whether the case has a law of blocks.
+pub(crate) fn has_polyhedra(case: &Case) -> bool {
+    case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
+}
+
+/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else of the first free body,
+/// else of the first body.
+pub(crate) fn usual_material(case: &Case) -> Option<&str> {
+    let of_grains = case.grains.as_ref().map(|grains| &grains.material);
+    let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
+    let free = |body: &&solids::Body| matches!(body.motion, solids::Motion::Free { .. });
+    let of_bodies = || {
+        let free = case.bodies.iter().find(free);
+        free.or(case.bodies.first()).map(|body| &body.material)
+    };
+    of_grains
+        .or_else(of_blocks)
+        .or_else(of_bodies)
+        .map(String::as_str)
+}
+
+/// The index of a material, or a finding.
+pub(crate) fn material(
+    names: &[String],
+    name: &str,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<usize> {
+    let index = names.iter().position(|known| known == name);
+    if index.is_none() {
+        let known: Vec<&str> = names.iter().map(String::as_str).collect();
+        findings.unknown_material(path, name, &known);
+    }
+    index
+}
+
+/// Checks names, which become file names: not empty, plain characters, unique.
+pub(crate) fn unique<'a>(
+    known: &mut Vec<&'a str>,
+    name: &'a str,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');
+    if name.is_empty() || name.len() > 100 || name.starts_with('.') || !name.chars().all(plain) {
+        findings.error(
+            path,
+            "a name has 1 to 100 letters, digits, spaces, and - _ . + only, and does not start with a dot",
+            "use such a name",
+        );
+    }
+    if known.contains(&name) {
+        findings.error(path, "this name is used twice", "use another name");
+    }
+    known.push(name);
+}

@@ -1,0 +1,458 @@
+//! Changes of density in the lattice fluid, before the run: a pressure p is a change of density p/(ρ c²), c the speed
+//! of sound.
+//!
+//! Beside the pressures that a case states there are those that its flow needs, estimated from above:
+//!
+//! ```text
+//! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
+//! rim       ρ U (0.35 c + k ν/h)          a uniform profile that ends at a wall; k = 1.8 in 2-D, 3.9 in 3-D
+//! lid       ρ U (0.05 c + k ν/h)          a moving wall that meets one at rest; k = 2.8 in 2-D, 3.15 in 3-D
+//! channel   12 ρ ν U L/(a² (1 - 0.63 a/b))    between plates (b infinite) or in a duct a x b
+//!           f L ρ U²/(2 D), f = 0.316 Re^(-1/4)    if larger, from Re = 2300; D the hydraulic diameter
+//! solids    see [`super::sections`]
+//! gap       12 ρ ν I q + 0.75 ρ (q/g)²    width g, resistance I ([`super::sound`]), discharge per depth q
+//! force     f L                           a body force against walls
+//! ```
+//!
+//! The first is the pressure of a closing valve (Joukowsky); behind a uniform inlet between walls it is 1.1 times as
+//! high. The second and the third were measured behind uniform inlets and under lids at relaxation times of 0.51 to
+//! 1.5. The fourth is laminar flow (R. K. Shah and A. L. London 1978) or Blasius' friction. With the lattice velocity u
+//! = U dt/h the changes of density are 3^½ u for a start and 3 p dt²/(ρ h²) for a steady pressure.
+
+use super::gaps::Gap;
+use super::sections::{self, End, Sections};
+use super::sound;
+use crate::scene::Scene;
+use crate::scene::boundaries::Patch;
+use crate::scene::flow::{Flow, PATH};
+use crate::scene::initial::Initial;
+use crate::scene::porous;
+use crate::scene::speed::{PILOT_MARGIN, passage};
+use lbm::boundary::profile::VelocityProfile;
+use lbm::boundary::{Condition, Inflow, Strength, Surface};
+use serde::Serialize;
+
+/// Factor of the sound of a start behind a uniform profile between walls.
+const AT_A_RIM: f64 = 1.1;
+/// Velocity of the sound of a start behind a profile that vanishes at walls, over the mean of the profile.
+const OVER_THE_MEAN: f64 = 1.2;
+/// Parts of the pressure at a rim: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
+const RIM_OF_INERTIA: f64 = 0.2;
+const RIM_OF_FRICTION: [f64; 2] = [1.8, 3.9];
+
+/// Loss on a way that winds between structures over that of its sections: baffles lost 1.7 to 2 times as much.
+const WINDING: f64 = 2.0;
+/// Parts of the pressure at the corner of a moving wall and a wall at rest.
+const LID_OF_INERTIA: f64 = 0.03;
+const LID_OF_FRICTION: [f64; 2] = [2.8, 3.15];
+
+/// Estimates over what runs found: behind inlets 1.2 to 1.5; in the corners of fast lids the change grows faster than
+/// the velocity.
+const OVER: f64 = 1.3;
+const OVER_AT_A_LID: f64 = 0.9;
+/// The sound of a start is exact but for what spreads.
+const OVER_AT_A_START: f64 = 1.0;
+
+/// A cause of a change of density.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cause {
+    /// Name of the cause.
+    pub what: &'static str,
+    /// JSON path of the field that decides it.
+    pub path: String,
+    /// Pressure that does not depend on the time step \[Pa\].
+    pub pressure: f64,
+    /// Velocity whose sound or inertia changes the density: by `sound` times the lattice velocity.
+    pub velocity: f64,
+    /// Change of density over the lattice velocity of `velocity`.
+    pub sound: f64,
+    /// Pressure that the sound does not exceed \[Pa\]: that of a slow change; infinite for a sudden one.
+    pub most: f64,
+    /// The estimate over what runs found, at least.
+    pub over: f64,
+}
+
+impl Cause {
+    fn steady(what: &'static str, path: String, pressure: f64) -> Self {
+        Self {
+            what,
+            path,
+            pressure,
+            velocity: 0.0,
+            sound: 0.0,
+            most: f64::INFINITY,
+            over: OVER,
+        }
+    }
+
+    /// Returns `true` for a loss of pressure along the flow, whose change of density is an error of the flow.
+    pub(crate) fn is_loss(&self) -> bool {
+        self.velocity == 0.0
+    }
+
+    /// Returns the relative change of density at a time step \[s\] and a spacing \[m\].
+    pub(crate) fn change(&self, time_step: f64, spacing: f64, density: f64) -> f64 {
+        let of = |pressure: f64| 3.0 * pressure * (time_step / spacing).powi(2) / density;
+        let sound = self.sound * self.velocity * time_step / spacing;
+        of(self.pressure) + sound.min(of(self.most))
+    }
+}
+
+/// Returns the sum of all changes of density at a time step.
+pub(crate) fn total(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
+    let changes = causes
+        .iter()
+        .map(|cause| cause.change(time_step, spacing, density));
+    changes.sum()
+}
+
+/// Returns the least change of density that a run will find at a time step.
+pub(crate) fn least(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
+    let changes = causes
+        .iter()
+        .map(|cause| cause.change(time_step, spacing, density) / cause.over);
+    changes.sum()
+}
+
+/// Returns the longest time step \[s\] at which all changes together stay within a bound, and the cause of most of it;
+/// none without causes.
+pub(crate) fn longest_step(
+    causes: &[Cause],
+    (bound, spacing, density): (f64, f64, f64),
+) -> Option<(&Cause, f64)> {
+    // A lattice velocity of one is beyond every limit.
+    let fastest = causes
+        .iter()
+        .map(|cause| cause.velocity)
+        .fold(0.0, f64::max);
+    let pressure: f64 = causes.iter().map(|cause| cause.pressure).sum();
+    if fastest <= 0.0 && pressure <= 0.0 {
+        return None;
+    }
+    let mut high = 1.0;
+    while total(causes, high, spacing, density) > bound && high > f64::MIN_POSITIVE {
+        high *= 0.5;
+    }
+    while total(causes, 2.0 * high, spacing, density) <= bound && high < 1e300 {
+        high *= 2.0;
+    }
+    let (mut low, mut high) = (high, 2.0 * high);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if total(causes, middle, spacing, density) <= bound {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let deciding = causes.iter().max_by(|a, b| {
+        let change = |cause: &Cause| cause.change(low, spacing, density);
+        change(a).total_cmp(&change(b))
+    });
+    deciding.map(|cause| (cause, low))
+}
+
+/// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow
+/// ways along axes.
+pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
+    let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
+        let imposed = |patch: &Patch| imposes_a_velocity(patch) && patch.face.axis() == axis;
+        let open = flow.patches().any(imposed);
+        open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
+    });
+    let inlets = flow.patches().filter(|patch| imposes_a_velocity(patch));
+    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::of).collect();
+    let mut causes = Vec::new();
+    for inlet in &inlets {
+        let open = sections[inlet.axis].as_ref().map(|found| found.open);
+        causes.extend(inlet.start(scene, flow, open));
+        causes.extend(inlet.rim(scene, flow));
+    }
+    causes.extend(flow.patches().filter_map(|patch| lid(scene, flow, patch)));
+    for (axis, sections) in sections.iter().enumerate() {
+        // The opening with the largest discharge through each axis.
+        let through = inlets.iter().filter(|inlet| inlet.axis == axis);
+        let discharges = through.filter_map(|inlet| Some((inlet.discharge(scene)?, inlet)));
+        let largest = discharges.fold(None, |known: Option<(f64, &Inlet)>, found| match known {
+            Some(known) if known.0 >= found.0 => Some(known),
+            _ => (found.0 > 0.0).then_some(found),
+        });
+        if let Some((discharge, inlet)) = largest {
+            let loss = loss(scene, flow, axis, discharge, sections.as_ref(), ways);
+            causes.extend(
+                loss.map(|(what, pressure)| Cause::steady(what, inlet.path.clone(), pressure)),
+            );
+            let losses = porous::losses(&scene.porous_zones, &scene.grid, axis, discharge);
+            causes.extend(losses.map(|(path, loss)| {
+                let what = "the resistance of a porous zone";
+                Cause::steady(what, path.to_owned(), flow.density * loss)
+            }));
+        }
+    }
+    causes.extend(force_against_walls(scene, flow));
+    if let Some(pilot) = &flow.pilot {
+        // The measured loss stands in place of what formulas say of the losses.
+        causes.retain(|cause| !cause.is_loss());
+        let pressure = PILOT_MARGIN * pilot.pressure;
+        let path = format!("{PATH}.pilot.pressure");
+        causes.push(Cause::steady("the pressure in a pilot", path, pressure));
+    }
+    causes
+}
+
+fn imposes_a_velocity(patch: &Patch) -> bool {
+    let nature = patch.condition.model().nature();
+    nature.surface == Surface::Opening && nature.strength == Strength::Velocity
+}
+
+/// An opening that imposes a velocity.
+struct Inlet<'a> {
+    patch: &'a Patch,
+    axis: usize,
+    /// Largest speed [m/s].
+    speed: f64,
+    /// JSON path of the field that decides the speed.
+    path: String,
+}
+
+impl<'a> Inlet<'a> {
+    fn of(patch: &'a Patch) -> Option<Self> {
+        let speed = patch.condition.model().speed()?;
+        Some(Self {
+            patch,
+            axis: patch.face.axis(),
+            speed: speed.value,
+            path: patch.path(speed.field)?,
+        })
+    }
+
+    /// Returns the uniform profile if it ends at walls, where it makes a rim [m/s].
+    fn uniform_at_walls(&self, flow: &Flow) -> Option<[f64; 3]> {
+        uniform(self.patch).filter(|_| ends_at_walls(flow, self.patch))
+    }
+
+    /// Returns the sound of the start; none where the fluid starts from a file or a flow of its own. `open` is the open
+    /// part of the narrowest section.
+    fn start(&self, scene: &Scene, flow: &Flow, open: Option<f64>) -> Option<Cause> {
+        let Initial::Uniform {
+            velocity: start, ..
+        } = flow.initial
+        else {
+            return None;
+        };
+        let (axis, model) = (self.axis, self.patch.condition.model());
+        let normal = match uniform(self.patch) {
+            Some(velocity) => (velocity[axis] - start[axis]).abs(),
+            // Waves over the face even out within some steps.
+            None => {
+                let own = match model.inflow(&self.patch.place(&scene.grid, PATH)) {
+                    Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(self.speed),
+                    _ => self.speed,
+                };
+                own + start[axis].abs()
+            }
+        };
+        let rim = self.uniform_at_walls(flow).is_some();
+        let ramp = model.ramp_time();
+        // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 + a) of
+        // the open part a.
+        let back = open.map_or(0.0, |open| (1.0 - open) / (1.0 + open));
+        (normal > 0.0).then(|| Cause {
+            what: "the sound of the start",
+            path: self.path.clone(),
+            pressure: 0.0,
+            velocity: normal,
+            sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { AT_A_RIM } else { 1.0 },
+            most: if ramp > 0.0 {
+                2.0 * flow.density * normal * scene.grid.size[axis] / ramp
+            } else {
+                f64::INFINITY
+            },
+            over: if rim { OVER } else { OVER_AT_A_START },
+        })
+    }
+
+    fn rim(&self, scene: &Scene, flow: &Flow) -> Option<Cause> {
+        let normal = self.uniform_at_walls(flow)?[self.axis].abs();
+        let friction = RIM_OF_FRICTION[scene.grid.dimension - 2];
+        Some(Cause {
+            what: "a uniform profile beside a wall",
+            path: self.path.clone(),
+            pressure: friction * flow.density * flow.kinematic_viscosity * normal
+                / scene.grid.spacing,
+            velocity: normal,
+            sound: 3.0 * RIM_OF_INERTIA,
+            most: f64::INFINITY,
+            over: OVER,
+        })
+    }
+
+    /// Returns the discharge [m2/s in 2-D, m3/s in 3-D]; none of a profile without a stated mean.
+    fn discharge(&self, scene: &Scene) -> Option<f64> {
+        let grid = &scene.grid;
+        let place = self.patch.place(grid, PATH);
+        let Inflow::Mean(mean) = self.patch.condition.model().inflow(&place) else {
+            return None;
+        };
+        let depth = grid.spacing.powi(if grid.dimension == 2 { 1 } else { 2 });
+        Some(mean.abs() * place.area() * depth)
+    }
+}
+
+/// Returns the pressure in the corner of a wall that moves along itself and ends at a wall at rest.
+fn lid(scene: &Scene, flow: &Flow, patch: &Patch) -> Option<Cause> {
+    let model = patch.condition.model();
+    let moves = model.nature().surface == Surface::MovingWall;
+    let speed = model
+        .speed()
+        .filter(|_| moves && lid_meets_wall(flow, patch))?;
+    let friction = LID_OF_FRICTION[scene.grid.dimension - 2];
+    Some(Cause {
+        what: "the corner of a moving wall",
+        path: patch.path(speed.field)?,
+        pressure: friction * flow.density * flow.kinematic_viscosity * speed.value
+            / scene.grid.spacing,
+        velocity: speed.value,
+        sound: 3.0 * LID_OF_INERTIA,
+        most: f64::INFINITY,
+        over: OVER_AT_A_LID,
+    })
+}
+
+/// Returns the loss of pressure along an axis at a discharge \[Pa\], and its name: the largest of the channel's, that
+/// between solids and those of narrow ways, each of which holds the loss of the whole way.
+fn loss(
+    scene: &Scene,
+    flow: &Flow,
+    axis: usize,
+    discharge: f64,
+    sections: Option<&Sections>,
+    ways: &[(usize, Gap)],
+) -> Option<(&'static str, f64)> {
+    let (density, viscosity) = (flow.density, flow.kinematic_viscosity);
+    let channel = in_channel(scene, flow, axis, discharge);
+    let channel = channel.map(|pressure| ("friction in the channel", pressure));
+    let between = sections.map(|sections| {
+        let speed = discharge / sections.smallest * (1.0 - sections.open);
+        let winding = if scene.structures.is_empty() {
+            1.0
+        } else {
+            WINDING
+        };
+        let friction = viscosity * sections.friction * discharge;
+        let pressure = winding * density * (friction + 0.75 * speed * speed);
+        ("the way between solids", pressure)
+    });
+    let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
+    let narrow = narrow.map(|(_, gap)| {
+        let resistance = sound::resistance(&sound::Way::of(gap));
+        let speed = discharge / gap.width;
+        let pressure = density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
+        ("a narrow way", pressure)
+    });
+    let all = channel.into_iter().chain(between).chain(narrow);
+    all.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn force_against_walls(scene: &Scene, flow: &Flow) -> Option<Cause> {
+    let grid = &scene.grid;
+    let force = flow.body_force.largest();
+    let against: f64 = (0..grid.dimension)
+        .filter(|a| !grid.periodic[*a] && !opens(flow, *a))
+        .map(|a| force[a].abs() * grid.size[a])
+        .sum();
+    let path = format!("{PATH}.body_force");
+    (against > 0.0).then(|| Cause::steady("the body force against walls", path, against))
+}
+
+/// Returns what bounds the water along an axis.
+fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
+    if scene.grid.periodic[axis] {
+        return [End::Periodic; 2];
+    }
+    [false, true].map(|upper| {
+        let faces = flow
+            .patches()
+            .filter(|patch| patch.face.axis() == axis && patch.face.is_max() == upper);
+        let mut walls = faces.map(|patch| is_wall(patch.condition.model().nature().surface));
+        if walls.any(|wall| wall) {
+            End::Wall
+        } else {
+            End::Slip
+        }
+    })
+}
+
+/// The velocity of a uniform profile [m/s]; none of another condition.
+fn uniform(patch: &Patch) -> Option<[f64; 3]> {
+    match &patch.condition {
+        Condition::Velocity(velocity) => match &velocity.profile {
+            VelocityProfile::Uniform(uniform) => Some(uniform.velocity.to_array()),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+fn surfaces(flow: &Flow, axis: usize) -> impl Iterator<Item = Surface> + '_ {
+    let faces = flow
+        .patches()
+        .filter(move |patch| patch.face.axis() == axis);
+    faces.map(|patch| patch.condition.model().nature().surface)
+}
+
+fn is_wall(surface: Surface) -> bool {
+    matches!(surface, Surface::Wall | Surface::MovingWall)
+}
+
+fn opens(flow: &Flow, axis: usize) -> bool {
+    surfaces(flow, axis).any(|surface| surface == Surface::Opening)
+}
+
+/// Returns `true` if the patch has walls beside it: at faces across, or on its own face.
+fn ends_at_walls(flow: &Flow, patch: &Patch) -> bool {
+    let axis = patch.face.axis();
+    let across = (0..3).filter(|a| *a != axis);
+    let beside = flow
+        .patches()
+        .any(|other| other.face == patch.face && is_wall(other.condition.model().nature().surface));
+    beside || across.into_iter().any(|a| surfaces(flow, a).any(is_wall))
+}
+
+/// Returns `true` if a wall at rest stands across the moving wall.
+fn lid_meets_wall(flow: &Flow, lid: &Patch) -> bool {
+    (0..3)
+        .filter(|a| *a != lid.face.axis())
+        .any(|a| surfaces(flow, a).any(|surface| surface == Surface::Wall))
+}
+
+/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none where nothing bounds it.
+fn in_channel(scene: &Scene, flow: &Flow, axis: usize, discharge: f64) -> Option<f64> {
+    let grid = &scene.grid;
+    let (length, _) = passage(scene, axis);
+    let mut heights = Vec::new();
+    let mut section = 1.0;
+    for a in (0..grid.dimension).filter(|a| *a != axis) {
+        section *= grid.size[a];
+        let walls = surfaces(flow, a)
+            .filter(|surface| is_wall(*surface))
+            .count();
+        match walls {
+            _ if grid.periodic[a] => {}
+            0 => {}
+            // A plane of symmetry stands for the other half.
+            1 => heights.push(2.0 * grid.size[a]),
+            _ => heights.push(grid.size[a]),
+        }
+    }
+    heights.sort_by(f64::total_cmp);
+    let narrow = *heights.first()?;
+    let aspect = heights.get(1).map_or(0.0, |wide| narrow / wide);
+    let speed = discharge / section;
+    let laminar = 12.0 * flow.kinematic_viscosity * speed * length
+        / (narrow * narrow * (1.0 - 0.63 * aspect));
+    let hydraulic = 2.0 * narrow / (1.0 + aspect);
+    let reynolds = speed * hydraulic / flow.kinematic_viscosity;
+    let turbulent = 0.316 * reynolds.powf(-0.25) * length / hydraulic * 0.5 * speed * speed;
+    Some(flow.density * laminar.max(if reynolds > 2300.0 { turbulent } else { 0.0 }))
+}

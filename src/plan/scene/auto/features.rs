@@ -1,0 +1,463 @@
+//! What the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
+
+use super::coupling_of;
+use super::gaps::{self, Gap};
+use super::ways::{self, Beside, Way};
+use crate::scene::Scene;
+use crate::scene::flow::Flow;
+use crate::scene::sample;
+use case::Case;
+use case::boundary::Boundary;
+use case::coupling::{Coupling, PartiallySaturated, Scheme, SolidOperator, Weighting};
+use case::fluid::{BodyForce, Fluid, Initial, LatticeBoltzmann};
+use case::geometry::Face;
+use case::grains::GrainSource;
+use case::observe::Action;
+use case::solids::{Body, Shape};
+use case::structures::Shape as Structure;
+use dem::polyhedron::{HalfSpace, Polyhedron};
+
+/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows has 0.61.
+const DENSE: f64 = 0.6;
+
+/// Rows of the table for layers that viscosity spreads in time.
+pub(crate) const LAYERS: &str = "layers in time";
+
+/// Rows of the table for ways between structures, or a structure and a wall.
+pub(crate) const STRUCTURES: &str = "ways between structures";
+
+/// Rows of the table for vortices away from walls.
+const VORTICES: &str = "vortices";
+
+/// Something that the water must resolve.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Feature {
+    /// In words: `diameter of `cylinder``.
+    pub(crate) what: String,
+    /// Its smallest width \[m\].
+    pub(crate) size: f64,
+    /// What the water meets there, as in the table of what is measured.
+    pub(crate) obstacle: &'static str,
+}
+
+/// The coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
+fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
+    match coupling {
+        Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
+        Coupling::BounceBack(links) if !round && links.scheme == Scheme::HalfWay => {
+            "blocks: half-way links"
+        }
+        Coupling::BounceBack(_) if !round => "blocks: interpolated links",
+        Coupling::PartiallySaturated(_) => "partially saturated cells",
+        Coupling::BounceBack(links) if links.scheme == Scheme::HalfWay => "half-way links",
+        Coupling::BounceBack(_) => "interpolated links",
+    }
+}
+
+fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
+    if cells.weighting == Weighting::Fraction {
+        return "blocks: weighted by fraction";
+    }
+    let operator = flow.map_or(cells.solid_operator, |flow| {
+        Some(flow.solid_operator(cells))
+    });
+    let operator = operator.unwrap_or(SolidOperator::ViscosityMatched);
+    operator.model().measured_rows()[0]
+}
+
+/// Rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through the gap.
+fn in_narrow_gap(obstacle: &'static str) -> &'static str {
+    let mut rows = SolidOperator::ALL.iter().map(|o| o.model().measured_rows());
+    match obstacle {
+        "blocks: half-way links" => "blocks in gaps: half-way links",
+        "blocks: interpolated links" => "blocks in gaps: interpolated links",
+        _ => rows
+            .find(|[alone, _]| *alone == obstacle)
+            .map_or("blocks in gaps: not measured", |[_, in_gaps]| in_gaps),
+    }
+}
+
+/// Rows of the table for gaps that water passes, by the rows of the solids beside it.
+fn in_gap(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "gaps: half-way links",
+        "interpolated links" => "gaps: interpolated links",
+        "partially saturated cells" => "gaps: partially saturated cells",
+        of_blocks => in_narrow_gap(of_blocks),
+    }
+}
+
+/// Rows of the table for gaps beside bodies that move, by the rows of the solids beside it.
+fn beside_moving(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "gaps beside bodies that move: half-way links",
+        "interpolated links" => "gaps beside bodies that move: interpolated links",
+        "partially saturated cells" => "gaps beside bodies that move: partially saturated cells",
+        of_blocks => in_narrow_gap(of_blocks),
+    }
+}
+
+/// Rows of the table for spheres that are closer together than [`DENSE`] diameters.
+fn packed(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "packed spheres: half-way links",
+        "interpolated links" => "packed spheres: interpolated links",
+        _ => "packed spheres: partially saturated cells",
+    }
+}
+
+/// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
+pub(crate) fn of(
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    scene: Option<&Scene>,
+    speed: Option<f64>,
+) -> Vec<Feature> {
+    let flow = scene.and_then(|scene| scene.flow.as_ref());
+    let mut list = solids(case, lbm, flow);
+    list.extend(structures(case));
+    if let (Some(scene), Some(flow)) = (scene, flow) {
+        list.extend(
+            ways::of(scene, flow)
+                .into_iter()
+                .filter_map(|way| of_way(way, case, flow)),
+        );
+    }
+    let mut walls = |what: String, size: f64| {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: "walls",
+        });
+    };
+    for (axis, size) in gaps(case, lbm) {
+        let axis = ["x", "y", "z"][axis];
+        walls(format!("width of the domain along {axis}"), size);
+    }
+    for boundary in &lbm.boundaries {
+        if let Some(size) = opening(case, boundary) {
+            walls(format!("width of `{}`", boundary.name), size);
+        }
+    }
+    for cut in case.grains.iter().flat_map(|grains| &grains.cut) {
+        let (from, to) = (&cut.region.from.0, &cut.region.to.0);
+        let size = (from.iter().zip(to)).map(|(a, b)| b - a);
+        walls(
+            format!("width of `{}`", cut.name),
+            size.fold(f64::INFINITY, f64::min),
+        );
+    }
+    for (what, size) in layers(case, lbm, speed) {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: LAYERS,
+        });
+    }
+    let mut vortices = |what: String, size: f64| {
+        list.push(Feature {
+            what,
+            size,
+            obstacle: VORTICES,
+        });
+    };
+    if let Initial::TaylorGreen { waves, .. } = &lbm.initial {
+        let lengths = (case.domain.size.0.iter().zip(waves)).map(|(l, n)| 0.5 * l / f64::from(*n));
+        vortices(
+            "half a wave of the vortices".into(),
+            lengths.fold(f64::INFINITY, f64::min),
+        );
+    }
+    if let Initial::ShearLayers { thickness, .. } = &lbm.initial {
+        vortices(
+            "twice the thickness of a shear layer".into(),
+            2.0 * thickness,
+        );
+    }
+    list.retain(|feature| feature.size.is_finite() && feature.size > 0.0);
+    if list.is_empty() {
+        let smallest = case.domain.size.0.iter().copied();
+        list.push(Feature {
+            what: "smallest edge of the domain".into(),
+            size: smallest.fold(f64::INFINITY, f64::min),
+            obstacle: "walls",
+        });
+    }
+    list
+}
+
+/// Diameters of bodies and grains.
+fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
+    let Some(coupling) = coupling_of(case) else {
+        return Vec::new();
+    };
+    let factor = coupling.hydraulic_radius_factor();
+    let bodies = case.bodies.iter().flat_map(|body| {
+        let obstacle = obstacle(&coupling, flow, body.shape.round());
+        let width = width(&body.shape).map(|size| Feature {
+            what: format!("width of `{}`", body.name),
+            size,
+            obstacle,
+        });
+        let gap = narrow_gap(case, lbm, body).map(|(width, gap)| Feature {
+            what: format!("mean of width and gap of `{}`", body.name),
+            size: (width * gap).sqrt(),
+            obstacle: in_narrow_gap(obstacle),
+        });
+        width.into_iter().chain(gap)
+    });
+    let round = obstacle(&coupling, flow, true);
+    let grains = smallest_grain(case).map(|diameter| Feature {
+        what: "diameter of the smallest grain".into(),
+        size: diameter * factor,
+        obstacle: round,
+    });
+    let mut list: Vec<Feature> = bodies.chain(grains).collect();
+    let found = gaps::of(case, lbm, factor);
+    let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
+    let ways = found.ways.iter().map(|(_, gap)| (gap, in_gap(beside(gap))));
+    let moving = found
+        .moving
+        .iter()
+        .map(|gap| (gap, beside_moving(beside(gap))));
+    let open = ways.chain(moving).filter(|(gap, _)| gap.width > 0.0);
+    list.extend(open.map(|(gap, obstacle)| of_gap(gap, obstacle)));
+    let dense = found
+        .narrowest
+        .filter(|gap| gap.width < DENSE * gap.beside && !gap.faces);
+    list.extend(dense.map(|gap| Feature {
+        what: format!("pores beside the {}", gap.what),
+        size: gap.beside * pores(found.solid),
+        obstacle: packed(round),
+    }));
+    list
+}
+
+/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid fraction, over their diameter; at
+/// most 1. Errors of packed spheres go with it: on simple, body-centred and face-centred cubic lattices from 0.216 to 0.65 they
+/// are one curve.
+fn pores(solid: f64) -> f64 {
+    (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
+}
+
+/// A gap that water passes. Beside faces the rows hold the mean of width and gap.
+fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
+    Feature {
+        what: gap.what.clone(),
+        size: if gap.faces {
+            (gap.width * gap.beside).sqrt()
+        } else {
+            gap.width
+        },
+        obstacle,
+    }
+}
+
+/// The narrowest place of a way; none where other features stand for it.
+fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
+    let coupling = coupling_of(case);
+    let beside = |round| {
+        coupling
+            .as_ref()
+            .map(|coupling| obstacle(coupling, Some(flow), round))
+    };
+    let obstacle = match way.beside {
+        // The plane has the gaps of all pairs, and pores stand for packed spheres.
+        Beside::Balls => return None,
+        Beside::BallAndWall | Beside::Faces if case.domain.size.0.len() == 2 => return None,
+        Beside::BallAndWall => beside_a_wall(beside(true)?),
+        Beside::Faces => between_faces(beside(false)?),
+        Beside::Structure => STRUCTURES,
+    };
+    Some(Feature {
+        what: way.what,
+        size: way.width,
+        obstacle,
+    })
+}
+
+/// Rows of the table for ways between a sphere and a wall.
+fn beside_a_wall(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "half-way links" => "ways beside spheres: half-way links",
+        "interpolated links" => "ways beside spheres: interpolated links",
+        _ => "ways beside spheres: partially saturated cells",
+    }
+}
+
+/// Rows of the table for ways between blocks, their periodic images and walls.
+fn between_faces(obstacle: &'static str) -> &'static str {
+    match obstacle {
+        "blocks: half-way links" => "ways between blocks: half-way links",
+        "blocks: interpolated links" => "ways between blocks: interpolated links",
+        "blocks: viscosity matched" => "ways between blocks: viscosity matched",
+        _ => "ways between blocks: not measured",
+    }
+}
+
+/// Diameters of round structures. Sheets and boxes hold water back however thin they are.
+fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
+    let wet = case.structures.iter().filter(|s| s.stops.water());
+    wet.filter_map(|structure| {
+        let radius = match &structure.shape {
+            Structure::Disc(disc) => disc.radius,
+            Structure::Sphere(sphere) => sphere.radius,
+            Structure::Cylinder(cylinder) => cylinder.radius,
+            _ => return None,
+        };
+        Some(Feature {
+            what: format!("diameter of `{}`", structure.name),
+            size: 2.0 * radius,
+            obstacle: "interpolated links",
+        })
+    })
+}
+
+/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
+/// volume, as it may turn. None where it fills the way from wall to wall.
+fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
+    let volume = match &body.shape {
+        Shape::Cuboid { edges } => edges.iter().product(),
+        Shape::Vertices(points) => {
+            let points: Vec<_> = points.iter().copied().map(Into::into).collect();
+            Polyhedron::from_vertices(&points).ok()?.shape.volume()
+        }
+        _ => return None,
+    };
+    let diameter = (volume * 6.0 / std::f64::consts::PI).cbrt();
+    let width = width(&body.shape)?;
+    let beside = |(_, length): (usize, f64)| 0.5 * (length - diameter);
+    let gaps = gaps(case, lbm).into_iter().map(beside);
+    let gap = gaps.filter(|gap| *gap > 0.0).reduce(f64::min)?;
+    (gap < width).then_some((width, gap))
+}
+
+/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none where it is
+/// not known yet.
+pub(crate) fn width(shape: &Shape) -> Option<f64> {
+    match shape {
+        Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),
+        Shape::Cuboid { edges } => edges.iter().copied().reduce(f64::min),
+        Shape::Vertices(points) => {
+            let points: Vec<_> = points.iter().copied().map(Into::into).collect();
+            let hull = Polyhedron::from_vertices(&points).ok()?.shape;
+            let across = |plane: &HalfSpace| {
+                let heights = hull.vertices().iter().map(|corner| plane.height(corner));
+                -heights.fold(f64::INFINITY, f64::min)
+            };
+            hull.half_spaces().iter().map(across).reduce(f64::min)
+        }
+        Shape::HalfSpaces(_) | Shape::Mesh(_) => None,
+    }
+}
+
+/// Diameters of the smallest and the largest grain that is there or will appear \[m\].
+pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
+    let mut radii: Vec<f64> = Vec::new();
+    match case.grains.as_ref().map(|grains| &grains.initial) {
+        None => {}
+        Some(GrainSource::List(list)) => radii.extend(list.iter().map(|grain| grain.radius)),
+        Some(GrainSource::Growth(growth)) => {
+            let (low, high) = growth.radii.bounds();
+            radii.extend([low, high]);
+        }
+        Some(GrainSource::Deposition(rain)) => {
+            let (low, high) = rain.grading.bounds();
+            radii.extend([low, high]);
+            for layer in &rain.layers {
+                let (low, high) = layer.grading.bounds();
+                radii.extend([low, high]);
+            }
+        }
+        Some(GrainSource::File { path }) => {
+            // A file that cannot be read is a finding of the grains.
+            let grains = sample::load(case, path);
+            radii.extend(grains.unwrap_or_default().iter().map(|grain| grain.radius));
+        }
+    }
+    for region in &case.regions {
+        if let Action::Generate { radii: new, .. } = &region.action {
+            let (low, high) = new.bounds();
+            radii.extend([low, high]);
+        }
+    }
+    let low = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = radii.iter().copied().fold(0.0, f64::max);
+    (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
+}
+
+/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that oscillates (Stokes), and (nu t)^½ of a
+/// flow that starts, at the end of a run that is shorter than the way of the flow along what it grows at (Rayleigh). Layers thicker than half of what
+/// they grow in are no layers.
+fn layers(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(String, f64)> {
+    let nu = lbm.kinematic_viscosity;
+    let widths = gaps(case, lbm).into_iter().map(|(_, length)| length);
+    let bodies = case.bodies.iter().filter_map(|body| width(&body.shape));
+    let narrowest = widths.clone().fold(f64::INFINITY, f64::min);
+    let half = 0.5
+        * narrowest.min(
+            case.domain
+                .size
+                .0
+                .iter()
+                .copied()
+                .fold(f64::INFINITY, f64::min),
+        );
+    let Some(smallest) = widths.chain(bodies).reduce(f64::min) else {
+        return Vec::new();
+    };
+    let mut list = Vec::new();
+    if let Some(BodyForce::Oscillating { period, .. }) = &lbm.body_force {
+        let thickness = (nu * period / std::f64::consts::PI).sqrt();
+        list.push(("Stokes layer of the body force".to_owned(), thickness));
+    }
+    if speed.is_some_and(|speed| speed * case.time.end < smallest) {
+        let what = "layer that grows at walls and bodies until the end of the run";
+        list.push((what.to_owned(), (nu * case.time.end).sqrt()));
+    }
+    list.retain(|(_, thickness)| *thickness < half);
+    list
+}
+
+fn smallest_grain(case: &Case) -> Option<f64> {
+    grain_diameters(case).map(|(low, _)| low)
+}
+
+/// Axes with walls at both ends, and their lengths.
+fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
+    let open = |axis: usize| {
+        lbm.boundaries.iter().any(|boundary| {
+            boundary.patch.is_none()
+                && boundary.face.axis() == axis
+                && boundary.condition.model().passes_water()
+        })
+    };
+    let periodic = |axis: usize| case.domain.periodic.iter().any(|a| a.index() == axis);
+    let sizes = case.domain.size.0.iter().copied().enumerate();
+    sizes
+        .filter(|&(axis, _)| !periodic(axis) && !open(axis))
+        .collect()
+}
+
+/// The smaller side of an opening that is a part of a face.
+fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
+    let patch = boundary
+        .patch
+        .as_ref()
+        .filter(|_| boundary.condition.model().passes_water())?;
+    let axis = Face::axis(boundary.face);
+    let (from, to) = (patch.from.0.iter(), patch.to.0.iter());
+    let sides = from.zip(to).zip(&case.domain.size.0).enumerate();
+    sides
+        .filter(|(a, _)| *a != axis)
+        .map(|(_, ((from, to), size))| to.min(*size) - from.max(0.0))
+        .reduce(f64::min)
+}
+
+/// The lattice Boltzmann part of a case.
+pub(crate) fn lattice(case: &Case) -> Option<&LatticeBoltzmann> {
+    match &case.fluid {
+        Some(Fluid::LatticeBoltzmann(lbm)) => Some(lbm),
+        _ => None,
+    }
+}

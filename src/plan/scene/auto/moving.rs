@@ -1,0 +1,237 @@
+//! Changes of density that bodies make which move through the lattice fluid.
+//!
+//! ```text
+//! start     ρ c U                                a driven body moves from the first step on
+//! flow      ρ U² |C_p|/2 + k ρ ν U/R             suction beside the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
+//!                                                (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in creeping flow
+//! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)          fluid between a free body and the wall that it falls on, δ = 2 cells;
+//!                                                k = 6 (disc), 3 (sphere), and its inertia
+//! impact    2 ρ c U                              a free body that rebounds: from a Stokes number (ρ_s/ρ) 2 R U/(9 ν) of 10
+//!                                                on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
+//! ```
+//!
+//! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with the
+//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than what
+//! the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and
+//! 2 F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
+
+use super::density::Cause;
+use crate::scene::Scene;
+use crate::scene::bodies::{Body, Mobility};
+use crate::scene::flow::Flow;
+use crate::scene::speed::settling;
+use std::f64::consts::PI;
+
+/// Estimates over what runs found, at least: the sound of a start spreads, and guards look from time to time.
+const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
+const OVER: f64 = 2.5;
+const OVER_IN_A_FILM: f64 = 2.0;
+
+/// Pressure coefficients of potential flow beside a disc and a sphere.
+const SUCTION: [f64; 2] = [3.0, 1.25];
+/// Parts of ρ ν U/R in front of a disc between walls and a sphere in creeping flow.
+const FRICTION: [f64; 2] = [3.0, 1.5];
+/// Parts of ρ ν U R/δ² in the film under a disc and a sphere.
+const FILM: [f64; 2] = [6.0, 3.0];
+
+/// Stokes number from which a sphere rebounds from a wall in a liquid.
+const REBOUNDS: f64 = 10.0;
+/// Width of the thinnest film whose pressure the cells show, in cells: beside runs (`jobs/automatic/openings`) the estimate
+/// is then 2 to 4 times the change that the guards saw.
+const FILM_CELLS: f64 = 2.0;
+
+/// Returns the causes of changes of density of all bodies of a scene.
+pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
+    let mut causes = Vec::new();
+    for (n, body) in scene.bodies.iter().enumerate() {
+        let radius = 0.5 * settling::diameter(body);
+        match body.mobility {
+            Mobility::Fixed => {}
+            Mobility::Driven => {
+                let path = format!("bodies[{n}].motion");
+                let speed = size(body.velocity);
+                causes.extend(start(scene, &path, speed));
+                causes.extend(around(scene, flow, path, radius, speed));
+            }
+            Mobility::Free => {
+                let path = format!("bodies[{n}].motion.free");
+                let speed = settling::of_body(scene, flow, 2.0 * radius, body.material)
+                    .max(size(body.velocity));
+                causes.extend(impact(scene, flow, &path, (body, radius), speed));
+                causes.extend(squeeze(scene, flow, &path, (body, radius), speed));
+                causes.extend(around(scene, flow, path, radius, speed));
+            }
+        }
+    }
+    // Bodies act at places of their own: the worst of each kind counts.
+    let mut worst: Vec<Cause> = Vec::new();
+    for cause in causes {
+        let weight = |cause: &Cause| (cause.sound * cause.velocity, cause.pressure);
+        match worst.iter_mut().find(|known| known.what == cause.what) {
+            Some(known) if weight(known) < weight(&cause) => *known = cause,
+            Some(_) => {}
+            None => worst.push(cause),
+        }
+    }
+    worst
+}
+
+fn size(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn start(scene: &Scene, path: &str, speed: f64) -> Option<Cause> {
+    (speed > 0.0).then(|| Cause {
+        what: "the sound of a body that starts to move",
+        path: path.into(),
+        pressure: 0.0,
+        velocity: speed,
+        sound: 3.0_f64.sqrt(),
+        most: f64::INFINITY,
+        over: OVER_AT_A_START[scene.grid.dimension - 2],
+    })
+}
+
+fn impact(
+    scene: &Scene,
+    flow: &Flow,
+    path: &str,
+    (body, radius): (&Body, f64),
+    speed: f64,
+) -> Option<Cause> {
+    let heavier = scene.density(body.material) / flow.density;
+    let stokes = heavier * 2.0 * radius * speed / (9.0 * flow.kinematic_viscosity);
+    (stokes > REBOUNDS && reaches_a_wall(scene, flow, body, speed)).then(|| Cause {
+        what: "the sound of a body that rebounds from a wall",
+        path: path.into(),
+        pressure: 0.0,
+        velocity: speed,
+        sound: 2.0 * 3.0_f64.sqrt(),
+        most: f64::INFINITY,
+        over: OVER_AT_A_START[scene.grid.dimension - 2],
+    })
+}
+
+fn around(scene: &Scene, flow: &Flow, path: String, radius: f64, speed: f64) -> Option<Cause> {
+    let kind = scene.grid.dimension - 2;
+    let inertia = 0.5 * SUCTION[kind] * speed * speed;
+    let friction = FRICTION[kind] * flow.kinematic_viscosity * speed / radius;
+    (speed > 0.0).then_some(Cause {
+        what: "the flow around a body that moves",
+        path,
+        pressure: flow.density * (inertia + friction),
+        velocity: speed,
+        sound: 0.0,
+        most: f64::INFINITY,
+        over: OVER,
+    })
+}
+
+fn squeeze(
+    scene: &Scene,
+    flow: &Flow,
+    path: &str,
+    (body, radius): (&Body, f64),
+    speed: f64,
+) -> Option<Cause> {
+    if !reaches_a_wall(scene, flow, body, speed) {
+        return None;
+    }
+    let width = FILM_CELLS * scene.grid.spacing;
+    let kind = scene.grid.dimension - 2;
+    let film =
+        FILM[kind] * flow.density * flow.kinematic_viscosity * speed * radius / (width * width);
+    let mass = scene.mass(body.material, radius);
+    let lighter = 1.0 - flow.density / scene.density(body.material);
+    let force = mass * (lighter.abs() * size(scene.gravity) + 0.5 * speed * speed / width);
+    let borne = if kind == 0 {
+        2.0 * force / (PI * (2.0 * radius * width).sqrt())
+    } else {
+        force / (2.0 * PI * radius * width)
+    };
+    Some(Cause {
+        what: "the film between a body and a wall",
+        path: path.into(),
+        pressure: film.min(borne) + 0.25 * flow.density * speed * speed * radius / width,
+        velocity: speed,
+        sound: 0.0,
+        most: f64::INFINITY,
+        over: OVER_IN_A_FILM,
+    })
+}
+
+/// Returns `true` if the body meets a wall below it, or above it where it rises, before the run ends.
+fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &Body, speed: f64) -> bool {
+    let gravity = scene.gravity;
+    let heavy = scene.density(body.material) > flow.density;
+    (0..scene.grid.dimension).any(|axis| {
+        if gravity[axis] == 0.0 || scene.grid.periodic[axis] {
+            return false;
+        }
+        let upward = (gravity[axis] > 0.0) == heavy;
+        let way = if upward {
+            scene.grid.size[axis] - body.position[axis]
+        } else {
+            body.position[axis]
+        };
+        let part = gravity[axis].abs() / size(gravity);
+        let drop = way - body.radius;
+        drop > 0.0 && drop <= part * speed * scene.time.end
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use approx::assert_relative_eq;
+    use case::Document;
+    use serde_json::json;
+    use std::path::Path;
+
+    /// Returns the causes of a disc of 5 mm in a box of water, by name, with their pressures and their sound.
+    fn causes(motion: &serde_json::Value, end: f64) -> Vec<(&'static str, f64, f64)> {
+        let case = json!({
+            "domain": {"size": [0.04, 0.04], "spacing": 1e-3, "periodic": ["x"]},
+            "gravity": [0, -0.01],
+            "materials": {"steel": {"density": 3000}},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.6}},
+            "bodies": [{
+                "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.02, 0.02], "motion": motion, "material": "steel"
+            }],
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 0}},
+            "box_walls": ["y_min", "y_max"],
+            "time": {"end": end}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        let scene = Plan::prepare(document).unwrap().scene;
+        let all = scene.density_causes.iter();
+        all.map(|cause| (cause.what, cause.pressure, cause.sound * cause.velocity))
+            .collect()
+    }
+
+    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its start.
+    #[test]
+    fn a_driven_disc_sounds_once_and_sucks() {
+        let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert_relative_eq!(found[0].2, 3.0_f64.sqrt() * 0.002);
+        let suction = 1.5 * 1000.0 * 4e-6;
+        let friction = 3.0 * 1e-3 * 0.002 / 5e-3;
+        assert_relative_eq!(found[1].1, suction + friction, max_relative = 1e-12);
+    }
+
+    #[test]
+    fn a_film_counts_where_a_body_comes_down_on_a_wall() {
+        let free = json!({"free": {}});
+        let long = causes(&free, 20.0);
+        let names: Vec<&str> = long.iter().map(|cause| cause.0).collect();
+        assert!(names.iter().any(|name| name.contains("film")), "{names:?}");
+        let rebounds = |name: &&str| name.contains("rebounds");
+        assert!(names.iter().any(rebounds), "{names:?}");
+        let short = causes(&free, 0.2);
+        assert!(
+            short.iter().all(|cause| cause.0.contains("around")),
+            "{short:?}"
+        );
+    }
+}

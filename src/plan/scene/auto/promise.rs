@@ -1,0 +1,259 @@
+//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
+//!
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
+//! compressibility of the lattice or, where it is larger, the change of density that the loss of pressure along the
+//! flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies outside what was
+//! measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
+
+use super::bound::Bound;
+use super::density::{self, Cause};
+use super::features::{self, Feature};
+use super::{sound, step};
+use crate::scene::Scene;
+use crate::scene::bodies::{Body, Mobility};
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Flow;
+use case::Case;
+use case::fluid::LatticeBoltzmann;
+use case::grains::GrainSource;
+
+/// Largest lattice velocity U dt/h of a promise.
+const MOST_LATTICE_VELOCITY: f64 = 0.1;
+
+/// A feature, its cells and its bound, or why it has none.
+struct Judged<'a> {
+    feature: &'a Feature,
+    cells: f64,
+    error: Result<(f64, &'static Bound), String>,
+}
+
+/// The promise for the cells of a scene, chosen or stated.
+pub(crate) fn judge(
+    scene: &mut Scene,
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    target: f64,
+    findings: &mut Findings,
+) {
+    let Some(flow) = &scene.flow else { return };
+    let speed = step::fastest(scene, flow).map_or(0.0, |speed| speed.value);
+    let features = features::of(case, lbm, Some(scene), Some(speed));
+    let judged: Vec<Judged<'_>> = features
+        .iter()
+        .map(|f| of_feature(scene, lbm, f, speed))
+        .collect();
+    let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
+    let mut new = Vec::new();
+    if scene.surface.is_some() {
+        new.push("no error was measured for water with a free surface".to_owned());
+    }
+    new.extend(of_models(scene, flow, lattice_velocity));
+    new.extend(of_motion(case));
+    new.extend(of_sound(scene, flow, target));
+    let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
+    let wet = scene.structures.iter().any(|s| s.stops.water());
+    if wet && !features.iter().any(beside) {
+        new.push("no error was measured for structures that stand beside no way".to_owned());
+    }
+    for judged in &judged {
+        new.extend(judged.error.as_ref().err().cloned());
+    }
+    new.dedup();
+    let known = judged
+        .iter()
+        .filter_map(|j| Some((j, j.error.as_ref().ok()?)));
+    let worst = known.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
+    scene.chosen.details = judged.iter().map(Judged::line).collect();
+    if let Some(first) = new.first() {
+        scene.chosen.details.extend(new.iter().cloned());
+        let more = match new.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} more that `solver plan --details` shows"),
+        };
+        let text = format!("nothing is promised: {first}{more}");
+        scene.chosen.note("accuracy", text);
+        findings.warn(
+            "accuracy",
+            format!("the plan promises no error: {first}{more}"),
+            "measure it: `solver estimate` runs the case on several grids",
+        );
+        return;
+    }
+    let Some((judged, (error, bound))) = worst else {
+        return;
+    };
+    let compressibility = 3.0 * lattice_velocity * lattice_velocity;
+    let waves = sound::waves(scene, flow);
+    let of_sound = waves.map_or(0.0, |waves| waves.error(scene.grid.spacing, flow.time_step));
+    let losses: Vec<Cause> = (scene.density_causes.iter().filter(|cause| cause.is_loss()))
+        .cloned()
+        .collect();
+    let of_losses = density::total(&losses, flow.time_step, scene.grid.spacing, flow.density);
+    // Both are changes of density with the pressure.
+    let promised = error + compressibility.max(of_losses) + of_sound;
+    scene.chosen.promised = Some(promised);
+    let cells = number(judged.cells);
+    let what = &judged.feature.what;
+    let crosses = |body: &Body| {
+        body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
+    };
+    if scene.bodies.iter().any(crosses) {
+        let text = "of bodies that cross cells the promise is for the mean force over some cells, \
+            not for that of a step";
+        scene.chosen.details.push(text.to_owned());
+    }
+    if scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free)
+    {
+        let text = "of bodies that move freely it is for force and velocity, not for spin";
+        scene.chosen.details.push(text.to_owned());
+    }
+    let percent = |part: f64| number(100.0 * part);
+    let mut parts = format!(
+        "{} %; compressibility {} %",
+        percent(*error),
+        percent(compressibility)
+    );
+    if of_losses > 0.0005 {
+        parts += &format!("; density along the flow {} %", percent(of_losses));
+    }
+    if waves.is_some() {
+        parts += &format!("; sound {} %", percent(of_sound));
+    }
+    let text = format!(
+        "{cells} cells across the {what}: {parts}, by {rows} measured runs",
+        rows = bound.rows
+    );
+    scene.chosen.note("accuracy", text);
+    if promised > target * (1.0 + 1e-9) {
+        findings.warn(
+            "accuracy",
+            format!(
+                "{} % is requested, but {cells} cells across the {what} promise {} %",
+                number(100.0 * target),
+                number(100.0 * promised),
+            ),
+            "use a finer spacing, or another coupling, or request less accuracy",
+        );
+    }
+}
+
+impl Judged<'_> {
+    /// Returns the feature, its cells and its bound in a line.
+    fn line(&self) -> String {
+        let Feature { what, size, .. } = self.feature;
+        let found = match &self.error {
+            Ok((error, bound)) => format!(
+                "{} %, the bound at a confidence of 95 % of {} rows: {}",
+                number(100.0 * error),
+                bound.rows,
+                bound.problems.join(", ")
+            ),
+            Err(reason) => reason.clone(),
+        };
+        format!(
+            "{what}, {} m, {} cells: {found}",
+            number(*size),
+            number(self.cells)
+        )
+    }
+}
+
+fn of_feature<'a>(
+    scene: &Scene,
+    lbm: &LatticeBoltzmann,
+    feature: &'a Feature,
+    speed: f64,
+) -> Judged<'a> {
+    let cells = feature.size / scene.grid.spacing;
+    // A layer in time does not know how fast the water is.
+    let speed = if feature.obstacle == features::LAYERS {
+        0.0
+    } else {
+        speed
+    };
+    let reynolds = speed * feature.size / lbm.kinematic_viscosity;
+    let what = &feature.what;
+    let error = match Bound::of(scene.grid.dimension, feature.obstacle) {
+        None => Err(format!("the {what}: no error was measured for {}", feature.obstacle)),
+        Some(bound) => bound.error(cells, reynolds).map(|error| (error, bound)).ok_or_else(|| {
+            if reynolds > bound.largest_reynolds() {
+                format!(
+                    "the {what}: the Reynolds number {} is above {}, the largest that was measured",
+                    number(reynolds),
+                    number(bound.largest_reynolds())
+                )
+            } else {
+                format!(
+                    "{} cells across the {what} are fewer than the {} of any measured row",
+                    number(cells),
+                    number(bound.cells[0])
+                )
+            }
+        }),
+    };
+    Judged {
+        feature,
+        cells,
+        error,
+    }
+}
+
+/// Models and numbers of the lattice that no row has.
+fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
+    let mut new = Vec::new();
+    if !scene.porous_zones.is_empty() {
+        new.push("no error was measured of flow beside porous zones".to_owned());
+    }
+    if flow.turbulence.is_some() {
+        new.push("eddies are modelled, and no error of that was measured".to_owned());
+    }
+    let tau = flow.relaxation_time;
+    if flow.collision.model().antisymmetric_rate().is_none() {
+        new.push("the errors were measured with two relaxation times (TRT)".to_owned());
+    } else if !(LEAST_TAU..=MOST_TAU).contains(&tau) {
+        new.push(format!(
+            "the relaxation time {} is outside the measured {LEAST_TAU} to {MOST_TAU}",
+            number(tau)
+        ));
+    }
+    if lattice_velocity > MOST_LATTICE_VELOCITY * (1.0 + 1e-9) {
+        new.push(format!(
+            "the lattice velocity {} is above {MOST_LATTICE_VELOCITY}",
+            number(lattice_velocity)
+        ));
+    }
+    new
+}
+
+/// Relaxation times of the rows.
+const LEAST_TAU: f64 = 0.51;
+const MOST_TAU: f64 = 1.5 + 1e-9;
+
+/// Sound of a sudden start swings in the forces until it dies away.
+fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
+    let (body, left) = sound::left_of_a_start(scene, flow)?;
+    (left > SOUND * target).then(|| {
+        format!(
+            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a shorter time step",
+            number(100.0 * left),
+            body.name,
+            number(100.0 * SOUND * target)
+        )
+    })
+}
+
+/// Part of the target that the sound of a sudden start may be.
+const SOUND: f64 = 0.25;
+
+/// Grains that come together leave gaps that no cells resolve.
+fn of_motion(case: &Case) -> Option<String> {
+    let grains = case.grains.as_ref()?;
+    let many = match &grains.initial {
+        GrainSource::List(list) => list.len() > 1,
+        _ => true,
+    };
+    many.then(|| "free grains come as near to each other as no measured run".to_owned())
+}

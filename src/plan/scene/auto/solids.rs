@@ -1,0 +1,240 @@
+//! Automatic choice of the coupling of solids and fluid, and of the contact law.
+
+use super::{seepage, step};
+use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
+use crate::scene::contact::{ContactTable, fastest_approach};
+use crate::scene::findings::{Findings, number};
+use crate::scene::grains::GrainSource;
+use base::error::Remedy;
+use case::Case;
+use case::contact::Contact;
+use case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
+use case::grains::GrainSource as Initial;
+use case::solids::Motion;
+use dem::contact::{Scaled, blocks, hertz_mindlin, linear};
+use serde_json::json;
+
+/// Deepest overlap of a chosen spring, as a part of the diameter.
+const OVERLAP: f64 = 0.01;
+/// Default friction angle and damping ratio.
+const FRICTION_DEGREES: f64 = 30.0;
+const DAMPING: f64 = 0.2;
+const RESTITUTION: f64 = 0.5;
+
+/// The coupling for the shapes of a case, and the reason.
+pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
+    if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
+        let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
+        return (
+            cells,
+            "bodies with faces: joints and gaps narrower than a cell still carry water and its pressure",
+        );
+    }
+    if lie_packed(case) {
+        let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
+        return (
+            cells,
+            "grains that lie packed: their pores are narrower than cells, where links trap moving water and interpolation loses mass",
+        );
+    }
+    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
+    let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
+    let links = BounceBack {
+        scheme: Scheme::Interpolated,
+        drop_wall_velocity_at_solid_neighbours: (!narrow).then_some(0),
+        ..BounceBack::default()
+    };
+    let reason = "discs and spheres: this coupling has the smallest error at every number of cells";
+    (Coupling::BounceBack(links), reason)
+}
+
+/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores, whatever couples them.
+fn lie_packed(case: &Case) -> bool {
+    /// As many touch a sphere in a loose packing.
+    const NEIGHBOURS: u32 = 6;
+    let many = match case.grains.as_ref().map(|grains| &grains.initial) {
+        Some(Initial::Growth(_)) => true,
+        Some(Initial::Deposition(deposition)) => deposition.number > NEIGHBOURS,
+        _ => false,
+    };
+    many && case.domain.size.0.len() == 3
+}
+
+/// Whether discs or spheres move freely. Blocks and bonds have properties without default values.
+pub(crate) fn move_without_law(case: &Case) -> bool {
+    let free = |motion: &Motion| matches!(motion, Motion::Free { .. });
+    let moving = case.grains.is_some() || case.bodies.iter().any(|body| free(&body.motion));
+    let bonded = case
+        .grains
+        .as_ref()
+        .is_some_and(|grains| grains.bond_at_start);
+    let faces = case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round());
+    moving && !faces && !bonded
+}
+
+/// Touching discs leave no path for the fluid in 2-D.
+pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
+    if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
+        findings.warn(
+            "coupling",
+            "touching discs close all pores between them in 2-D, and no hydraulic radius is given",
+            Remedy::from("for a permeable packing state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
+                .set("coupling", json!({"bounce_back": {"hydraulic_radius_factor": 0.8}})),
+        );
+    }
+}
+
+/// Whether the linear law of a case leaves its stiffness open.
+pub(crate) fn without_stiffness(case: &Case) -> bool {
+    matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
+}
+
+/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that do not move.
+pub(crate) fn choose_contact(
+    scene: &mut Scene,
+    case: &Case,
+    target: Option<f64>,
+    findings: &mut Findings,
+) {
+    let free = scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free);
+    let moves = free || scene.grains.is_some() || scene.blocks.is_some();
+    let (law, text) = if let Some(Contact::Linear(law)) = &case.contact {
+        let (stiffness, text) = stiffness(scene, case, target);
+        let law = linear::Input {
+            normal_stiffness: Some(Scaled::Absolute(stiffness)),
+            ..law.clone()
+        };
+        (Contact::Linear(law), text)
+    } else if move_without_law(case) {
+        of_spheres(scene, case, target)
+    } else if !moves && scene.polyhedra().next().is_some() {
+        let law = blocks::Input::without_use();
+        (
+            Contact::Blocks(law),
+            String::from("nothing moves, so that no contacts occur"),
+        )
+    } else {
+        return;
+    };
+    scene.chosen.note("contact law", text);
+    if scene.grains.is_some() && case.contact.is_none() {
+        findings.warn(
+            "contact",
+            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it is a property of the grains"),
+            "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
+        );
+    }
+    scene.chosen.law = Some(law.clone());
+    let with_law = Case {
+        contact: Some(law),
+        ..case.clone()
+    };
+    scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
+}
+
+/// The law of discs and spheres, and why.
+fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
+    let elastic =
+        |m: &case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
+    if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
+        let law = Contact::HertzMindlin(hertz_mindlin::Input {
+            friction_angle_degrees: Some(FRICTION_DEGREES),
+            restitution: RESTITUTION,
+            attraction: false,
+            impact_speed: None,
+            local_damping: 0.0,
+            pairs: Vec::new(),
+        });
+        (law, String::from("all materials have their moduli"))
+    } else {
+        let (stiffness, text) = stiffness(scene, case, target);
+        let law = Contact::Linear(linear::Input {
+            normal_stiffness: Some(Scaled::Absolute(stiffness)),
+            shear_to_normal_stiffness: 0.4,
+            friction_angle_degrees: Some(FRICTION_DEGREES),
+            normal_damping_ratio: DAMPING,
+            shear_damping_ratio: DAMPING,
+            attraction: false,
+            rolling: None,
+            local_damping: 0.0,
+            pairs: Vec::new(),
+        });
+        (law, text)
+    }
+}
+
+/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in seepage that of
+/// the rows measured. And why.
+fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
+    let in_water = scene
+        .flow
+        .as_ref()
+        .and_then(|flow| step::fastest(scene, flow));
+    let speed = in_water.map_or_else(
+        || fastest_approach(case, scene.grains.as_ref()),
+        |speed| speed.value,
+    );
+    let moving = moving(scene);
+    let impact = |part: f64| {
+        let needed =
+            |&(diameter, mass, _): &(f64, f64, bool)| mass * (speed / (part * diameter)).powi(2);
+        moving.iter().map(needed).fold(0.0, f64::max)
+    };
+    if let Some(chosen) = target.and_then(|target| seepage::stiffness(scene, target, impact)) {
+        return chosen;
+    }
+    let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let axis = (0..scene.grid.dimension)
+        .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
+    let height = axis.map_or(0.0, |axis| scene.grid.size[axis]);
+    let weight = |&(diameter, mass, alone): &(f64, f64, bool)| {
+        let layers = if alone {
+            1.0
+        } else {
+            (height / diameter).max(1.0)
+        };
+        mass * gravity * layers / (OVERLAP * diameter)
+    };
+    let stiffest = moving.iter().map(weight).fold(impact(OVERLAP), f64::max);
+    let stiffest = if stiffest > 0.0 { stiffest } else { 1.0 };
+    let text = format!(
+        "{} N/m: overlaps of at most {} % of a diameter at {} m/s and at rest",
+        number(stiffest),
+        number(100.0 * OVERLAP),
+        number(speed)
+    );
+    (stiffest, text)
+}
+
+/// Diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
+fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
+    let mut list = Vec::new();
+    let mut add = |material: usize, radius: f64, alone: bool| {
+        list.push((2.0 * radius, scene.mass(material, radius), alone));
+    };
+    for body in scene
+        .bodies
+        .iter()
+        .filter(|body| body.mobility == Mobility::Free)
+    {
+        add(body.material, body.radius, true);
+    }
+    if let Some(grains) = &scene.grains {
+        match &grains.source {
+            GrainSource::List(each) | GrainSource::File { grains: each, .. } => {
+                each.iter().for_each(|g| add(g.material, g.radius, false));
+            }
+            _ => {
+                let (low, high) = grains.radii.unwrap_or((0.0, 0.0));
+                add(grains.material, low, false);
+                add(grains.material, high, false);
+            }
+        }
+    }
+    list.retain(|(diameter, ..)| *diameter > 0.0);
+    list
+}

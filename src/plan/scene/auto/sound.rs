@@ -1,0 +1,384 @@
+//! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½ Δt).
+//!
+//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the pressure absorbs it
+//! ([`lbm::boundary::Sound`]) the velocity is off by 5 % after three passages of the length L, by 1.3 % after four and by 0.6 %
+//! after eight; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
+//!
+//! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per density and viscosity
+//! (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with the time constant
+//!
+//! T = 12 ν I V/c²
+//!
+//! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the way, lubrication gives
+//! I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the two sides. After m T the pressure is built up
+//! to exp(-m).
+//!
+//! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction at walls and bodies
+//! damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L between walls. Beside a surface S round a volume
+//! V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210 (1868) 177-193, without conduction of heat)
+//!
+//! γ = (S/2V) (ν ω/2)^½,
+//!
+//! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
+//!
+//! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of
+//! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the
+//! rate γ above, off by
+//!
+//! e = |x² - i d|/|1 - x² + i d|,  x = ω/ω₀ = λ/(cT),  d = 2γω/ω₀².
+
+use super::gaps::Gap;
+use crate::scene::Scene;
+use crate::scene::bodies::{Body, Mobility};
+use crate::scene::body_force::BodyForce;
+use crate::scene::findings::number;
+use crate::scene::flow::Flow;
+use crate::scene::initial::Initial;
+use base::number::real;
+use lbm::boundary::{Inflow, Strength};
+use std::f64::consts::PI;
+
+/// Passages of sound between openings until a start has settled to 1.3 %.
+const PASSAGES: f64 = 4.0;
+/// Time constants until the pressure before a narrow way is built up to a per cent.
+const TIME_CONSTANTS: f64 = 4.6;
+
+/// From when on values matter \[s\]: averages begin, or the run ends.
+fn when(scene: &Scene) -> f64 {
+    let averages = scene.output.averages.iter().map(|averages| averages.from);
+    averages
+        .filter(|from| *from > 0.0)
+        .fold(scene.time.end, f64::min)
+}
+
+/// The longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none where nothing starts it.
+pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+    let mut axes = [false; 3];
+    let mut driven = false;
+    for patch in flow.patches() {
+        let model = patch.condition.model();
+        if model.passes_water() {
+            axes[patch.face.axis()] = true;
+        }
+        let place = patch.place(&scene.grid, "");
+        driven |= model.nature().strength == Strength::Velocity
+            && matches!(model.inflow(&place), Inflow::Mean(speed) if speed.abs() > 0.0);
+    }
+    if !driven {
+        return None;
+    }
+    let lengths = (0..3).filter(|a| axes[*a]).map(|a| scene.grid.size[a]);
+    let length = lengths.fold(0.0, f64::max);
+    let time = when(scene);
+    let what = format!(
+        "{PASSAGES} passages of sound through {} m between openings in {} s",
+        number(length),
+        number(time)
+    );
+    let step = scene.grid.spacing * time / (3.0_f64.sqrt() * PASSAGES * length);
+    Some((what, step))
+}
+
+/// The rate \[1/s\] with which sound of this angular frequency dies away beside a surface over its volume \[1/m\].
+#[must_use]
+pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
+    let swinging = damping_of(frequency, viscosity, surface_over_volume);
+    if swinging > frequency {
+        0.5 * frequency * frequency / swinging
+    } else {
+        swinging
+    }
+}
+
+/// Returns the rate [1/s] of friction in layers, or in layers that fill the way.
+fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
+    let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
+    let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
+    layers.max(filled)
+}
+
+/// A body that starts at once, and the part of its sound that is left when values matter; none where sound leaves through openings.
+pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a Body, f64)> {
+    if flow.patches().any(|p| p.condition.model().passes_water()) {
+        return None;
+    }
+    let Initial::Uniform { velocity, .. } = flow.initial else {
+        return None;
+    };
+    let started = |body: &&Body| {
+        let moves = body.mobility != Mobility::Fixed;
+        let differs = (body.velocity.iter().zip(&velocity)).any(|(a, b)| (a - b).abs() > 0.0);
+        differs && (moves || velocity.iter().any(|u| u.abs() > 0.0))
+    };
+    let body = scene.bodies.iter().find(started)?;
+    let grid = &scene.grid;
+    let sound = grid.spacing / (3.0_f64.sqrt() * flow.time_step);
+    let frequency = (0..grid.dimension).map(|axis| 2.0 * PI * sound / longest_wave(scene, axis));
+    let slowest = frequency.fold(f64::INFINITY, f64::min);
+    let over = surface_over_volume(scene);
+    let rate = damping(slowest, flow.kinematic_viscosity, over);
+    Some((body, (-rate * when(scene)).exp()))
+}
+
+/// Returns the longest standing wave along an axis \[m\]: a period, or twice the way between walls.
+fn longest_wave(scene: &Scene, axis: usize) -> f64 {
+    let waves = if scene.grid.periodic[axis] { 1.0 } else { 2.0 };
+    waves * scene.grid.size[axis]
+}
+
+/// Returns the surface of walls and round bodies over the volume of the water [1/m].
+fn surface_over_volume(scene: &Scene) -> f64 {
+    let grid = &scene.grid;
+    let axes = 0..grid.dimension;
+    let volume: f64 = axes.clone().map(|axis| grid.size[axis]).product();
+    let walls = axes.filter(|axis| !grid.periodic[*axis]);
+    let walls: f64 = walls.map(|axis| 2.0 * volume / grid.size[axis]).sum();
+    let (mut surface, mut open) = (walls, volume);
+    for radius in scene.bodies.iter().map(|body| body.radius) {
+        let (of_it, inside) = if grid.dimension == 2 {
+            (2.0 * PI * radius, PI * radius * radius)
+        } else {
+            (4.0 * PI * radius * radius, 4.0 / 3.0 * PI * radius.powi(3))
+        };
+        surface += of_it;
+        open -= inside;
+    }
+    surface / open.max(0.1 * volume)
+}
+
+/// Standing waves of sound that a force which oscillates makes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Waves {
+    /// The longest wave \[m\].
+    length: f64,
+    /// Period of the force \[s\].
+    period: f64,
+    surface_over_volume: f64,
+    viscosity: f64,
+}
+
+/// Returns the waves of the body force; none where it does not oscillate, or drives nothing against walls and solids.
+pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
+    let BodyForce::Oscillating {
+        amplitude, period, ..
+    } = flow.body_force
+    else {
+        return None;
+    };
+    let grid = &scene.grid;
+    let solid = scene.has_solids() || scene.structures.iter().any(|s| s.stops.water());
+    let opens = |axis: usize| {
+        let mut patches = flow.patches();
+        patches.any(|p| p.face.axis() == axis && p.condition.model().passes_water())
+    };
+    let length = |axis: usize| {
+        let driven = amplitude[axis].abs() > 0.0;
+        if opens(axis) {
+            // A quarter of a wave stands between a velocity and a pressure.
+            (driven || solid).then_some(4.0 * grid.size[axis])
+        } else if grid.periodic[axis] {
+            solid.then(|| longest_wave(scene, axis))
+        } else {
+            (driven || solid).then(|| longest_wave(scene, axis))
+        }
+    };
+    let length = (0..grid.dimension).filter_map(length).reduce(f64::max)?;
+    Some(Waves {
+        length,
+        period,
+        surface_over_volume: surface_over_volume(scene),
+        viscosity: flow.kinematic_viscosity,
+    })
+}
+
+impl Waves {
+    /// Returns the relative error of the flow at a spacing \[m\] and a time step \[s\].
+    pub(super) fn error(&self, spacing: f64, time_step: f64) -> f64 {
+        let sound = spacing / (3.0_f64.sqrt() * time_step);
+        let own = 2.0 * PI * sound / self.length;
+        let driven = 2.0 * PI / self.period;
+        let rate = damping_of(own, self.viscosity, self.surface_over_volume);
+        let (x, d) = ((driven / own).powi(2), 2.0 * rate * driven / (own * own));
+        x.hypot(d) / (1.0 - x).hypot(d)
+    }
+
+    /// Returns the longest time step \[s\] with at most this error, and what it keeps.
+    pub(super) fn longest_step(&self, spacing: f64, error: f64) -> (String, f64) {
+        let mut time_step = spacing * self.period * error.sqrt() / (3.0_f64.sqrt() * self.length);
+        while self.error(spacing, time_step) > error {
+            time_step *= 0.9;
+        }
+        let what = format!(
+            "sound that passes waves of {} m in a small part of the period of {} s",
+            number(self.length),
+            number(self.period)
+        );
+        (what, time_step)
+    }
+}
+
+/// A narrow way of the water.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// Its width \[m\].
+    pub width: f64,
+    /// What is beside it.
+    pub beside: Beside,
+}
+
+impl Way {
+    /// Returns the way through a gap.
+    pub(crate) fn of(gap: &Gap) -> Self {
+        let beside = if gap.faces {
+            Beside::Flat(gap.beside)
+        } else {
+            Beside::Round(gap.radius)
+        };
+        Self {
+            width: gap.width,
+            beside,
+        }
+    }
+}
+
+/// What stands beside a narrow way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Beside {
+    /// Round solids: one over the sum of the curvatures of both sides \[m\], half the radius between equal discs.
+    Round(f64),
+    /// Flat walls of this length along the way \[m\].
+    Flat(f64),
+}
+
+/// I of a way [1/m2].
+#[must_use]
+pub fn resistance(way: &Way) -> f64 {
+    let Way { width, beside } = *way;
+    match beside {
+        Beside::Round(radius) => 3.0 * PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3),
+        Beside::Flat(length) => length / width.powi(3),
+    }
+}
+
+/// The longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after `time`. Each way fills a volume of
+/// `length` along the flow and `height` across it \[m\].
+#[must_use]
+pub fn filling(
+    way: &Way,
+    rows: usize,
+    [length, height]: [f64; 2],
+    (spacing, viscosity, time): (f64, f64, f64),
+) -> f64 {
+    let series = 12.0 * viscosity * real(rows) * resistance(way) * length * height;
+    // t = m T = m series/c² with c² = h²/(3 Δt²).
+    spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
+}
+
+/// The longest time step \[s\] with which the pressure before the narrowest place of a way along `axis` is built up in time, and what it
+/// keeps. The place fills the water beside its solids.
+pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
+    let way = Way::of(gap);
+    let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
+    let across = sides
+        .map(|side| scene.grid.size[side])
+        .fold(gap.beside + gap.width, f64::min);
+    let time = when(scene);
+    let scale = (scene.grid.spacing, viscosity, time);
+    let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
+    let what = format!(
+        "the pressure before the {} to build up in {} s",
+        gap.what,
+        number(time)
+    );
+    (what, step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chamber of 4.5 by 1.12 mm, less half a disc, behind a gap of 0.12 mm between discs of 1 mm, in cells of 0.02 mm at a relaxation
+    /// time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T = 0.325 s between 0.57 and 1.17 s.
+    #[test]
+    fn a_chamber_fills_in_the_time_of_a_run() {
+        let way = Way {
+            width: 1.2e-4,
+            beside: Beside::Round(2.5e-4),
+        };
+        let (spacing, viscosity) = (2e-5, 1e-6);
+        let measured = 0.325;
+        let chamber = 4.5e-3 * 1.12e-3 - 0.5 * PI * 2.5e-7;
+        let step = filling(
+            &way,
+            1,
+            [chamber / 1.12e-3, 1.12e-3],
+            (spacing, viscosity, TIME_CONSTANTS * measured),
+        );
+        let of_the_run = spacing * spacing / (6.0 * viscosity);
+        approx::assert_relative_eq!(step, of_the_run, max_relative = 0.03);
+    }
+
+    /// Slots one after another over the whole length are a channel, in which the pressure diffuses with c² k/ν, k = g²/12: L²/D.
+    #[test]
+    fn slots_over_the_whole_length_are_a_channel() {
+        let (width, length) = (1e-4, 5e-3);
+        let way = Way {
+            width,
+            beside: Beside::Flat(length),
+        };
+        let (spacing, viscosity, time) = (1e-5, 1e-6, 2.0);
+        let step = filling(&way, 1, [length, width], (spacing, viscosity, time));
+        let sound = spacing / (3.0_f64.sqrt() * step);
+        let diffusivity = sound * sound * width * width / (12.0 * viscosity);
+        let constant = length * length / diffusivity;
+        approx::assert_relative_eq!(time, TIME_CONSTANTS * constant, max_relative = 1e-12);
+    }
+
+    /// Water in a closed box of length L under a force that oscillates, without friction: the pressure at its ends is
+    /// that of incompressible water times tan(z)/z, z = ωL/(2c) (L. D. Landau and E. M. Lifshitz, Fluid Mechanics,
+    /// 1987, section 64).
+    #[test]
+    fn waves_under_a_force_are_as_large_as_in_a_closed_box() {
+        let waves = Waves {
+            length: 2.0,
+            period: 1.0,
+            surface_over_volume: 0.0,
+            viscosity: 0.0,
+        };
+        for x in [0.05, 0.1, 0.3, 0.6, 0.9] {
+            // c = λ/(xT).
+            let time_step = x / (3.0_f64.sqrt() * waves.length);
+            let z = 0.5 * PI * x;
+            let exact = z.tan() / z - 1.0;
+            let found = waves.error(1.0, time_step);
+            assert!(
+                exact <= found && found <= 1.3 * exact,
+                "{x}: {exact} {found}"
+            );
+        }
+        let (_, step) = waves.longest_step(1.0, 0.01);
+        assert!(waves.error(1.0, step) <= 0.01 && waves.error(1.0, 1.2 * step) > 0.01);
+    }
+
+    /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C. Kosten, Sound absorbing
+    /// materials, 1949, without conduction of heat). The imaginary part of ω is the rate.
+    #[test]
+    fn sound_dies_away_as_between_plates() {
+        type Complex = nalgebra::Complex<f64>;
+        let (height, length, viscosity) = (5.5e-3, 1e-2, 1e-4_f64);
+        for sound in [2.0, 8.0, 32.0] {
+            let wave = 2.0 * PI / length * sound;
+            let next = |omega: Complex| {
+                let z = (Complex::i() * omega / viscosity).sqrt() * (0.5 * height);
+                (Complex::from(1.0) - z.tanh() / z).sqrt() * wave
+            };
+            let mut omega = Complex::from(wave);
+            for _ in 0..200 {
+                omega = (omega + next(omega)) * 0.5;
+            }
+            assert!((next(omega) - omega).norm() < 1e-9 * wave, "{omega}");
+            let rate = damping(wave, viscosity, 2.0 / height);
+            approx::assert_relative_eq!(rate, omega.im, max_relative = 0.1);
+        }
+    }
+}

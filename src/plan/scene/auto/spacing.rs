@@ -1,0 +1,307 @@
+//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
+
+use super::bound::Bound;
+use super::features::{self, Feature};
+use super::{Chosen, asked, step};
+use crate::scene::findings::{Findings, length_of, number};
+use crate::scene::{Scene, sample};
+use base::error::Remedy;
+use base::number::{real, whole};
+use case::Case;
+use case::fluid::{Fluid, Initial, LatticeBoltzmann};
+use case::grains::GrainSource;
+use lbm::boundary::Condition;
+
+/// A spacing and its reason; no reason if the case states it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Spacing {
+    /// h \[m\].
+    pub(crate) value: f64,
+    reason: Option<String>,
+    /// The edges of the domain \[m\], where those of the case are not all whole numbers of cells.
+    pub(crate) rounded: Option<Vec<f64>>,
+}
+
+impl Spacing {
+    /// That of another scene, which needs no reason.
+    pub(crate) fn like(scene: &Scene) -> Self {
+        Self {
+            value: scene.grid.spacing,
+            reason: None,
+            rounded: scene.chosen.size.clone(),
+        }
+    }
+
+    /// Warns of each edge that is longer than written.
+    pub(crate) fn tell_of_rounding(&self, case: &Case, findings: &mut Findings) {
+        let rounded = self.rounded.iter().flatten();
+        for (axis, (written, size)) in case.domain.size.0.iter().zip(rounded).enumerate() {
+            if written < size {
+                let path = format!("domain.size[{axis}]");
+                let reason = format!(
+                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is {size} m long along {}, which is {} m more than written",
+                    number(self.value),
+                    ["x", "y", "z"][axis],
+                    number(size - written)
+                );
+                let text = format!(
+                    "write {size} m to agree, edges with a larger common divisor, or the spacing"
+                );
+                findings.warn(&path, reason, Remedy::from(text).set(&*path, *size));
+            }
+        }
+    }
+
+    pub(crate) fn note(&self, chosen: &mut Chosen) {
+        if let Some(reason) = &self.reason {
+            chosen.note("spacing", reason.clone());
+        }
+    }
+}
+
+/// Cells of a grid without water on a lattice: it only cuts the domain into slabs.
+const SLAB_DIAMETERS: f64 = 2.0;
+/// Seepage is averaged over cells of three grains, within the 1 to 4 of the paper on ground fissures.
+const SEEPAGE_DIAMETERS: f64 = 3.0;
+/// Cells of seepage without grains along the shortest edge, and in all at most.
+const SEEPAGE_LAYERS: f64 = 50.0;
+const SEEPAGE_CELLS: f64 = 1e6;
+/// Part of the target that the cells may use; the time step has the rest.
+const SHARE: f64 = 0.75;
+/// Factor by which cells may be finer to put bodies aside from positions of symmetry.
+const ASIDE: f64 = 1.05;
+/// Distance from a centre, face or corner of a cell that counts as on it [half cells].
+const ON_LATTICE: f64 = 0.1;
+/// In the plane finer cells keep a fast flow stable, up to this factor.
+const MOST_FINER: f64 = 4.0;
+
+/// The stated spacing, or that for the features of the case, before velocities are known.
+pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
+    if let Some(value) = case.domain.spacing {
+        return Some(Spacing {
+            value,
+            reason: None,
+            rounded: None,
+        });
+    }
+    if let Some(GrainSource::File { path }) = case.grains.as_ref().map(|grains| &grains.initial)
+        && let Err(reason) = sample::load(case, path)
+    {
+        findings.error(sample::PATH, reason, sample::REMEDY);
+        return None;
+    }
+    let unknown = case
+        .bodies
+        .iter()
+        .any(|b| features::width(&b.shape).is_none());
+    if unknown || case.blocks.is_some() {
+        findings.error(
+            "domain.spacing",
+            "the widths of blocks, meshes and half-spaces are not known in advance",
+            "state the spacing: about a tenth of the smallest width",
+        );
+        return None;
+    }
+    let (wanted, reason) = match features::lattice(case) {
+        Some(lbm) => {
+            let need = needs(case, lbm, None, None);
+            need.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?
+        }
+        None => without_lattice(case, findings)?,
+    };
+    whole_cells(case, wanted, reason, findings)
+}
+
+/// A finer spacing than that of the scene, if its velocities require one.
+pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
+    let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
+    let flow = scene.flow.as_ref()?;
+    let speed = step::fastest(scene, flow)?.value;
+    let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
+    let mut wanted = needs(case, lbm, Some(scene), Some(speed))
+        .into_iter()
+        .reduce(finest)?;
+    if scene.grid.dimension == 2
+        && lbm.turbulence.is_none()
+        && let Some(h) = step::stable_spacing(scene, flow, speed, asked(case)?.target())
+        && h * MOST_FINER >= wanted.0
+    {
+        let reason = format!(
+            "in 2-D no operator is stable on coarser cells at {} m/s",
+            number(speed)
+        );
+        wanted = finest(wanted, (h, reason));
+    }
+    let (wanted, reason) = wanted;
+    // Findings about the sizes were reported with the coarser cells.
+    let mut unheard = Findings::new(case);
+    let found = whole_cells(case, wanted, reason, &mut unheard)?;
+    (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
+}
+
+/// The spacing \[m\] that each feature requires, and a sentence.
+fn needs(
+    case: &Case,
+    lbm: &LatticeBoltzmann,
+    scene: Option<&Scene>,
+    speed: Option<f64>,
+) -> Vec<(f64, String)> {
+    let Some(accuracy) = asked(case) else {
+        return Vec::new();
+    };
+    let dimension = case.domain.size.0.len();
+    let target = SHARE * accuracy.target();
+    let need = |feature: &Feature| {
+        let reynolds = speed.map_or(0.0, |u| u * feature.size / lbm.kinematic_viscosity);
+        let bound = Bound::of(dimension, feature.obstacle)?;
+        let cells = bound.cells_for(target, reynolds);
+        let reason = format!(
+            "at least {} cells across the {} of {} m, for \"{}\"",
+            number(cells),
+            feature.what,
+            number(feature.size),
+            accuracy.name()
+        );
+        Some((feature.size / cells, reason))
+    };
+    // What grows in a short run asks for no cells: the plan says that it is not resolved.
+    let mut needs: Vec<(f64, String)> = features::of(case, lbm, scene, None)
+        .iter()
+        .filter_map(need)
+        .collect();
+    needs.extend(eddies(lbm).map(|length| {
+        let reason = format!(
+            "two cells across the imposed eddies of {} m",
+            number(length)
+        );
+        (0.5 * length, reason)
+    }));
+    needs
+}
+
+/// Length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
+fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
+    let initial = match &lbm.initial {
+        Initial::Channel { fluctuations, .. } => *fluctuations,
+        _ => None,
+    };
+    let inlets = lbm
+        .boundaries
+        .iter()
+        .filter_map(|boundary| match &boundary.condition {
+            Condition::Velocity(velocity) => velocity.turbulence,
+            _ => None,
+        });
+    initial
+        .into_iter()
+        .chain(inlets)
+        .map(|eddies| eddies.length_scale)
+}
+
+/// Grains decide where there is no lattice.
+fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)> {
+    let bodies = case.bodies.iter();
+    let bodies = bodies.filter_map(|body| features::width(&body.shape));
+    let widest = bodies.fold(0.0, f64::max);
+    let (smallest, largest) = features::grain_diameters(case).unwrap_or((widest, widest));
+    let (size, reason) = match &case.fluid {
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() && largest > 0.0 => (
+            (SEEPAGE_DIAMETERS * 0.5 * (smallest + largest)).max(largest),
+            "three mean diameters: the seepage is averaged over grains",
+        ),
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => {
+            let edges = case.domain.size.to_array();
+            let edges: Vec<f64> = edges.into_iter().filter(|x| *x > 0.0).collect();
+            let shortest = edges.iter().copied().fold(f64::INFINITY, f64::min);
+            let size: f64 = edges.iter().product();
+            let coarsest = (size / SEEPAGE_CELLS).powf(1.0 / real(edges.len().max(1)));
+            (
+                (shortest / SEEPAGE_LAYERS).max(coarsest),
+                "fifty cells along the shortest edge, or a million in all: there are no grains to average over",
+            )
+        }
+        _ => (
+            SLAB_DIAMETERS * largest.max(widest),
+            "two of the largest diameters: without a lattice the cells only define the slabs",
+        ),
+    };
+    if size <= 0.0 {
+        findings.error(
+            "domain.spacing",
+            "nothing in the case determines the size of a cell",
+            "state the spacing",
+        );
+        return None;
+    }
+    Some((size, reason.into()))
+}
+
+/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number. Up to [`ASIDE`] finer, one is
+/// preferred that puts no round obstacle at a position of symmetry.
+///
+/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow to the next whole
+/// number of cells. Of the spacings in this range the one is taken that lengthens the domain least, relative to its edges. Edges grow
+/// and do not shrink, so that all that the case places in the domain stays in it.
+fn whole_cells(
+    case: &Case,
+    wanted: f64,
+    reason: String,
+    findings: &mut Findings,
+) -> Option<Spacing> {
+    let sizes = &case.domain.size.0;
+    let shortest = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    if !(shortest > 0.0 && wanted > 0.0 && shortest.is_finite()) {
+        findings.error(
+            "domain.size",
+            "the domain needs a positive size",
+            "write lengths in m",
+        );
+        return None;
+    }
+    let least = (shortest / wanted - 1e-9).ceil().max(1.0);
+    let spacings = || (0..=whole(least)).map(|more| shortest / (least + real(more)));
+    let fits = |h: &f64| sizes.iter().all(|size| fits_one(*size, *h));
+    if let Some(coarsest) = spacings().find(fits) {
+        let mut near = spacings()
+            .filter(fits)
+            .take_while(|h| *h * ASIDE * (1.0 + 1e-9) >= coarsest);
+        let value = near.find(|h| !symmetric(case, *h)).unwrap_or(coarsest);
+        return Some(Spacing {
+            value,
+            reason: Some(reason),
+            rounded: None,
+        });
+    }
+    let added = |h: &f64| -> f64 {
+        let longer = sizes.iter().map(|size| rounded_up(*size, *h) / size - 1.0);
+        longer.sum()
+    };
+    let value = spacings().min_by(|a, b| added(a).total_cmp(&added(b)))?;
+    Some(Spacing {
+        value,
+        reason: Some(reason),
+        rounded: Some(sizes.iter().map(|size| rounded_up(*size, value)).collect()),
+    })
+}
+
+/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the staircases of opposite sides are
+/// equal, and their errors add up: such discs broke three times as many promises as others.
+fn symmetric(case: &Case, h: f64) -> bool {
+    let on_lattice = |x: f64| (2.0 * x / h - (2.0 * x / h).round()).abs() < ON_LATTICE;
+    let mut round = case.bodies.iter().filter(|body| body.shape.round());
+    round.any(|body| body.position.0.iter().all(|x| on_lattice(*x)))
+}
+
+/// The length of the fewest whole cells that are as long as an edge.
+fn rounded_up(size: f64, h: f64) -> f64 {
+    if fits_one(size, h) {
+        size
+    } else {
+        length_of((size / h).ceil(), h)
+    }
+}
+
+/// Whether an edge is a whole number of cells.
+fn fits_one(size: f64, h: f64) -> bool {
+    (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
+}

@@ -1,0 +1,534 @@
+//! The time step of the lattice and what it allows: operator, velocity set, eddy viscosity, number type.
+//!
+//! The step is the longest that keeps
+//!
+//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
+//! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
+//! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the
+//!   target, and 3 %;
+//! - all changes of density that the flow needs ([`super::density`]) together at three quarters of
+//!   `guards.max_compression`;
+//! - 200 steps in a period, 100 in the run, one in every interval of output;
+//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
+//!   begin, unless the relaxation time would fall below the range of two relaxation times.
+//!
+//! It is shortened so that the intervals of probes and outputs are whole numbers of steps.
+//!
+//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D and around what moves up to a cell
+//! Reynolds number of 7.
+//! Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a factor, and beyond that the case
+//! is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
+//! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about
+//! 2 eta).
+
+use super::gaps::Gap;
+use super::{Limit, density, sound};
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::check_operator;
+use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
+use crate::scene::initial::Initial;
+use crate::scene::packed::{in_a_bed, lie_packed};
+use crate::scene::porous;
+use crate::scene::speed::{self, Speed};
+use base::number::{real, whole};
+use base::units::LatticeUnits;
+use case::coupling::{Coupling, SolidOperator};
+use case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
+use lbm::collision::cumulant;
+use lbm::turbulence::wale::Wale;
+
+/// Largest relaxation time.
+const MOST_TAU: f64 = 1.5;
+/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a flume they failed
+/// at 0.5302 and held at 0.5491.
+const LEAST_TAU: f64 = 0.51;
+const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
+/// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D and around what moves, held
+/// by links: runs failed from 11 and from 12 on.
+const MOST_CELL_REYNOLDS: f64 = 7.0;
+/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
+const USUAL_MACH: f64 = 0.1;
+/// Part of `guards.max_compression` that all changes of density together may take.
+const OF_THE_GUARD: f64 = 0.75;
+/// Largest relative change of density.
+const MOST_COMPRESSION: f64 = 0.03;
+/// Steps in a period of what oscillates, and in the run.
+const STEPS_IN_A_PERIOD: f64 = 200.0;
+const STEPS_IN_A_RUN: f64 = 100.0;
+/// Reynolds number from which a flow may be turbulent, and Kolmogorov lengths that a cell may be wide.
+const TURBULENT: f64 = 1000.0;
+const KOLMOGOROV_LENGTHS: f64 = 4.0;
+/// Constant of WALE (Nicoud and Ducros 1999).
+const WALE: f64 = 0.5;
+/// From this target on f32 does.
+const DRAFT: f64 = 0.1;
+
+/// Returns the smallest relaxation time at which two of them are stable at a lattice velocity.
+fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
+    let opens = flow
+        .patches()
+        .any(|patch| patch.condition.model().passes_water());
+    let bounded = 0.5 + 3.0 * lattice_velocity / MOST_CELL_REYNOLDS;
+    let links = matches!(scene.coupling, Some(Coupling::BounceBack(_)));
+    match (opens, scene.grid.dimension) {
+        (true, 3) => LEAST_TAU_AT_OPENINGS,
+        (true, _) => bounded.clamp(LEAST_TAU, LEAST_TAU_AT_OPENINGS),
+        (false, _) if links && speed::through_the_fluid(scene, flow).is_some() => {
+            bounded.max(LEAST_TAU)
+        }
+        (false, _) => LEAST_TAU,
+    }
+}
+
+fn mach(target: f64) -> f64 {
+    (target / 12.0).sqrt().min(USUAL_MACH)
+}
+
+/// The largest speed that water or solids will reach; none where nothing drives them.
+pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let speeds = speed::all(scene, flow).into_iter();
+    speeds.max_by(|a, b| a.value.total_cmp(&b.value))
+}
+
+/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none where any is. The time
+/// step is that at which the error of compressibility, or the sound of a start, allows no more.
+pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64) -> Option<f64> {
+    let sound: f64 = scene
+        .density_causes
+        .iter()
+        .map(|cause| cause.sound * cause.velocity)
+        .sum();
+    let most = OF_THE_GUARD * scene.guards.max_compression * speed / sound;
+    let mach = if sound > 0.0 {
+        mach(target).min(0.9 * most)
+    } else {
+        mach(target)
+    };
+    let h = 3.0 * mach * flow.kinematic_viscosity / ((least_tau(scene, flow, mach) - 0.5) * speed);
+    h.is_finite().then_some(h)
+}
+
+/// Chooses what the case leaves out.
+pub(crate) fn choose(
+    scene: &mut Scene,
+    lbm: &LatticeBoltzmann,
+    target: f64,
+    ways: &[(usize, Gap)],
+    findings: &mut Findings,
+) {
+    let Some(mut flow) = scene.flow.take() else {
+        return;
+    };
+    let speed = fastest(scene, &flow);
+    if flow.fixed_by == "accuracy" {
+        time_step(scene, &mut flow, speed.as_ref(), target, ways);
+        check_operator(lbm, flow.relaxation_time, findings);
+    }
+    eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
+    operator(scene, &mut flow, lbm, findings);
+    storage(scene, &mut flow, lbm, target);
+    scene.flow = Some(flow);
+}
+
+/// Part of the target that the change of density along the flow may use.
+const OF_LOSSES: f64 = 0.25;
+
+/// Part of the target that sound in an oscillating flow may use.
+const OF_SOUND: f64 = 0.125;
+
+/// Part of the longest time step below which it is not shortened for the sake of samples.
+const SHORTEST: f64 = 0.75;
+
+/// Relative difference of intervals that rounding explains.
+const ROUNDING: f64 = 1e-9;
+
+/// Returns the longest interval of which two are multiples, to rounding; it falls towards 0 for intervals without one.
+fn common(a: f64, b: f64) -> f64 {
+    let (mut long, mut short) = (a.max(b), a.min(b));
+    let least = ROUNDING * long;
+    while short > least {
+        let rest = long - (long / short).round() * short;
+        (long, short) = (short, rest.abs());
+    }
+    long
+}
+
+/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples: of all of them,
+/// or else of those of probes, or else of the shortest.
+fn dividing(scene: &Scene, longest: f64) -> f64 {
+    let finite = |every: &f64| every.is_finite() && *every > 0.0;
+    let all: Vec<f64> = intervals(scene).filter(finite).collect();
+    let probes = scene.probes.iter().map(|probe| probe.every).filter(finite);
+    let shortest = all.iter().copied().reduce(f64::min);
+    let candidates = [
+        all.iter().copied().reduce(common),
+        probes.reduce(common),
+        shortest,
+    ];
+    let fits = |every: &f64| *every >= longest * (1.0 - ROUNDING);
+    match candidates.into_iter().flatten().find(fits) {
+        Some(every) => every / (every / longest * (1.0 - ROUNDING)).ceil().max(1.0),
+        None => longest,
+    }
+}
+
+/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples at the nearest
+/// steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would no longer hold.
+fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
+    let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
+    let shorter = dividing(scene, longest);
+    let holds = |time_step: f64| {
+        let tau = 0.5 + 3.0 * nu * time_step / (h * h);
+        tau >= least_tau(scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
+    };
+    // Below the range of two relaxation times, cumulants hold in 3-D at every shorter step.
+    let other = scene.grid.dimension == 3 && !holds(longest);
+    if shorter >= SHORTEST * longest && (other || holds(shorter)) {
+        flow.time_step = shorter;
+    }
+}
+
+/// Sets the longest time step within all limits that divides the intervals of samples, and notes which limit binds.
+fn time_step(
+    scene: &mut Scene,
+    flow: &mut Flow,
+    speed: Option<&Speed>,
+    target: f64,
+    ways: &[(usize, Gap)],
+) {
+    let limits = limits(scene, flow, speed, target, ways);
+    let shortest = limits
+        .iter()
+        .min_by(|a, b| a.time_step.total_cmp(&b.time_step));
+    if let Some(limit) = shortest {
+        flow.time_step = limit.time_step;
+        shorten(scene, flow, speed.map_or(0.0, |speed| speed.value));
+        flow.relaxation_time = flow
+            .units(&scene.grid)
+            .relaxation_time(flow.kinematic_viscosity);
+        let mut text = format!("the longest for {}", limit.what);
+        if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
+            text += " of which the intervals of samples are multiples";
+        }
+        scene.chosen.note("time step", text);
+    }
+    scene.chosen.limits = limits;
+}
+
+fn limits(
+    scene: &Scene,
+    flow: &Flow,
+    speed: Option<&Speed>,
+    target: f64,
+    ways: &[(usize, Gap)],
+) -> Vec<Limit> {
+    let (h, nu) = (scene.grid.spacing, flow.kinematic_viscosity);
+    let mut limits = Vec::new();
+    let mut add = |what: String, time_step: f64| {
+        if time_step.is_finite() && time_step > 0.0 {
+            limits.push(Limit { what, time_step });
+        }
+    };
+    add(
+        format!("a relaxation time of {MOST_TAU}"),
+        LatticeUnits::time_step_for(MOST_TAU, h, nu),
+    );
+    if let Some(speed) = speed {
+        let mach = mach(target);
+        let what = format!(
+            "lattice velocity {} at {} m/s of {}",
+            number(mach),
+            number(speed.value),
+            speed.what
+        );
+        add(what, mach * h / speed.value);
+    }
+    let compression = MOST_COMPRESSION.min(OF_LOSSES * target);
+    let pressure = largest_pressure(scene, flow);
+    add(
+        format!(
+            "a density change of {} % under {} Pa",
+            number(100.0 * compression),
+            number(pressure)
+        ),
+        h * (compression * flow.density / (3.0 * pressure)).sqrt(),
+    );
+    let guard = OF_THE_GUARD * scene.guards.max_compression;
+    for (bound, steady) in [(guard, false), (compression, true)] {
+        let of = (bound, h, flow.density);
+        let causes: Vec<density::Cause> = scene
+            .density_causes
+            .iter()
+            .filter(|cause| !steady || cause.is_loss())
+            .cloned()
+            .collect();
+        if let Some((cause, time_step)) = density::longest_step(&causes, of) {
+            let what = format!(
+                "a density change of {} %{}, most of it by {}",
+                number(100.0 * bound),
+                if steady { " along the flow" } else { "" },
+                cause.what
+            );
+            add(what, time_step);
+        }
+    }
+    if let Some(tau) = longest_in_a_bed(scene, flow) {
+        add(
+            format!("a relaxation time of {tau}, at which the bed of grains is stable"),
+            LatticeUnits::time_step_for(tau, h, nu),
+        );
+    }
+    if let Some(limit) =
+        porous::step_limit(&scene.porous_zones, speed.map_or(0.0, |speed| speed.value))
+    {
+        let what = format!("the resistance of the porous zone `{}`", limit.zone.name);
+        // Eddies are chosen later, where the water is fast.
+        let eddies = speed.is_some() && scene.grid.dimension == 3;
+        add(
+            what,
+            if eddies {
+                limit.beside_eddies
+            } else {
+                limit.stable
+            },
+        );
+    }
+    if let BodyForce::Oscillating { period, .. } = flow.body_force {
+        add(
+            format!("{STEPS_IN_A_PERIOD} steps in a period"),
+            period / STEPS_IN_A_PERIOD,
+        );
+    }
+    add(
+        format!("{STEPS_IN_A_RUN} steps in the run"),
+        scene.time.end / STEPS_IN_A_RUN,
+    );
+    let shortest = intervals(scene).fold(f64::INFINITY, f64::min);
+    add("an output in every interval".into(), shortest);
+    let fastest = mach(target).min(
+        speed.map_or(0.0, |speed| speed.value) * LatticeUnits::time_step_for(LEAST_TAU, h, nu) / h,
+    );
+    let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
+    if let Some((what, time_step)) = sound::passages(scene, flow) {
+        add(what, time_step.max(stable));
+    }
+    if let Some(waves) = sound::waves(scene, flow) {
+        let (what, time_step) = waves.longest_step(h, OF_SOUND * target);
+        add(what, time_step.max(stable));
+    }
+    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
+        let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
+        add(what, time_step.max(stable));
+    }
+    limits
+}
+
+/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to spare; none where they
+/// are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
+fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let coupling = scene.coupling.as_ref()?;
+    let grains = scene.grains.as_ref()?;
+    let (smallest, _) = grains.radii?;
+    let operator = match coupling {
+        Coupling::PartiallySaturated(written) => written
+            .solid_operator
+            .unwrap_or(SolidOperator::ViscosityMatched),
+        Coupling::BounceBack(_) => return None,
+    };
+    if !lie_packed(scene) {
+        return None;
+    }
+    let radius = smallest * coupling.hydraulic_radius_factor() / scene.grid.spacing;
+    let flat = scene.grid.dimension == 2;
+    let lightest = grains
+        .materials()
+        .map(|material| scene.density(material) / flow.density)
+        .fold(f64::INFINITY, f64::min);
+    let holds = |tau: f64| 1.1 * in_a_bed(coupling, Some(operator), tau, flat, radius) <= lightest;
+    // In steps of 0.05 down to where the bound is as low as it gets.
+    let mut times = (12..=whole(20.0 * MOST_TAU)).rev().map(|n| real(n) / 20.0);
+    times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
+}
+
+/// The largest pressure imposed, at the start, or of the water column \[Pa\].
+fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
+    let imposed = flow.patches().filter_map(|patch| {
+        let pressure = patch.condition.model().pressure()?;
+        Some(pressure.amplitude())
+    });
+    let start = match flow.initial {
+        Initial::Uniform { pressure, .. } => pressure.abs(),
+        _ => 0.0,
+    };
+    let column: f64 = (0..scene.grid.dimension)
+        .filter(|a| flow.gravity_acts[*a] && !scene.grid.periodic[*a])
+        .map(|a| flow.density * scene.gravity[a].abs() * scene.grid.size[a])
+        .sum();
+    imposed.chain([start, column]).fold(0.0, f64::max)
+}
+
+/// Times between samples and outputs \[s\].
+pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
+    let output = &scene.output;
+    let fields = output.fluid.iter().map(|output| output.every);
+    let grains = output.grains.iter().map(|output| output.every);
+    let averages = output.averages.iter().map(|output| output.sample_every);
+    let probes = scene.probes.iter().map(|probe| probe.every);
+    fields.chain(grains).chain(averages).chain(probes)
+}
+
+/// The smallest thing in the water \[m\], which makes its eddies.
+fn smallest(scene: &Scene) -> f64 {
+    let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
+    let grains = scene.grains.iter().filter_map(|g| g.radii);
+    let walls = (0..scene.grid.dimension).filter(|a| !scene.grid.periodic[*a]);
+    let walls = walls.map(|a| scene.grid.size[a]);
+    let all = bodies.chain(grains.map(|r| 2.0 * r.0)).chain(walls);
+    let smallest = all.fold(f64::INFINITY, f64::min);
+    let whole = scene.grid.size[..scene.grid.dimension].iter().copied();
+    if smallest.is_finite() {
+        smallest
+    } else {
+        whole.fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The eddies that the cells are too wide for, unless the case says otherwise.
+fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Option<f64>) {
+    if lbm.turbulence.is_some() {
+        return;
+    }
+    let size = smallest(scene);
+    let reynolds = speed.unwrap_or(0.0) * size / flow.kinematic_viscosity;
+    let kolmogorov = size * reynolds.powf(-0.75);
+    let (model, text) = if scene.grid.dimension == 3
+        && reynolds > TURBULENT
+        && scene.grid.spacing > KOLMOGOROV_LENGTHS * kolmogorov
+    {
+        let text = format!(
+            "the Reynolds number {} of {} m makes eddies of {} m, and cells are {} m",
+            number(reynolds),
+            number(size),
+            number(kolmogorov),
+            number(scene.grid.spacing)
+        );
+        (Some(Turbulence::Wale(Wale { constant: WALE })), text)
+    } else {
+        let text = format!(
+            "the Reynolds number is {}: all is resolved",
+            number(reynolds)
+        );
+        (None, text)
+    };
+    flow.turbulence = model;
+    scene.chosen.note("turbulence", text);
+}
+
+/// The cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
+fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings: &mut Findings) {
+    let speed = fastest(scene, flow).map_or(0.0, |speed| speed.value);
+    let tau = flow.relaxation_time;
+    let least = least_tau(scene, flow, speed * flow.time_step / scene.grid.spacing);
+    if lbm.collision.is_none() {
+        let fast = tau < least || flow.turbulence.is_some();
+        // Neither a stated D3Q19 nor the operator that scales two times leaves a choice.
+        let matched = matches!(
+            &scene.coupling,
+            Some(Coupling::PartiallySaturated(cells))
+                if cells.solid_operator.is_some_and(|operator| operator.model().needs_two_rates())
+        );
+        let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
+        if scene.grid.dimension == 3 && fast && free {
+            flow.collision = Collision::Cumulant(cumulant::Parameters::default());
+            flow.lattice = Lattice::D3Q27;
+            let text = format!("robust near tau = 0.5; here {tau:.5}");
+            scene.chosen.note("collision", text);
+        } else {
+            let text = format!(
+                "the cheapest that leaves walls where they are at every viscosity; tau = {}",
+                number(tau)
+            );
+            scene.chosen.note("collision", text);
+        }
+    }
+    if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
+        let reason = format!(
+            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from {least} on"
+        );
+        let path = format!("{PATH}.kinematic_viscosity");
+        // What is stated is taken, with a warning.
+        if scene.grid.dimension == 2 && lbm.turbulence.is_none() && flow.fixed_by == "accuracy" {
+            let finest = scene.grid.spacing * (tau - 0.5) / (least - 0.5);
+            let remedy = format!(
+                "state a spacing of at most {} m, or make the flow slower or 3-D, where cumulants hold",
+                number(finest)
+            );
+            findings.error(&path, reason, remedy);
+        } else {
+            let remedy = "use a finer spacing, or in 3-D leave out collision and lattice";
+            findings.warn(&path, reason, remedy);
+        }
+    }
+}
+
+/// f32 halves the memory and the traffic of a draft in 3-D.
+fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
+    if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
+        flow.storage = Precision::F32;
+        let text = "a draft in 3-D: half the memory; arithmetic in f64";
+        scene.chosen.note("populations", text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Plan;
+    use case::Document;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    #[test]
+    fn intervals_have_the_common_divisor_of_their_decimals() {
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        close(common(1e-3, 2.5e-3), 5e-4);
+        close(common(0.1, 0.3), 0.1);
+        close(common(0.7, 0.7), 0.7);
+        assert!(common(1.0, std::f64::consts::SQRT_2) < 1e-6);
+    }
+
+    fn plan(every: &Value) -> Plan {
+        let case = json!({
+            "domain": {"size": [0.02, 0.01], "periodic": ["x"]},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-5, "body_force": {"constant": [1, 0]}
+            }},
+            "time": {"end": 2},
+            "probes": [{"name": "p", "every": every[0], "at": {"point": {"position": [0.01, 0.005]}}}],
+            "output": {"fluid": {"every": every[1]}}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        Plan::prepare(document).unwrap()
+    }
+
+    #[test]
+    fn samples_lie_at_whole_numbers_of_automatic_steps() {
+        let longest = plan(&json!([2, 2])).clock.time_step;
+        for every in [json!([0.01, 0.1]), json!([0.0123, 0.5]), json!([0.1, 0.25])] {
+            let step = plan(&every).clock.time_step;
+            assert!(
+                step <= longest * 1.001 && step > 0.4 * longest,
+                "{step} {longest}"
+            );
+            let steps = every[0].as_f64().unwrap() / step;
+            assert!(
+                (steps - steps.round()).abs() < 1e-6 * steps,
+                "{every}: {steps}"
+            );
+        }
+        let step = plan(&json!([0.1, 0.25])).clock.time_step;
+        let steps = 0.25 / step;
+        assert!((steps - steps.round()).abs() < 1e-6 * steps, "{steps}");
+    }
+}

@@ -1,0 +1,206 @@
+//! The named bodies of a scene.
+
+use super::block::Block;
+use super::findings::Findings;
+use super::grid::Grid;
+use super::motion::{motion, needs_density};
+use super::{blocks, material, unique};
+use base::error::Remedy;
+use case::Case;
+use case::solids::{Motion as WrittenMotion, Shape};
+use dem::polyhedron::{Piece, Solid};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// A named disc (2-D), or sphere or polyhedron (3-D).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Body {
+    /// Its name.
+    pub name: String,
+    /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
+    pub radius: f64,
+    /// The polyhedron, if it is one, where it stands.
+    #[serde(skip)]
+    pub solid: Option<Solid>,
+    /// Centre \[m\].
+    pub position: [f64; 3],
+    /// Velocity at the start [m/s], or at all times if driven.
+    pub velocity: [f64; 3],
+    /// Rotation rate at the start [rad/s], or at all times if driven.
+    pub angular_velocity: [f64; 3],
+    /// How it moves.
+    pub mobility: Mobility,
+    /// Index of its material.
+    pub material: usize,
+}
+
+impl Body {
+    /// Diameter of the largest sphere in a polyhedron \[m\].
+    #[must_use]
+    pub fn thickness(&self) -> Option<f64> {
+        self.solid
+            .as_ref()
+            .map(|solid| Piece::of(solid).thickness())
+    }
+}
+
+/// How a body moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mobility {
+    /// Not at all.
+    Fixed,
+    /// With a prescribed velocity.
+    Driven,
+    /// By the forces on it.
+    Free,
+}
+
+/// Returns the named bodies of a case.
+pub(crate) fn bodies(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Body> {
+    let mut known = Vec::new();
+    let mut bodies = Vec::new();
+    for (n, body) in case.bodies.iter().enumerate() {
+        let path = format!("bodies[{n}]");
+        unique(&mut known, &body.name, &format!("{path}.name"), findings);
+        check_dimension(&body.shape, grid, &format!("{path}.shape"), findings);
+        let position = Block::vector(grid, &body.position, &format!("{path}.position"), findings);
+        let (solid, radius) = match &body.shape {
+            Shape::Disc { radius } | Shape::Sphere { radius } => {
+                if body.orientation.is_some() {
+                    findings.error(
+                        &format!("{path}.orientation"),
+                        "the orientation of a disc or sphere has no effect",
+                        Remedy::take_out("remove it", &format!("{path}.orientation")),
+                    );
+                }
+                (None, *radius)
+            }
+            shape => {
+                let turn = body.orientation.as_ref();
+                let Some(mut solid) = blocks::solid(case, shape, turn, &path, findings) else {
+                    continue;
+                };
+                solid.position = position.into();
+                let radius = solid.shape.radius();
+                (Some(solid), radius)
+            }
+        };
+        if !grid.contains(position) {
+            findings.error(
+                &format!("{path}.position"),
+                "the centre lies outside the domain",
+                "move it inside",
+            );
+        }
+        let shape = format!("{path}.shape");
+        check_width(solid.as_ref(), radius, grid, &shape, findings);
+        let moves = moves(&body.motion, grid, &format!("{path}.motion"), findings);
+        let index = material(names, &body.material, &format!("{path}.material"), findings);
+        if moves.mobility == Mobility::Free && index.is_some() {
+            needs_density(case, &body.material, findings);
+        }
+        bodies.push(Body {
+            name: body.name.clone(),
+            radius,
+            solid,
+            position,
+            velocity: moves.velocity,
+            angular_velocity: moves.angular_velocity,
+            mobility: moves.mobility,
+            material: index.unwrap_or(0),
+        });
+    }
+    bodies
+}
+
+/// Refuses a disc in 3-D, and other shapes in 2-D.
+fn check_dimension(shape: &Shape, grid: &Grid, path: &str, findings: &mut Findings) {
+    let flat = matches!(shape, Shape::Disc { .. });
+    if flat != (grid.dimension == 2) {
+        let right = if flat { "sphere" } else { "disc" };
+        findings.error(
+            path,
+            format!("this shape does not fit a {}-D problem", grid.dimension),
+            format!("use {right}"),
+        );
+    }
+}
+
+/// Refuses a body that is wider than the domain.
+fn check_width(
+    solid: Option<&Solid>,
+    radius: f64,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let longer = match solid {
+        Some(solid) => wider(grid, solid, &[true; 3]).map(|(axis, _)| axis),
+        None => (0..grid.dimension).find(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)),
+    };
+    if let Some(axis) = longer {
+        findings.error(
+            path,
+            format!(
+                "the body is wider than the domain along {}",
+                ["x", "y", "z"][axis]
+            ),
+            "make it smaller, or the domain larger",
+        );
+    }
+}
+
+/// Returns the first of these axes along which a polyhedron is longer than the domain, and its length \[m\].
+pub(crate) fn wider(grid: &Grid, solid: &Solid, axes: &[bool; 3]) -> Option<(usize, f64)> {
+    let piece = Piece::of(solid);
+    let lengths = (0..grid.dimension).filter(|a| axes[*a]).map(|a| {
+        let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
+        let (low, high) = piece.extent(&along);
+        (a, high - low)
+    });
+    // As long as the domain, but for the rounding of its corners, closes it.
+    let mut longer = lengths.filter(|(a, length)| *length > grid.size[*a] * (1.0 + 1e-9));
+    longer.next()
+}
+
+/// The way a body moves.
+struct Moves {
+    mobility: Mobility,
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+}
+
+/// Resolves the motion of a body.
+fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findings) -> Moves {
+    let (mobility, name, velocity, rotation) = match written {
+        WrittenMotion::Fixed {} => {
+            return Moves {
+                mobility: Mobility::Fixed,
+                velocity: [0.0; 3],
+                angular_velocity: [0.0; 3],
+            };
+        }
+        WrittenMotion::Driven {
+            velocity,
+            angular_velocity,
+        } => (Mobility::Driven, "driven", velocity, angular_velocity),
+        WrittenMotion::Free {
+            velocity,
+            angular_velocity,
+        } => (Mobility::Free, "free", velocity, angular_velocity),
+    };
+    let path = format!("{path}.{name}");
+    let (velocity, rotation) = (velocity.as_ref(), rotation.as_ref());
+    let (velocity, angular_velocity) = motion(grid, velocity, rotation, &path, findings);
+    Moves {
+        mobility,
+        velocity,
+        angular_velocity,
+    }
+}

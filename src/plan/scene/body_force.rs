@@ -1,0 +1,81 @@
+//! The force per volume on the fluid.
+
+use super::block::Block;
+use super::findings::{Findings, LATTICE_PATH as PATH};
+use super::grid::Grid;
+use case::fluid::{self, LatticeBoltzmann};
+use serde::Serialize;
+
+/// Force per volume [N/m3].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub enum BodyForce {
+    /// The same at all times; may be zero.
+    Constant([f64; 3]),
+    /// amplitude cos(2 pi t/period + phase).
+    Oscillating {
+        /// Largest force [N/m3].
+        amplitude: [f64; 3],
+        /// Period \[s\].
+        period: f64,
+        /// Phase at the start \[rad\].
+        phase: f64,
+    },
+}
+
+impl BodyForce {
+    /// The force at a time \[s\].
+    #[must_use]
+    pub fn at(&self, time: f64) -> [f64; 3] {
+        match self {
+            Self::Constant(force) => *force,
+            Self::Oscillating {
+                amplitude,
+                period,
+                phase,
+            } => {
+                let factor = (std::f64::consts::TAU * time / period + phase).cos();
+                amplitude.map(|a| a * factor)
+            }
+        }
+    }
+
+    /// The largest force at any time.
+    #[must_use]
+    pub fn largest(&self) -> [f64; 3] {
+        match self {
+            Self::Constant(force) => *force,
+            Self::Oscillating { amplitude, .. } => *amplitude,
+        }
+    }
+}
+
+pub(super) fn body_force(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> BodyForce {
+    let path = format!("{PATH}.body_force");
+    match &lbm.body_force {
+        None => BodyForce::Constant([0.0; 3]),
+        Some(fluid::BodyForce::Constant(force)) => BodyForce::Constant(Block::vector(
+            grid,
+            force,
+            &format!("{path}.constant"),
+            findings,
+        )),
+        Some(fluid::BodyForce::Oscillating {
+            amplitude,
+            period,
+            phase_degrees,
+        }) => BodyForce::Oscillating {
+            amplitude: Block::vector(
+                grid,
+                amplitude,
+                &format!("{path}.oscillating.amplitude"),
+                findings,
+            ),
+            period: *period,
+            phase: phase_degrees.to_radians(),
+        },
+    }
+}

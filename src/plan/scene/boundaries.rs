@@ -1,0 +1,361 @@
+//! The conditions of the flow on the faces of the domain.
+
+use super::block::Block;
+use super::findings::LATTICE_PATH as PATH;
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::profile;
+use base::number::{real, whole};
+use case::fluid::LatticeBoltzmann;
+use case::geometry::Face;
+use lbm::boundary::no_slip::NoSlip;
+use lbm::boundary::{Condition, Inflow, Opening, Place, Site, Strength, Surface};
+use serde::Serialize;
+use std::path::Path;
+
+/// A condition on the cells next to a part of a face.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Patch {
+    /// Name in the case; that of the face for a wall nobody named.
+    pub name: String,
+    /// The face.
+    pub face: Face,
+    /// First cell along each axis; 0 along the normal.
+    pub from: [usize; 3],
+    /// One past the last cell along each axis; 1 along the normal.
+    pub to: [usize; 3],
+    /// Its lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may
+    /// end within a cell.
+    pub ends: [[f64; 2]; 3],
+    /// Which faces of the domain are walls, by axis, the lower one first.
+    pub walls: [[bool; 2]; 3],
+    /// What holds there.
+    pub condition: Condition,
+    /// Position in the list of boundaries of the case; none for a wall nobody named.
+    pub index: Option<usize>,
+}
+
+impl Patch {
+    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    #[must_use]
+    pub fn cells(&self, axis: usize) -> usize {
+        self.to[axis].saturating_sub(self.from[axis])
+    }
+
+    /// JSON path of a field of the condition; none for a wall nobody named.
+    #[must_use]
+    pub fn path(&self, field: &str) -> Option<String> {
+        let name = self.condition.name();
+        let path = |n| format!("{PATH}.boundaries[{n}].condition.{name}.{field}");
+        self.index.map(path)
+    }
+
+    /// Where the condition is imposed; `path` is that of its parameters.
+    #[must_use]
+    pub fn place<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
+        Place {
+            site: site(grid, self.face, path, self.walls),
+            from: self.from,
+            to: self.to,
+            ends: self.ends,
+            openings: &[],
+        }
+    }
+}
+
+/// The openings among some patches.
+pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Vec<Opening> {
+    let open = patches.filter(|patch| patch.condition.model().passes_water());
+    let opening = |patch: &Patch| {
+        let (model, place) = (patch.condition.model(), patch.place(grid, PATH));
+        Opening {
+            strength: model.nature().strength,
+            area: place.area(),
+            inflow: model.inflow(&place),
+            ramp_time: model.ramp_time(),
+        }
+    };
+    open.map(opening).collect()
+}
+
+fn site<'a>(grid: &Grid, face: Face, path: &'a str, walls: [[bool; 2]; 3]) -> Site<'a> {
+    Site {
+        path,
+        face,
+        dimension: grid.dimension,
+        spacing: grid.spacing,
+        cells: grid.cells,
+        periodic: grid.periodic,
+        walls,
+    }
+}
+
+/// Returns which faces of the domain are walls that hold the water: those without a condition of their own among them.
+fn walls(lbm: &LatticeBoltzmann) -> [[bool; 2]; 3] {
+    let mut walls = [[true; 2]; 3];
+    for boundary in lbm
+        .boundaries
+        .iter()
+        .filter(|boundary| boundary.patch.is_none())
+    {
+        let surface = boundary.condition.model().nature().surface;
+        walls[boundary.face.axis()][usize::from(boundary.face.is_max())] =
+            matches!(surface, Surface::Wall | Surface::MovingWall);
+    }
+    walls
+}
+
+/// Returns the patches of every face of the domain.
+pub(super) fn faces(
+    lbm: &LatticeBoltzmann,
+    grid: &Grid,
+    directory: &Path,
+    findings: &mut Findings,
+) -> [Vec<Patch>; 6] {
+    let walls = walls(lbm);
+    let mut faces = closed(grid, walls);
+    let mut named = [false; 6];
+    let mut names: Vec<&str> = Vec::new();
+    for (n, boundary) in lbm.boundaries.iter().enumerate() {
+        let path = format!("{PATH}.boundaries[{n}]");
+        let face = boundary.face;
+        super::unique(
+            &mut names,
+            &boundary.name,
+            &format!("{path}.name"),
+            findings,
+        );
+        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension, face.axis());
+        let condition_path = format!("{path}.condition");
+        let site = site(grid, face, &condition_path, walls);
+        if !has_conditions(grid, face, &format!("{path}.face"), findings) {
+            continue;
+        }
+        let condition = boundary.condition.resolved(&site, &read, findings);
+        let patches = &mut faces[face.index()];
+        if let Some(extent) = &boundary.patch {
+            let whole = Patch {
+                name: boundary.name.clone(),
+                condition,
+                index: Some(n),
+                ..closed_face(grid, face, walls)
+            };
+            let path = format!("{path}.patch");
+            let block = tangential(grid, face, extent, &path, findings);
+            let patch = part(whole, &block, grid, &path, findings);
+            check_overlap(&patch, &patches[1..], &path, findings);
+            patches.push(patch);
+            continue;
+        }
+        if std::mem::replace(&mut named[face.index()], true) {
+            findings.error(
+                &format!("{path}.face"),
+                format!("the whole face {} has two conditions", face.name()),
+                "keep one, or give one of them a patch",
+            );
+        }
+        let base = &mut patches[0];
+        base.name.clone_from(&boundary.name);
+        base.condition = condition;
+        base.index = Some(n);
+    }
+    closed_volume(&faces, grid, findings);
+    check_cells(&faces, grid, findings);
+    faces
+}
+
+/// Returns faces without conditions of their own: walls, but for those that repeat.
+fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<Patch>; 6] {
+    let mut faces: [Vec<Patch>; 6] = Default::default();
+    for face in Face::ALL {
+        if face.axis() < grid.dimension && !grid.periodic[face.axis()] {
+            faces[face.index()].push(closed_face(grid, face, walls));
+        }
+    }
+    faces
+}
+
+/// Returns a whole face as a wall without a name.
+fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> Patch {
+    let mut to = grid.cells;
+    to[face.axis()] = 1;
+    Patch {
+        name: face.name().into(),
+        face,
+        from: [0; 3],
+        to,
+        ends: to.map(|end| [0.0, real(end)]),
+        walls,
+        condition: Condition::NoSlip(NoSlip {}),
+        index: None,
+    }
+}
+
+/// Returns true for a face that can have conditions, and refuses others.
+fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) -> bool {
+    if face.axis() >= grid.dimension {
+        findings.error(
+            path,
+            "there is no such face in a 2-D problem",
+            "take this condition out",
+        );
+        return false;
+    }
+    let periodic = grid.periodic[face.axis()];
+    if periodic {
+        let axis = ["x", "y", "z"][face.axis()];
+        findings.error(
+            path,
+            format!("the domain is periodic along {axis}: this face has no condition"),
+            format!("take this condition out, or {axis} out of domain.periodic"),
+        );
+    }
+    !periodic
+}
+
+/// Returns the part of a patch of a whole face that lies in a box.
+fn part(
+    mut patch: Patch,
+    block: &Block,
+    grid: &Grid,
+    path: &str,
+    findings: &mut Findings,
+) -> Patch {
+    let cut = patch.condition.model().nature().strength == Strength::Velocity;
+    for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
+        let written = [block.from[a], block.to[a]];
+        let within = |cell: f64| whole(cell).min(grid.cells[a]);
+        // A cell belongs to a patch if its centre does.
+        let mut cells = written.map(|x| within((x / grid.spacing - 0.5).ceil()));
+        patch.ends[a] = cells.map(real);
+        if cut && written[0] < written[1] {
+            // The imposed velocity is weighted by area in the cells that it cuts.
+            let ends = written.map(|x| on_face(x / grid.spacing));
+            patch.ends[a] = ends;
+            cells = [within(ends[0].floor()), within(ends[1].ceil())];
+        }
+        [patch.from[a], patch.to[a]] = cells;
+        if cells[0] >= cells[1] && written[0] < written[1] {
+            findings.error(
+                path,
+                "the patch holds the centre of no cell",
+                "make it larger, or the spacing finer",
+            );
+        }
+    }
+    if patch.condition.model().passes_water() && !cut {
+        moved(grid, &patch, block, path, findings);
+    }
+    patch
+}
+
+/// Returns a place in cells, moved to a face between cells where it lies beside one by rounding.
+fn on_face(x: f64) -> f64 {
+    if (x - x.round()).abs() < AT_FACE {
+        x.round()
+    } else {
+        x
+    }
+}
+
+/// Refuses a patch that shares cells with an earlier one.
+fn check_overlap(patch: &Patch, others: &[Patch], path: &str, findings: &mut Findings) {
+    let shares =
+        |other: &&Patch| (0..3).all(|a| other.from[a] < patch.to[a] && patch.from[a] < other.to[a]);
+    if let Some(other) = others.iter().find(shares) {
+        findings.error(
+            path,
+            format!("this patch overlaps the patch of `{}`", other.name),
+            "make them share no cell",
+        );
+    }
+}
+
+/// Part of a cell by which an end of a patch may lie beside a face between cells and count as on it.
+const AT_FACE: f64 = 1e-6;
+/// Part of the width of an opening by which an end moves to a face between cells without a word.
+const MOVES: f64 = 0.02;
+
+/// Warns of an opening whose ends lie between the faces of cells: it is as wide as its cells.
+fn moved(grid: &Grid, patch: &Patch, written: &Block, path: &str, findings: &mut Findings) {
+    for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
+        let ends = [patch.from[a], patch.to[a]].map(|cell| real(cell) * grid.spacing);
+        let asked = [written.from[a], written.to[a]];
+        let width = asked[1] - asked[0];
+        let most = (ends[0] - asked[0]).abs().max((ends[1] - asked[1]).abs());
+        if ends[0] < ends[1] && most > MOVES * width {
+            let axis = ["x", "y", "z"][a];
+            findings.warn(
+                path,
+                format!(
+                    "`{}` is as wide as its cells: along {axis} it reaches from {} to {} m instead of from {} to {} m",
+                    patch.name,
+                    number(ends[0]),
+                    number(ends[1]),
+                    number(asked[0]),
+                    number(asked[1])
+                ),
+                "let its ends lie on faces between cells, or use a spacing that divides them",
+            );
+        }
+    }
+}
+
+/// Returns the box of a patch; what it says along the normal does not matter.
+fn tangential(
+    grid: &Grid,
+    face: Face,
+    extent: &case::geometry::Extent,
+    path: &str,
+    findings: &mut Findings,
+) -> Block {
+    let mut extent = extent.clone();
+    let axis = face.axis();
+    if let (Some(from), Some(to)) = (extent.from.0.get_mut(axis), extent.to.0.get_mut(axis)) {
+        (*from, *to) = (0.0, grid.size[axis]);
+    }
+    Block::resolve(grid, &extent, path, findings)
+}
+
+/// Checks what depends on the cells of the patches.
+fn check_cells(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+    for patch in faces.iter().flatten() {
+        if let Some(n) = patch.index {
+            let name = patch.condition.name();
+            let path = format!("{PATH}.boundaries[{n}].condition.{name}");
+            let place = patch.place(grid, &path);
+            patch.condition.model().check(&place, findings);
+        }
+    }
+}
+
+/// Refuses velocities that let more water in than out: it is nearly incompressible.
+fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+    let mut inflow = 0.0;
+    let mut through = 0.0;
+    let mut first: Option<&Patch> = None;
+    for patch in faces.iter().flatten() {
+        match patch.condition.model().inflow(&patch.place(grid, PATH)) {
+            Inflow::None => {}
+            Inflow::Any => return,
+            Inflow::Mean(normal) => {
+                let area = patch.place(grid, PATH).area();
+                inflow += normal * area;
+                through += f64::abs(normal * area);
+                first = first.or(Some(patch));
+            }
+        }
+    }
+    if let Some(patch) = first
+        && inflow.abs() > 1e-9 * through
+    {
+        findings.error(
+            &format!("{PATH}.boundaries"),
+            format!(
+                "`{}` imposes a velocity, but no face lets as much fluid out",
+                patch.name
+            ),
+            "give another face a pressure or an outflow",
+        );
+    }
+}

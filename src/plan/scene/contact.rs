@@ -1,0 +1,175 @@
+//! The contact law of a scene, and the properties of the scene that its resolution needs.
+
+use super::Scene;
+use super::findings::Findings;
+use super::grains::{GrainSource as Resolved, Grains};
+use super::has_polyhedra;
+use base::number::to_u32;
+use case::Case;
+use case::grains::GrainSource;
+use case::solids::Motion;
+use dem::contact::{
+    ContactModel, Depth, Law, MaterialFacts, Preparation, SceneFacts, StaticContact,
+};
+use serde::Serialize;
+
+/// The contact law of a scene with its parameters for every pair of materials.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactTable {
+    /// The law; materials by their indices in [`super::Scene::materials`].
+    pub law: Law,
+    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    pub local_damping: f64,
+}
+
+impl ContactTable {
+    /// The law as plan, preparation and outputs see it.
+    #[must_use]
+    pub fn model(&self) -> &dyn ContactModel {
+        self.law.model()
+    }
+
+    /// Whether no contact has a dashpot, and nothing else takes energy from an impact but friction.
+    #[must_use]
+    pub fn is_elastic(&self) -> bool {
+        let law = self.model();
+        let damped = law.blocks().is_some_and(|blocks| blocks.mass_damping > 0.0);
+        let no_dashpot = |materials| {
+            let contact = StaticContact {
+                materials,
+                diameter: 1.0,
+                radius: 0.5,
+                mass: 1.0,
+                overlap: Some(1e-3),
+                depth: Depth::Start,
+                bonded: false,
+            };
+            law.springs(&contact).dashpots[0] == 0.0
+        };
+        let all = 0..law.materials();
+        let mut pairs = all.clone().flat_map(|a| all.clone().map(move |b| [a, b]));
+        self.local_damping == 0.0 && !damped && pairs.all(no_dashpot)
+    }
+
+    pub(crate) fn resolve(
+        case: &Case,
+        sample: Option<&Grains>,
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let written = case.contact.as_ref()?;
+        let materials: Vec<MaterialFacts> = case
+            .materials
+            .iter()
+            .map(|(name, material)| MaterialFacts {
+                name: name.clone(),
+                young_modulus: material.young_modulus,
+                poisson_ratio: material.poisson_ratio,
+            })
+            .collect();
+        let grains = case.grains.as_ref();
+        let facts = SceneFacts {
+            dimension: case.domain.size.0.len(),
+            materials: &materials,
+            polyhedra: has_polyhedra(case),
+            grains: match grains.map(|grains| &grains.initial) {
+                Some(GrainSource::Growth(_)) => Preparation::Growth,
+                Some(GrainSource::Deposition(deposition)) => Preparation::Deposition {
+                    softened: deposition.falling_stiffness.is_some(),
+                },
+                Some(GrainSource::File { .. } | GrainSource::List(_)) | None => Preparation::Listed,
+            },
+            bond_at_start: grains.is_some_and(|grains| grains.bond_at_start),
+            fastest_approach: fastest_approach(case, sample),
+        };
+        Some(Self {
+            law: written.resolve(&facts, findings)?,
+            local_damping: written.local_damping(),
+        })
+    }
+}
+
+/// Warns of a law that leaves the friction out where solids may touch.
+pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
+    let solids = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    if solids
+        && case
+            .contact
+            .as_ref()
+            .is_some_and(|law| !law.states_friction())
+    {
+        findings.warn(
+            "contact",
+            "the law states no friction angle: contacts have no friction, although friction is a property of the solids",
+            "state friction_angle_degrees as measured, or 0 if there is to be none",
+        );
+    }
+}
+
+impl Scene {
+    /// The contact law of a scene; one without forces where nothing can touch.
+    #[must_use]
+    pub fn contact_law(&self) -> Law {
+        self.contact.as_ref().map_or_else(
+            || Law::without_forces(to_u32(self.materials.len())),
+            |contact| contact.law.clone(),
+        )
+    }
+}
+
+/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the start and that of a
+/// fall through the domain.
+pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
+    let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let mut speeds = vec![0.0, 0.0];
+    for body in &case.bodies {
+        if let Motion::Free { velocity, .. } | Motion::Driven { velocity, .. } = &body.motion {
+            speeds.extend(velocity.as_ref().map(|v| size(v.to_array())));
+        }
+    }
+    if let Some(Resolved::List(grains) | Resolved::File { grains, .. }) =
+        sample.map(|grains| &grains.source)
+    {
+        let moving = grains.iter().map(|grain| size(grain.velocity));
+        speeds.extend(moving.filter(|speed| *speed > 0.0));
+    }
+    let velocities = case.walls.iter().filter_map(|wall| wall.velocity.as_ref());
+    speeds.extend(velocities.map(|v| size(v.to_array())));
+    speeds.sort_by(|a, b| b.total_cmp(a));
+    let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
+    let extent = case.domain.size.to_array();
+    let fall: f64 = (0..3).map(|a| 2.0 * gravity[a].abs() * extent[a]).sum();
+    let fastest = speeds[0] + speeds[1] + fall.sqrt();
+    // Nothing moves and nothing falls: a millimetre per second.
+    if fastest > 0.0 { fastest } else { 1e-3 }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use case::Document;
+    use std::path::Path;
+
+    #[test]
+    fn a_law_without_any_damping_is_elastic() {
+        for (damping, elastic) in [
+            ("", true),
+            (r#", "normal_damping_ratio": 0.0"#, true),
+            (r#", "normal_damping_ratio": 0.1"#, false),
+            (r#", "local_damping": 0.2"#, false),
+        ] {
+            let text = format!(
+                r#"{{"domain": {{"size": [1, 1, 1]}}, "materials": {{"glass": {{"density": 2500}}}},
+                "bodies": [{{"name": "ball", "shape": {{"sphere": {{"radius": 0.1}}}}, "position": [0.5, 0.5, 0.5],
+                    "motion": {{"free": {{}}}}, "material": "glass"}}],
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}}, "friction_angle_degrees": 20{damping}}}}},
+                "time": {{"end": 0.01}}}}"#
+            );
+            let document = Document::read(&text, &[], Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            let contact = plan.scene.contact.as_ref().unwrap();
+            assert_eq!(contact.is_elastic(), elastic, "{damping}");
+            let says = |choice: &crate::models::Choice| choice.what == "contact damping";
+            assert_eq!(plan.models.iter().any(says), elastic, "{damping}");
+        }
+    }
+}

@@ -1,0 +1,367 @@
+//! The fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
+
+pub use super::body_force::BodyForce;
+use super::body_force::body_force;
+use super::boundaries::{Patch, faces};
+pub(crate) use super::findings::LATTICE_PATH as PATH;
+use super::findings::{Findings, at_most, number};
+use super::gravity;
+use super::grid::Grid;
+use super::initial::{Initial, initial};
+use base::error::Remedy;
+use base::units::LatticeUnits;
+use case::Case;
+use case::coupling::{PartiallySaturated, SolidOperator};
+use case::fluid::{
+    self, Collision, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, Turbulence,
+    TurbulenceChoice,
+};
+pub use lbm::lattice::VelocitySet as Lattice;
+use serde::Serialize;
+use serde_json::json;
+
+/// Relaxation time from which on, without eddies, flow is slow enough for the matched operator: its cells resist by
+/// viscosity alone.
+const SLOW: f64 = 0.52;
+
+/// A resolved lattice Boltzmann fluid, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Flow {
+    /// Density at rest [kg/m3].
+    pub density: f64,
+    /// Kinematic viscosity [m2/s].
+    pub kinematic_viscosity: f64,
+    /// Velocity set.
+    pub lattice: Lattice,
+    /// Collision operator.
+    pub collision: Collision,
+    /// Eddy viscosity.
+    pub turbulence: Option<Turbulence>,
+    /// Storage precision of the populations.
+    pub storage: Precision,
+    /// What it runs on.
+    pub device: Device,
+    /// Time step \[s\].
+    pub time_step: f64,
+    /// Relaxation time tau.
+    pub relaxation_time: f64,
+    /// Which field of the case fixed the time step; `accuracy` where it was chosen.
+    pub fixed_by: &'static str,
+    /// Force per volume beside gravity.
+    pub body_force: BodyForce,
+    /// Along which axes gravity acts on the fluid.
+    pub gravity_acts: [bool; 3],
+    /// Fluid at the start.
+    pub initial: Initial,
+    /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
+    /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
+    pub faces: [Vec<Patch>; 6],
+    /// Speed and pressure of a run on coarse cells.
+    pub pilot: Option<Pilot>,
+}
+
+impl Flow {
+    /// What solids do to the cells that they cover: as written, or by the relaxation time.
+    #[must_use]
+    pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
+        let slow = self.collision.model().antisymmetric_rate().is_some()
+            && self.turbulence.is_none()
+            && self.relaxation_time >= SLOW;
+        written.solid_operator.unwrap_or(if slow {
+            SolidOperator::ViscosityMatched
+        } else {
+            SolidOperator::NonEquilibriumBounceBack
+        })
+    }
+
+    /// The scales of the lattice.
+    #[must_use]
+    pub fn units(&self, grid: &Grid) -> LatticeUnits {
+        LatticeUnits {
+            spacing: grid.spacing,
+            time_step: self.time_step,
+            density: self.density,
+            dimension: grid.dimension,
+        }
+    }
+
+    /// All patches of all faces.
+    pub fn patches(&self) -> impl Iterator<Item = &Patch> {
+        self.faces.iter().flatten()
+    }
+
+    pub(crate) fn resolve(case: &Case, grid: &Grid, findings: &mut Findings) -> Option<Self> {
+        let Some(fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
+            return None;
+        };
+        let lattice = lattice(lbm, grid, findings);
+        let body_force = body_force(lbm, grid, findings);
+        let mut initial = initial(lbm, grid, &case.directory, findings);
+        let faces = faces(lbm, grid, &case.directory, findings);
+        let acts = gravity::acts(case, lbm, grid, (&faces, &body_force), findings);
+        if let (fluid::Initial::Rest {}, Initial::Uniform { weight, .. }, Some(gravity)) =
+            (&lbm.initial, &mut initial, &case.gravity)
+            && lbm.surface.is_none()
+        {
+            let pull = (lbm.density, gravity.to_array());
+            *weight = super::initial::weight(pull, acts, grid, &faces);
+        }
+        let FixedStep {
+            time_step,
+            by: fixed_by,
+        } = time_step(lbm, grid, findings)?;
+        let units = LatticeUnits {
+            spacing: grid.spacing,
+            time_step,
+            density: lbm.density,
+            dimension: grid.dimension,
+        };
+        // Taken as written where it is written, so that tau is not the victim of rounding.
+        let relaxation_time = lbm
+            .relaxation_time
+            .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
+        // A relaxation time that is only chosen later is judged then.
+        if fixed_by != "accuracy" {
+            check_operator(lbm, relaxation_time, findings);
+        }
+        Some(Self {
+            density: lbm.density,
+            kinematic_viscosity: lbm.kinematic_viscosity,
+            lattice,
+            collision: lbm.collision.unwrap_or_default(),
+            turbulence: lbm.turbulence.and_then(TurbulenceChoice::model),
+            storage: lbm.storage.unwrap_or_default(),
+            device: lbm.device,
+            time_step,
+            relaxation_time,
+            fixed_by,
+            body_force,
+            gravity_acts: acts,
+            initial,
+            faces,
+            pilot: lbm.pilot.as_deref().cloned(),
+        })
+    }
+}
+
+fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
+    let operator = lbm.collision.unwrap_or_default();
+    let only = operator.model().only_on();
+    let (lattice, dimension) = match lbm.lattice {
+        LatticeChoice::Auto if grid.dimension == 2 => (Lattice::D2Q9, 2),
+        LatticeChoice::Auto => (only.unwrap_or(Lattice::D3Q19), 3),
+        LatticeChoice::D2q9 => (Lattice::D2Q9, 2),
+        LatticeChoice::D3q19 => (Lattice::D3Q19, 3),
+        LatticeChoice::D3q27 => (Lattice::D3Q27, 3),
+    };
+    if dimension != grid.dimension {
+        findings.error(
+            &format!("{PATH}.lattice"),
+            format!(
+                "this is a {dimension}-D lattice in a {}-D domain",
+                grid.dimension
+            ),
+            Remedy::from("use auto").set(format!("{PATH}.lattice"), "auto"),
+        );
+    }
+    if only.is_some_and(|only| lattice != only) {
+        findings.error(
+            &format!("{PATH}.collision.{}", operator.name()),
+            "the moments of this operator are those of D3Q27",
+            if grid.dimension == 2 {
+                Remedy::from("use trt in 2-D").set(format!("{PATH}.collision"), json!({"trt": {}}))
+            } else {
+                Remedy::from("use the lattice d3q27 or auto, or the collision trt")
+                    .set(format!("{PATH}.lattice"), "auto")
+            },
+        );
+    }
+    let model = lbm.turbulence.and_then(TurbulenceChoice::model);
+    if let Some(finding) =
+        model.and_then(|model| model.check(&format!("{PATH}.turbulence"), grid.dimension))
+    {
+        findings.add(finding);
+    }
+    lattice
+}
+
+/// What the operator finds about its parameters at a relaxation time.
+pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
+    let operator = lbm.collision.unwrap_or_default();
+    if let Some(finding) = operator.model().check(&format!("{PATH}.collision"), tau) {
+        findings.add(finding);
+    }
+}
+
+/// A time step and the field of the case that fixes it.
+struct FixedStep {
+    time_step: f64,
+    by: &'static str,
+}
+
+/// Returns the time step from whichever of the three ways the case uses; with none of them one that holds the place of
+/// that which is chosen once the speeds are known.
+fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
+    let ways = [
+        ("relaxation_time", lbm.relaxation_time),
+        ("time_step", lbm.time_step),
+        ("reference_velocity", lbm.reference_velocity),
+    ];
+    let given: Vec<&'static str> = ways
+        .iter()
+        .filter(|(_, value)| value.is_some())
+        .map(|(name, _)| *name)
+        .collect();
+    if !check_velocities(lbm, given.is_empty(), findings) {
+        return None;
+    }
+    let (h, nu) = (grid.spacing, lbm.kinematic_viscosity);
+    let by = match given[..] {
+        [] => {
+            return Some(FixedStep {
+                time_step: LatticeUnits::time_step_for(1.0, h, nu),
+                by: "accuracy",
+            });
+        }
+        [name] => name,
+        [..] => {
+            too_many(lbm, &given, findings);
+            return None;
+        }
+    };
+    let time_step = match (
+        lbm.relaxation_time,
+        lbm.time_step,
+        lbm.reference_velocity,
+        lbm.lattice_velocity,
+    ) {
+        (Some(tau), ..) => LatticeUnits::time_step_for(tau, h, nu),
+        (_, Some(dt), ..) => dt,
+        (.., Some(velocity), Some(lattice_velocity)) => lattice_velocity * h / velocity,
+        _ => return None,
+    };
+    let fixed = FixedStep { time_step, by };
+    check_time_step(lbm, h, &fixed, findings).then_some(fixed)
+}
+
+/// Refuses one of two velocities without the other. Returns false where no time step follows.
+fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings) -> bool {
+    let of_lattice = lbm.lattice_velocity.is_some();
+    if of_lattice == lbm.reference_velocity.is_some() {
+        return true;
+    }
+    let missing = if of_lattice {
+        "reference_velocity"
+    } else {
+        "lattice_velocity"
+    };
+    let path = format!("{PATH}.lattice_velocity");
+    findings.error(
+        &format!("{PATH}.{missing}"),
+        "`reference_velocity` and `lattice_velocity` fix the time step together",
+        if of_lattice {
+            Remedy::take_out(
+                format!("add `{missing}`, or omit `lattice_velocity`"),
+                &path,
+            )
+        } else {
+            Remedy::from(format!("add `{missing}` (for example 0.05), or omit both"))
+                .set(path, 0.05)
+        },
+    );
+    of_lattice && !alone
+}
+
+/// Refuses more than one way to fix the time step.
+fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findings) {
+    let remedy = Remedy::from("keep one of them, or none: the program then chooses the time step");
+    let others = given[1..].iter().copied();
+    let more = lbm.lattice_velocity.is_some().then_some("lattice_velocity");
+    findings.error(
+        &format!("{PATH}.{}", given[1]),
+        format!(
+            "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
+            given.join(" and ")
+        ),
+        others.chain(more).fold(remedy, |remedy, name| {
+            remedy.set(format!("{PATH}.{name}"), serde_json::Value::Null)
+        }),
+    );
+}
+
+/// Fields that decide about a time step with it.
+const STEP: [&str; 2] = ["domain", "fluid.lattice_boltzmann.kinematic_viscosity"];
+
+/// Returns true for a time step with a relaxation time in the stable range, and refuses others.
+fn check_time_step(
+    lbm: &LatticeBoltzmann,
+    h: f64,
+    fixed: &FixedStep,
+    findings: &mut Findings,
+) -> bool {
+    let (dt, nu) = (fixed.time_step, lbm.kinematic_viscosity);
+    let path = format!("{PATH}.{}", fixed.by);
+    if lbm.relaxation_time.is_some_and(|tau| tau <= 0.5) {
+        findings.error(
+            &path,
+            "the viscosity on the lattice is (tau - 1/2)/3 and must be positive: tau must be above 0.5",
+            Remedy::from("use 0.51 to 2, for example 0.8").set(&*path, 0.8),
+        );
+        return false;
+    }
+    let tau = 0.5 + 3.0 * nu * dt / (h * h);
+    if !(dt.is_finite() && dt > 0.0 && tau.is_finite()) {
+        findings.error(
+            &path,
+            "no finite time step follows from this",
+            "check the units of viscosity and spacing",
+        );
+        findings.depends(&STEP);
+        return false;
+    }
+    if tau <= 0.5 + 1e-12 || tau > 1e3 {
+        let remedy = format!(
+            "use a time step of {} … {} s at this spacing and viscosity",
+            number(0.01 * h * h / (3.0 * nu)),
+            number(0.5 * h * h / nu)
+        );
+        findings.error(
+            &path,
+            format!(
+                "the relaxation time becomes tau = {tau:.6e}; it must be above 0.5 and below 1000"
+            ),
+            of_time(lbm, remedy, at_most(0.1 * h * h / nu)),
+        );
+        findings.depends(&STEP);
+        return false;
+    }
+    if tau > 2.0 {
+        let remedy = format!("use a time step below {} s", number(0.5 * h * h / nu));
+        findings.warn(
+            &path,
+            format!(
+                "the relaxation time is tau = {}: large values cost accuracy",
+                number(tau)
+            ),
+            of_time(lbm, remedy, at_most(0.49 * h * h / nu)),
+        );
+        findings.depends(&STEP);
+    }
+    true
+}
+
+/// Proposes a time step instead of the field that fixes it.
+fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
+    let null = serde_json::Value::Null;
+    let mut remedy = Remedy::from(text);
+    for (name, given) in [
+        ("relaxation_time", lbm.relaxation_time),
+        ("reference_velocity", lbm.reference_velocity),
+        ("lattice_velocity", lbm.lattice_velocity),
+    ] {
+        if given.is_some() {
+            remedy = remedy.set(format!("{PATH}.{name}"), null.clone());
+        }
+    }
+    remedy.set(format!("{PATH}.time_step"), time_step)
+}

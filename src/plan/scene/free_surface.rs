@@ -1,0 +1,472 @@
+//! The free surface of a scene: water at the start, and what does not work with a surface yet.
+//!
+//! The pressure at the start is that of water at rest: the weight of the water above, up to the first surface.
+
+use super::block::Block;
+use super::boundaries::Patch;
+use super::findings::{Findings, LATTICE_PATH, number};
+use super::grid::Grid;
+use super::structures;
+use base::error::Remedy;
+use base::number::real;
+use case::Case;
+use case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
+use case::free_surface::{Water, Wave};
+use lbm::boundary::Surface;
+use serde::Serialize;
+use std::sync::Arc;
+use structure::Images;
+
+/// Samples of a cell along each axis where a surface crosses it.
+const SAMPLES: usize = 4;
+
+/// A free surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct FreeSurface {
+    /// Axis along which the water has weight: 0, 1 or 2.
+    pub axis: usize,
+    /// `true` if up is towards larger coordinates.
+    pub rises: bool,
+    /// Acceleration of gravity along that axis [m/s2], without sign.
+    pub gravity: f64,
+    /// Parts of the water.
+    pub parts: Vec<Part>,
+    /// Edge of a cell \[m\].
+    spacing: f64,
+    /// Edge lengths of the domain \[m\].
+    size: [f64; 3],
+    dimension: usize,
+}
+
+/// A part of the water at the start.
+#[derive(Clone, Debug, Serialize)]
+pub enum Part {
+    /// Below a height \[m\].
+    Level(f64),
+    /// Inside a solid.
+    Solid(#[serde(skip)] Arc<Images>),
+    /// Below a wave.
+    Wave(WaveForm),
+}
+
+/// A wave in SI.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct WaveForm {
+    level: f64,
+    amplitude: f64,
+    axis: usize,
+    wave_number: f64,
+}
+
+impl WaveForm {
+    fn height(&self, at: [f64; 3]) -> f64 {
+        self.level + self.amplitude * (self.wave_number * at[self.axis]).cos()
+    }
+}
+
+impl FreeSurface {
+    /// Returns the part of a cell that is water at the start; `cell` counts in the domain.
+    #[must_use]
+    pub fn fill(&self, cell: [usize; 3]) -> f64 {
+        let parts = self.parts.iter().map(|part| self.fill_of(part, cell));
+        parts.fold(0.0, f64::max)
+    }
+
+    fn fill_of(&self, part: &Part, cell: [usize; 3]) -> f64 {
+        let h = self.spacing;
+        let low = cell.map(|n| real(n) * h);
+        let below = |height: f64, at: f64| {
+            let depth = if self.rises {
+                height - at
+            } else {
+                at + h - height
+            };
+            (depth / h).clamp(0.0, 1.0)
+        };
+        match part {
+            Part::Level(height) => below(*height, low[self.axis]),
+            Part::Wave(wave) => {
+                let samples = 2 * SAMPLES;
+                let parts = (0..samples).map(|n| {
+                    let mut at = low;
+                    at[wave.axis] += (real(n) + 0.5) / real(samples) * h;
+                    below(wave.height(at), low[self.axis])
+                });
+                parts.sum::<f64>() / real(samples)
+            }
+            Part::Solid(solid) => {
+                let middle = low.map(|x| x + 0.5 * h);
+                let distance = solid.distance(middle);
+                let reach = 0.5 * h * real(self.dimension).sqrt();
+                if distance.abs() >= reach {
+                    return f64::from(u8::from(distance < 0.0));
+                }
+                self.sampled(solid, low)
+            }
+        }
+    }
+
+    /// Returns the mean over small cubes, each cut by the plane at the distance of its centre.
+    fn sampled(&self, solid: &Images, low: [f64; 3]) -> f64 {
+        let step = self.spacing / real(SAMPLES);
+        let count = |axis: usize| if axis < self.dimension { SAMPLES } else { 1 };
+        let mut sum = 0.0;
+        for z in 0..count(2) {
+            for y in 0..count(1) {
+                for x in 0..count(0) {
+                    let at = [x, y, z].map(|n| (real(n) + 0.5) * step);
+                    let at = std::array::from_fn(|a| low[a] + at[a]);
+                    sum += (0.5 - solid.distance(at) / step).clamp(0.0, 1.0);
+                }
+            }
+        }
+        sum / real(count(0) * count(1) * count(2))
+    }
+
+    /// Returns the depth of a place \[m\] below the first surface above it; 0 outside the water.
+    #[must_use]
+    pub fn depth(&self, at: [f64; 3]) -> f64 {
+        let axis = self.axis;
+        let begin = at[axis];
+        let mut top = at;
+        let mut chords = Vec::new();
+        // Each part may carry the next: no more turns than parts.
+        for _ in 0..=self.parts.len() {
+            let before = top[axis];
+            for part in &self.parts {
+                if let Some(height) = self.top(part, top, &mut chords) {
+                    let higher = if self.rises {
+                        height > top[axis]
+                    } else {
+                        height < top[axis]
+                    };
+                    if higher {
+                        top[axis] = height.clamp(0.0, self.size[axis]);
+                    }
+                }
+            }
+            if (top[axis] - before).abs() <= 0.0 {
+                break;
+            }
+        }
+        (top[axis] - begin).abs()
+    }
+
+    /// Returns the height of the surface of a part above a place in it.
+    fn top(&self, part: &Part, at: [f64; 3], chords: &mut Vec<[f64; 2]>) -> Option<f64> {
+        let axis = self.axis;
+        match part {
+            Part::Level(height) => Some(*height),
+            Part::Wave(wave) => Some(wave.height(at)),
+            Part::Solid(solid) => {
+                let length = self.size[axis];
+                let mut along = [0.0; 3];
+                along[axis] = if self.rises { length } else { -length };
+                solid.chords(at, along, chords);
+                let touches = 1e-9;
+                let chord = chords.iter().find(|chord| chord[0] <= touches)?;
+                Some(at[axis] + chord[1] * along[axis])
+            }
+        }
+    }
+
+    /// Returns the height of the highest water at the start over the lowest place of the domain \[m\].
+    #[must_use]
+    pub fn head(&self) -> f64 {
+        let above = |height: f64| {
+            let size = self.size[self.axis];
+            let height = if self.rises { height } else { size - height };
+            height.clamp(0.0, size)
+        };
+        let heights = self.parts.iter().map(|part| match part {
+            Part::Level(height) => above(*height),
+            Part::Wave(wave) => {
+                let sign = if self.rises { 1.0 } else { -1.0 };
+                above(wave.level + sign * wave.amplitude.abs())
+            }
+            Part::Solid(solid) => {
+                let end = usize::from(self.rises);
+                let ends = solid.extents().map(|extent| above(extent[end][self.axis]));
+                ends.fold(0.0, f64::max)
+            }
+        });
+        heights.fold(0.0, f64::max)
+    }
+}
+
+/// Returns the surface of a case; what does not work with it goes to the findings.
+pub(crate) fn resolve(
+    case: &Case,
+    grid: &Grid,
+    patches: &[Vec<Patch>; 6],
+    findings: &mut Findings,
+) -> Option<FreeSurface> {
+    let Some(Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
+        return None;
+    };
+    let written = lbm.surface.as_ref()?;
+    let gravity = case.gravity.as_ref().map_or([0.0; 3], |written| {
+        Block::vector(grid, written, "gravity", findings)
+    });
+    let axis = (0..grid.dimension).max_by(|a, b| gravity[*a].abs().total_cmp(&gravity[*b].abs()));
+    let axis = axis.unwrap_or(0);
+    let weight = gravity[axis];
+    let mut parts = Vec::new();
+    for (n, water) in written.water.iter().enumerate() {
+        let path = format!("{LATTICE_PATH}.surface.water[{n}]");
+        parts.extend(part(case, grid, (axis, weight), (water, &path), findings));
+    }
+    let surface = FreeSurface {
+        axis,
+        rises: weight <= 0.0,
+        gravity: weight.abs(),
+        parts,
+        spacing: grid.spacing,
+        size: grid.size,
+        dimension: grid.dimension,
+    };
+    refuse(case, lbm, patches, findings);
+    Some(surface)
+}
+
+/// Returns a part of the water.
+fn part(
+    case: &Case,
+    grid: &Grid,
+    (axis, weight): (usize, f64),
+    (water, path): (&Water, &str),
+    findings: &mut Findings,
+) -> Option<Part> {
+    let mut level = |name: &str, height: f64| {
+        if weight == 0.0 {
+            findings.error(
+                path,
+                "without gravity no side of a level is below it",
+                "add `gravity`, or state a shape",
+            );
+        } else if !(height >= 0.0 && height <= grid.size[axis]) {
+            findings.error(
+                &format!("{path}.{name}"),
+                format!(
+                    "the height lies outside the domain, which goes from 0 to {} m along {}",
+                    number(grid.size[axis]),
+                    ["x", "y", "z"][axis]
+                ),
+                format!("use 0 to {} m", number(grid.size[axis])),
+            );
+        }
+    };
+    match water {
+        Water::Level(height) => {
+            level("level", *height);
+            Some(Part::Level(*height))
+        }
+        Water::Shape(shape) => {
+            let path = format!("{path}.shape");
+            let images = structures::images(case, grid, shape, &path, findings)?;
+            Some(Part::Solid(Arc::new(images)))
+        }
+        Water::Wave(wave) => {
+            level("wave.level", wave.level);
+            wave_form(grid, axis, wave, path, findings).map(Part::Wave)
+        }
+    }
+}
+
+fn wave_form(
+    grid: &Grid,
+    up: usize,
+    wave: &Wave,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<WaveForm> {
+    let axis = wave.axis.index();
+    if axis >= grid.dimension || axis == up {
+        findings.error(
+            &format!("{path}.wave.axis"),
+            "a wave runs along an axis of the domain across gravity",
+            "write another axis",
+        );
+        return None;
+    }
+    if !wave.amplitude.is_finite() || wave.waves.is_nan() || wave.waves <= 0.0 {
+        findings.error(
+            &format!("{path}.wave"),
+            "a wave has a finite amplitude and a number of waves above 0",
+            "correct them",
+        );
+        return None;
+    }
+    Some(WaveForm {
+        level: wave.level,
+        amplitude: wave.amplitude,
+        axis,
+        wave_number: std::f64::consts::TAU * wave.waves / grid.size[axis],
+    })
+}
+
+/// Refuses what does not work with a free surface yet.
+fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
+         (a rigid lid)";
+    for (there, path) in [
+        (!case.bodies.is_empty(), "bodies"),
+        (case.blocks.is_some(), "blocks"),
+        (case.grains.is_some(), "grains"),
+    ] {
+        if there {
+            findings.error(
+                path,
+                "bodies in water with a free surface are not computed yet",
+                alternative,
+            );
+        }
+    }
+    for patch in patches.iter().flatten() {
+        let nature = patch.condition.model().nature().surface;
+        let Some(n) = patch.index else { continue };
+        let path = format!("{LATTICE_PATH}.boundaries[{n}]");
+        let whole = lbm.boundaries.get(n).is_some_and(|b| b.patch.is_none());
+        if !matches!(nature, Surface::Wall | Surface::Symmetry) {
+            findings.error(
+                &format!("{path}.condition"),
+                format!(
+                    "{} does not work with a free surface yet",
+                    patch.condition.name()
+                ),
+                "use no_slip or free_slip, and start from water that stands at a level or in a shape",
+            );
+        } else if !whole && nature == Surface::Symmetry {
+            findings.error(
+                &format!("{path}.patch"),
+                "free slip on a part of a face does not work with a free surface yet",
+                Remedy::take_out(
+                    "leave the part out: the whole face slips",
+                    &format!("{path}.patch"),
+                ),
+            );
+        }
+    }
+    if !lbm.porous_zones.is_empty() {
+        let path = format!("{LATTICE_PATH}.porous_zones");
+        findings.error(
+            &path,
+            "porous zones in water with a free surface are not verified yet",
+            Remedy::take_out(
+                "leave the zones out, or make the face free_slip (a rigid lid)",
+                &path,
+            ),
+        );
+    }
+    if lbm.device == Device::Gpu {
+        let path = format!("{LATTICE_PATH}.device");
+        findings.error(
+            &path,
+            "a GPU does not run a free surface yet",
+            Remedy::from("use cpu").set(path.clone(), "cpu"),
+        );
+    }
+    if !matches!(lbm.initial, Initial::Rest {} | Initial::Uniform(_)) {
+        findings.error(
+            &format!("{LATTICE_PATH}.initial"),
+            "water with a free surface starts at rest or with one velocity",
+            Remedy::from("use rest").set(
+                format!("{LATTICE_PATH}.initial"),
+                serde_json::json!({"rest": {}}),
+            ),
+        );
+    }
+    if let Initial::Uniform(flow) = &lbm.initial
+        && flow.pressure != 0.0
+    {
+        let path = format!("{LATTICE_PATH}.initial.uniform.pressure");
+        findings.error(
+            &path,
+            "the pressure at a free surface is the datum: below it follows from the depth",
+            Remedy::take_out("leave it out", &path),
+        );
+    }
+    if case.time.warm_up.is_some() {
+        findings.error(
+            "time.warm_up",
+            "a free surface moves from the start: there is no flow to warm up",
+            Remedy::take_out("leave it out", "time.warm_up"),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use case::{Document, examples};
+    use std::path::Path;
+
+    /// The surface of the dam break with other water.
+    fn surface(water: &str) -> FreeSurface {
+        let text = examples::find("dam-break").unwrap().text;
+        let set = [
+            format!("fluid.lattice_boltzmann.surface.water={water}"),
+            r#"domain={"size": [0.4, 0.2], "spacing": 0.01}"#.to_owned(),
+            "probes=[]".to_owned(),
+        ];
+        let document = Document::read(text, &set, Path::new(".")).unwrap();
+        crate::scene::Scene::resolve(&document.case)
+            .unwrap()
+            .0
+            .surface
+            .unwrap()
+    }
+
+    fn volume(surface: &FreeSurface) -> f64 {
+        let cells = (0..40).flat_map(|x| (0..20).map(move |y| [x, y, 0]));
+        cells.map(|cell| surface.fill(cell)).sum::<f64>() * 1e-4
+    }
+
+    #[test]
+    fn water_has_the_volume_of_its_parts() {
+        for (water, exact, within) in [
+            (r#"[{"level": 0.0537}]"#, 0.4 * 0.0537, 1e-12),
+            (
+                r#"[{"shape": {"box": {"from": [0, 0], "to": [0.1234, 0.0777]}}}]"#,
+                0.1234 * 0.0777,
+                2e-3,
+            ),
+            (
+                r#"[{"wave": {"level": 0.1, "amplitude": 0.02, "axis": "x", "waves": 0.5}}]"#,
+                0.04,
+                1e-4,
+            ),
+            (
+                r#"[{"shape": {"disc": {"centre": [0.2, 0.1], "radius": 0.0611}}}]"#,
+                std::f64::consts::PI * 0.0611 * 0.0611,
+                2e-3,
+            ),
+        ] {
+            let found = volume(&surface(water));
+            assert!(
+                (found / exact - 1.0).abs() < within,
+                "{water}: {found} of {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_depth_ends_at_the_first_surface() {
+        let stacked = surface(
+            r#"[{"level": 0.05},
+                {"shape": {"box": {"from": [0.1, 0.04], "to": [0.2, 0.1]}}},
+                {"shape": {"box": {"from": [0.1, 0.15], "to": [0.2, 0.18]}}}]"#,
+        );
+        for (at, depth) in [
+            ([0.05, 0.01], 0.04),
+            ([0.05, 0.06], 0.0),
+            ([0.15, 0.01], 0.09),
+            ([0.15, 0.12], 0.0),
+            ([0.15, 0.16], 0.02),
+        ] {
+            let found = stacked.depth([at[0], at[1], 0.0]);
+            assert!((found - depth).abs() < 1e-12, "{at:?}: {found}");
+        }
+        assert!((stacked.head() - 0.18).abs() < 1e-12);
+    }
+}

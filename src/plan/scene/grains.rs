@@ -1,0 +1,885 @@
+//! The grains of a scene: their source, sizes and number.
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::motion::{motion, needs_density};
+use super::region::region;
+use super::sample::{self, Grain};
+use super::structures::images;
+use super::{grading, material, unique};
+use base::error::Remedy;
+use base::number::real;
+use case::Case;
+use case::geometry::Extent;
+use case::grains::{
+    Amount, Deposition as WrittenDeposition, Grading, Grain as WrittenGrain,
+    GrainSource as Written, GrainZone, Growth, Radii, SizeClass,
+};
+use case::sieve::{self, Percentiles};
+use serde::Serialize;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use structure::Images;
+
+/// Grains and their preparation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Grains {
+    /// Index of the material of grains that name none.
+    pub material: usize,
+    /// Where they come from.
+    pub source: GrainSource,
+    /// File to which the prepared sample goes; relative to the output folder.
+    pub save: Option<PathBuf>,
+    /// Regions whose grains have a material of their own.
+    pub zones: Vec<Zone>,
+    /// Boxes emptied after the preparation, with their names.
+    pub cut: Vec<(String, Block)>,
+    /// Whether contacts are bonded after preparation and cutting.
+    pub bond_at_start: bool,
+    /// Smallest and largest radius \[m\].
+    pub radii: Option<(f64, f64)>,
+    /// How many before cutting.
+    pub expected: usize,
+}
+
+impl Grains {
+    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow. How many deposited
+    /// grains a cut removes is not known before they have fallen.
+    #[must_use]
+    pub fn remaining(&self) -> f64 {
+        match &self.source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                let stays = |grain: &&Grain| {
+                    let mut cuts = self.cut.iter();
+                    !cuts.any(|(_, block)| block.contains(grain.position))
+                };
+                real(grains.iter().filter(stays).count())
+            }
+            GrainSource::Growth { block, number, .. } => {
+                let volume = |from: [f64; 3], to: [f64; 3]| {
+                    let axes = 0..block.dimension;
+                    axes.map(|a| (to[a] - from[a]).max(0.0)).product::<f64>()
+                };
+                let shared = |cut: &Block| {
+                    let from = std::array::from_fn(|a| cut.from[a].max(block.from[a]));
+                    let to = std::array::from_fn(|a| cut.to[a].min(block.to[a]));
+                    volume(from, to)
+                };
+                let removed: f64 = self.cut.iter().map(|(_, cut)| shared(cut)).sum();
+                let part = 1.0 - removed / volume(block.from, block.to);
+                (real(*number) * part).round().max(0.0)
+            }
+            GrainSource::Deposition { .. } => real(self.expected),
+        }
+    }
+}
+
+/// Grains that fall from a box.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cloud {
+    /// Name of the layer; none of the first cloud.
+    pub name: Option<String>,
+    /// The box.
+    pub block: Block,
+    /// Sizes.
+    pub grading: grading::Grading,
+    /// How many grains.
+    pub number: usize,
+    /// Index of their material.
+    pub material: usize,
+}
+
+/// Where grains come from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum GrainSource {
+    /// Growth of a loose cloud in a box.
+    Growth {
+        /// The box.
+        block: Block,
+        /// How many grains.
+        number: usize,
+        /// The rest as written.
+        growth: Growth,
+    },
+    /// Clouds that fall from boxes.
+    Deposition {
+        /// The clouds.
+        clouds: Vec<Cloud>,
+        /// The rest as written.
+        deposition: WrittenDeposition,
+    },
+    /// A saved sample, read already.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Its grains.
+        #[serde(skip)]
+        grains: Vec<Grain>,
+    },
+    /// One by one.
+    List(Vec<Grain>),
+}
+
+/// A region whose grains have a material of their own.
+#[derive(Clone, Debug, Serialize)]
+pub struct Zone {
+    /// Its name.
+    pub name: String,
+    /// Lower corner \[m\]; infinite where it has no end.
+    pub from: [f64; 3],
+    /// Upper corner \[m\].
+    pub to: [f64; 3],
+    /// The solid in which the grains are as well.
+    #[serde(skip)]
+    pub solid: Option<Arc<Images>>,
+    /// Index of the material.
+    pub material: usize,
+    /// Velocity at the start [m/s]; none where it stays.
+    pub velocity: Option<[f64; 3]>,
+    /// Listed grains that are in the zone and in no later one; none where grains are prepared.
+    pub listed: Option<usize>,
+}
+
+impl Zone {
+    /// Whether a point lies in the zone.
+    #[must_use]
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
+            && (self.solid.as_ref()).is_none_or(|solid| solid.distance(point) < 0.0)
+    }
+}
+
+/// Gives grains the material and velocity of the last zone that holds their centre; returns how many each zone has.
+pub fn assign(zones: &[Zone], grains: &mut [Grain]) -> Vec<usize> {
+    let mut counts = vec![0; zones.len()];
+    for grain in grains {
+        let Some(n) = zones.iter().rposition(|zone| zone.contains(grain.position)) else {
+            continue;
+        };
+        counts[n] += 1;
+        grain.material = zones[n].material;
+        grain.velocity = zones[n].velocity.unwrap_or(grain.velocity);
+    }
+    counts
+}
+
+fn zones(
+    case: &Case,
+    written: &[GrainZone],
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Zone> {
+    let mut known = Vec::new();
+    let mut zones = Vec::new();
+    for (n, zone) in written.iter().enumerate() {
+        let path = format!("grains.zones[{n}]");
+        unique(&mut known, &zone.name, &format!("{path}.name"), findings);
+        if zone.region.is_none() && zone.shape.is_none() {
+            findings.error(
+                &path,
+                "the zone has neither a region nor a shape: it would be the whole sample",
+                "add a `region`, or change `grains.material`",
+            );
+        }
+        let [from, to] = zone
+            .region
+            .as_ref()
+            .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
+                region(grid, written, &format!("{path}.region"), findings)
+            });
+        let shape = format!("{path}.shape");
+        let solid = zone
+            .shape
+            .as_ref()
+            .map(|written| images(case, grid, written, &shape, findings));
+        if matches!(solid, Some(None)) {
+            continue;
+        }
+        needs_density(case, &zone.material, findings);
+        let index = material(names, &zone.material, &format!("{path}.material"), findings);
+        let velocity = zone
+            .velocity
+            .as_ref()
+            .map(|written| Block::vector(grid, written, &format!("{path}.velocity"), findings));
+        zones.push(Zone {
+            name: zone.name.clone(),
+            from,
+            to,
+            solid: solid.flatten().map(Arc::new),
+            material: index.unwrap_or(0),
+            velocity,
+            listed: None,
+        });
+    }
+    zones
+}
+
+/// Grains of which percentiles are computed before the run, at most.
+const MOST_SIZES: usize = 1_000_000;
+
+impl Cloud {
+    /// Percentiles of its grading by mass.
+    #[must_use]
+    pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
+        let number = self.number.min(MOST_SIZES);
+        let radii = self.grading.radii(number, dimension, (0, 0)).ok()?;
+        Percentiles::of(radii.into_iter(), dimension)
+    }
+}
+
+impl Grains {
+    /// Clouds of a deposition of several layers; none of all others.
+    #[must_use]
+    pub fn layers(&self) -> &[Cloud] {
+        match &self.source {
+            GrainSource::Deposition { clouds, .. } if clouds.len() > 1 => clouds,
+            _ => &[],
+        }
+    }
+
+    /// Materials of grains that are prepared; that of the grains first.
+    pub fn materials(&self) -> impl Iterator<Item = usize> {
+        let zones = self.zones.iter().map(|zone| zone.material);
+        let clouds = self.layers().iter().map(|cloud| cloud.material);
+        std::iter::once(self.material).chain(zones).chain(clouds)
+    }
+
+    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of a uniform
+    /// distribution that will grow.
+    #[must_use]
+    pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
+        let number = self.expected.min(MOST_SIZES);
+        let radii = match &self.source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                return Percentiles::of(grains.iter().map(|grain| grain.radius), dimension);
+            }
+            GrainSource::Deposition { clouds, deposition } => {
+                let mut radii = Vec::new();
+                for cloud in clouds {
+                    let first = radii.len();
+                    let number = cloud.number.min(MOST_SIZES);
+                    let from = (deposition.seed, first);
+                    radii.extend(cloud.grading.radii(number, dimension, from).ok()?);
+                }
+                radii
+            }
+            GrainSource::Growth { growth, .. } => match &growth.radii {
+                Radii::Uniform { min, max } => {
+                    let share = |n: usize| (real(n) + 0.5) / real(number);
+                    let radius = |n: usize| min + share(n) * (max - min);
+                    return Percentiles::of((0..number).map(radius), dimension);
+                }
+                Radii::List(list) => list.clone(),
+                Radii::Sieve(curve) => grading::Grading::of_sieves(curve)
+                    .radii(number, dimension, (growth.seed, 0))
+                    .ok()?,
+            },
+        };
+        Percentiles::of(radii.into_iter(), dimension)
+    }
+}
+
+pub(crate) fn grains(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Option<Grains> {
+    let grains = case.grains.as_ref()?;
+    let usual = material(names, &grains.material, "grains.material", findings).unwrap_or(0);
+    needs_density(case, &grains.material, findings);
+    let mut known = Vec::new();
+    let cut = grains
+        .cut
+        .iter()
+        .enumerate()
+        .map(|(n, cut)| {
+            let path = format!("grains.cut[{n}]");
+            unique(&mut known, &cut.name, &format!("{path}.name"), findings);
+            (
+                cut.name.clone(),
+                Block::resolve(grid, &cut.region, &format!("{path}.box"), findings),
+            )
+        })
+        .collect();
+    let mut zones = zones(case, &grains.zones, grid, names, findings);
+    let materials = Materials { names, usual };
+    let (mut source, radii, expected) = match &grains.initial {
+        Written::Growth(growth) => grow(growth, grid, findings)?,
+        Written::Deposition(written) => falls(case, written, grid, materials, findings)?,
+        Written::File { path } => sample(case, path, grid, materials, findings),
+        Written::List(list) => listed(case, list, grid, materials, findings),
+    };
+    count(&mut zones, grains.zones.len(), &mut source, findings);
+    Some(Grains {
+        material: usual,
+        source,
+        save: grains.save.clone(),
+        zones,
+        cut,
+        bond_at_start: grains.bond_at_start,
+        radii,
+        expected,
+    })
+}
+
+/// Assigns zones to listed grains, and warns of zones without grains.
+fn count(zones: &mut [Zone], written: usize, source: &mut GrainSource, findings: &mut Findings) {
+    if let GrainSource::List(list) | GrainSource::File { grains: list, .. } = source {
+        let counts = assign(zones, list);
+        for (n, count) in counts.into_iter().enumerate() {
+            if count == 0 && !list.is_empty() && zones.len() == written {
+                findings.warn(
+                    &format!("grains.zones[{n}]"),
+                    format!(
+                        "no grain lies in the zone `{}`, or later zones take all of them",
+                        zones[n].name
+                    ),
+                    "correct the region, or the order of the zones",
+                );
+            }
+            zones[n].listed = Some(count);
+        }
+    }
+}
+
+/// Resolves grains that are listed one by one.
+fn listed(
+    case: &Case,
+    list: &[WrittenGrain],
+    grid: &Grid,
+    materials: Materials,
+    findings: &mut Findings,
+) -> Source {
+    if list.is_empty() {
+        findings.error(
+            "grains.initial.list",
+            "the list holds no grain",
+            "add one, or omit `grains`",
+        );
+    }
+    let mut resolved = Vec::with_capacity(list.len());
+    let narrowest = grid.size[..grid.dimension]
+        .iter()
+        .fold(f64::INFINITY, |least, size| size.min(least));
+    for (n, grain) in list.iter().enumerate() {
+        let plain = grain.position.0.len() == grid.dimension
+            && 2.0 * grain.radius <= narrowest
+            && grain.radius >= SMALLEST
+            && grid.contains(grain.position.to_array())
+            && grain.velocity.is_none()
+            && grain.angular_velocity.is_none()
+            && grain.material.is_none();
+        if plain {
+            // Paths of grains are written only where there may be something to say.
+            resolved.push(Grain {
+                position: grain.position.to_array(),
+                radius: grain.radius,
+                velocity: [0.0; 3],
+                angular_velocity: [0.0; 3],
+                material: materials.usual,
+            });
+            continue;
+        }
+        let path = format!("grains.initial.list[{n}]");
+        resolved.push(listed_grain(case, grain, grid, materials, &path, findings));
+    }
+    let (radii, expected) = (bounds(&resolved), resolved.len());
+    (GrainSource::List(resolved), radii, expected)
+}
+
+/// Resolves a listed grain.
+fn listed_grain(
+    case: &Case,
+    grain: &WrittenGrain,
+    grid: &Grid,
+    materials: Materials,
+    path: &str,
+    findings: &mut Findings,
+) -> Grain {
+    let (velocity, angular_velocity) = motion(
+        grid,
+        grain.velocity.as_ref(),
+        grain.angular_velocity.as_ref(),
+        path,
+        findings,
+    );
+    let position = Block::vector(grid, &grain.position, &format!("{path}.position"), findings);
+    if !grid.contains(position) {
+        findings.error(
+            &format!("{path}.position"),
+            "the centre lies outside the domain",
+            "move it inside",
+        );
+    }
+    fits_domain(grid, grain.radius, &format!("{path}.radius"), findings);
+    let own = grain.material.as_ref().map(|name| {
+        needs_density(case, name, findings);
+        material(materials.names, name, &format!("{path}.material"), findings).unwrap_or(0)
+    });
+    Grain {
+        position,
+        radius: grain.radius,
+        velocity,
+        angular_velocity,
+        material: own.unwrap_or(materials.usual),
+    }
+}
+
+/// Names of the materials, and the index of that of grains that name none.
+#[derive(Clone, Copy)]
+struct Materials<'a> {
+    names: &'a [String],
+    usual: usize,
+}
+
+type Source = (GrainSource, Option<(f64, f64)>, usize);
+
+/// Smallest and largest radius.
+fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
+    let bounds = grains.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
+        (lo.min(g.radius), hi.max(g.radius))
+    });
+    Some(bounds).filter(|b| b.1 > 0.0)
+}
+
+/// Returns the range of the centres along each axis in words.
+fn span(grid: &Grid, grains: &[Grain]) -> String {
+    let along = |a: usize| {
+        let all = grains.iter().map(|grain| grain.position[a]);
+        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+            (x.min(low), x.max(high))
+        });
+        let name = ["x", "y", "z"][a];
+        format!("{name} {} … {} m", number(low), number(high))
+    };
+    (0..grid.dimension)
+        .map(along)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+/// A saved sample, or findings.
+fn sample(
+    case: &Case,
+    written: &Path,
+    grid: &Grid,
+    Materials {
+        names,
+        usual: material,
+    }: Materials,
+    findings: &mut Findings,
+) -> Source {
+    let path = sample::PATH;
+    let file = case.directory.join(written);
+    let grains = sample::load(case, written).unwrap_or_else(|reason| {
+        findings.error(path, reason, sample::REMEDY);
+        Vec::new()
+    });
+    if let Some(n) = grains.iter().position(|g| !grid.contains(g.position)) {
+        findings.error(
+            path,
+            format!(
+                "grain {} of the sample lies outside the domain; the centres span {}",
+                n + 1,
+                span(grid, &grains)
+            ),
+            "use the domain the sample was made for, with its lower corner at 0, and lengths in m",
+        );
+    }
+    if let Some((finest, widest)) = bounds(&grains) {
+        let worst = if finest < SMALLEST { finest } else { widest };
+        fits_domain(grid, worst, path, findings);
+    }
+    for (n, name) in names.iter().enumerate() {
+        if n != material && grains.iter().any(|grain| grain.material == n) {
+            needs_density(case, name, findings);
+        }
+    }
+    let (radii, expected) = (bounds(&grains), grains.len());
+    (GrainSource::File { path: file, grains }, radii, expected)
+}
+
+/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer numbers.
+const SMALLEST: f64 = 1e-10;
+
+/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image round a periodic axis.
+pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
+    if radius < SMALLEST {
+        findings.error(
+            path,
+            format!(
+                "a radius of {} m is smaller than that of an atom; at least {} m",
+                number(radius),
+                number(SMALLEST)
+            ),
+            "write radii in m",
+        );
+    }
+    let diagonal = grid.size[..grid.dimension].iter().map(|x| x * x);
+    let diagonal = diagonal.sum::<f64>().sqrt();
+    if radius > diagonal {
+        findings.error(
+            path,
+            format!(
+                "a grain with a radius of {} m covers the whole domain; at most {} m, its diagonal",
+                number(radius),
+                number(diagonal)
+            ),
+            "write radii in m",
+        );
+        return;
+    }
+    let periods = (0..grid.dimension).filter(|a| grid.periodic[*a]);
+    let narrowest = periods.min_by(|a, b| grid.size[*a].total_cmp(&grid.size[*b]));
+    // As wide as the period, but for rounding, closes it.
+    if let Some(axis) = narrowest.filter(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)) {
+        let name = ["x", "y", "z"][axis];
+        findings.error(
+            path,
+            format!(
+                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, the length of the domain",
+                number(2.0 * radius),
+                number(grid.size[axis])
+            ),
+            format!(
+                "use a radius of at most {} m, a longer domain, or take {name} out of domain.periodic; radii are in m",
+                number(0.5 * grid.size[axis])
+            ),
+        );
+    }
+}
+
+/// A radius distribution that can be used, or findings.
+pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {
+    let good = match radii {
+        Radii::Uniform { min, max } => {
+            if min > max {
+                findings.error(
+                    &format!("{path}.uniform"),
+                    "the smallest radius is above the largest",
+                    Remedy::from("exchange min and max")
+                        .set(format!("{path}.uniform.min"), *max)
+                        .set(format!("{path}.uniform.max"), *min),
+                );
+            }
+            min <= max && *min > 0.0
+        }
+        Radii::List(list) => {
+            let good = !list.is_empty() && list.iter().all(|r| *r > 0.0);
+            if !good {
+                findings.error(
+                    &format!("{path}.list"),
+                    "radii must be above 0, and there must be one",
+                    "correct the list",
+                );
+            }
+            good
+        }
+        Radii::Sieve(curve) => {
+            let checked = sieve::check(curve);
+            if let Err(reason) = &checked {
+                findings.error(
+                    &format!("{path}.sieve"),
+                    reason.clone(),
+                    "correct the curve",
+                );
+            }
+            checked.is_ok()
+        }
+    };
+    good && radii.bounds().1.is_finite()
+}
+
+/// A cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+fn cloud(
+    (written, region, number_of): (&Grading, &Extent, u32),
+    path: &str,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<Cloud> {
+    let block = Block::resolve(grid, region, &format!("{path}.box"), findings);
+    let classes = |list: &[SizeClass]| {
+        let class = |c: &SizeClass| grading::Class {
+            min: c.min,
+            max: c.max,
+            part: c.fraction,
+        };
+        list.iter().map(class).collect()
+    };
+    let (grading, name) = match written {
+        Grading::ByCount(list) => (grading::Grading::ByCount(classes(list)), "by_count"),
+        Grading::ByMass(list) => (grading::Grading::ByMass(classes(list)), "by_mass"),
+        Grading::Sieve(curve) => {
+            if let Err(reason) = sieve::check(curve) {
+                let path = format!("{path}.grading.sieve");
+                findings.error(&path, reason, "correct the curve");
+                return None;
+            }
+            (grading::Grading::of_sieves(curve), "sieve")
+        }
+    };
+    let number_of = number_of as usize;
+    let measure = match grading.measure(number_of, grid.dimension) {
+        Ok(measure) => measure,
+        Err(reason) => {
+            findings.error(
+                &format!("{path}.grading.{name}"),
+                reason,
+                "correct the grading, or use more grains",
+            );
+            return None;
+        }
+    };
+    let widest = 2.0 * grading.bounds().1;
+    let narrowest = (0..grid.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    if widest > narrowest {
+        findings.error(
+            &format!("{path}.grading.{name}"),
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(widest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+        return None;
+    }
+    let most = grading::densest_cloud(grid.dimension);
+    let fraction = measure / block.measure();
+    if fraction > most {
+        findings.error(
+            &format!("{path}.number"),
+            format!(
+                "these grains would fill {} of the cloud's box; a loose cloud fills at most {most}",
+                number(fraction)
+            ),
+            {
+                // Part of the classes: a little less than in proportion.
+                let fewer = (0.99 * real(number_of) * most / fraction).floor();
+                Remedy::from(format!(
+                    "use a box {} times as high, or smaller grains, or {fewer} of these at most",
+                    number(fraction / most)
+                ))
+                .set(format!("{path}.number"), base::number::whole(fewer))
+            },
+        );
+    }
+    Some(Cloud {
+        name: None,
+        block,
+        grading,
+        number: number_of,
+        material: 0,
+    })
+}
+
+/// Resolves and checks a gravity deposition.
+fn falls(
+    case: &Case,
+    written: &WrittenDeposition,
+    grid: &Grid,
+    Materials {
+        names,
+        usual: default,
+    }: Materials,
+    findings: &mut Findings,
+) -> Option<Source> {
+    let path = "grains.initial.deposition";
+    let first = (&written.grading, &written.region, written.number);
+    let mut clouds = vec![Cloud {
+        name: None,
+        material: default,
+        ..cloud(first, path, grid, findings)?
+    }];
+    let mut known = Vec::new();
+    for (n, layer) in written.layers.iter().enumerate() {
+        let path = format!("{path}.layers[{n}]");
+        unique(&mut known, &layer.name, &format!("{path}.name"), findings);
+        let own = layer.material.as_ref().map(|name| {
+            needs_density(case, name, findings);
+            material(names, name, &format!("{path}.material"), findings).unwrap_or(default)
+        });
+        let written = (&layer.grading, &layer.region, layer.number);
+        clouds.push(Cloud {
+            name: Some(layer.name.clone()),
+            material: own.unwrap_or(default),
+            ..cloud(written, &path, grid, findings)?
+        });
+    }
+    let along = (0..grid.dimension)
+        .filter(|&a| {
+            case.gravity
+                .as_ref()
+                .is_some_and(|g| g.to_array()[a].abs() > 0.0)
+        })
+        .count();
+    if along != 1 {
+        let down = if grid.dimension == 2 {
+            json!([0, -9.81])
+        } else {
+            json!([0, 0, -9.81])
+        };
+        findings.error(
+            "gravity",
+            "a deposition needs gravity along one axis",
+            Remedy::from(format!(
+                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the file under the inclined \
+                 gravity; a `body_force` of the fluid drives the water alone"
+            ))
+            .set("gravity", down),
+        );
+    }
+    let bounds = clouds.iter().map(|cloud| cloud.grading.bounds());
+    let bounds = bounds.fold((f64::INFINITY, 0.0_f64), |(low, high), (least, most)| {
+        (least.min(low), most.max(high))
+    });
+    let number_of = clouds.iter().map(|cloud| cloud.number).sum();
+    Some((
+        GrainSource::Deposition {
+            clouds,
+            deposition: written.clone(),
+        },
+        Some(bounds),
+        number_of,
+    ))
+}
+
+/// Resolves and checks grains that grow in a box.
+fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {
+    let path = "grains.initial.growth";
+    let block = growth.region.as_ref().map_or(
+        Block {
+            from: [0.0; 3],
+            to: grid.size,
+            dimension: grid.dimension,
+        },
+        |extent| Block::resolve(grid, extent, &format!("{path}.box"), findings),
+    );
+    if !check_radii(&growth.radii, &format!("{path}.radii"), findings) {
+        return None;
+    }
+    let flat = grid.dimension == 2;
+    let pi = std::f64::consts::PI;
+    let mean = if flat {
+        pi * growth.radii.mean_power(2, 2)
+    } else {
+        4.0 / 3.0 * pi * growth.radii.mean_power(3, 3)
+    };
+    if !fits_box(growth, &block, &format!("{path}.radii"), findings) {
+        return None;
+    }
+    let (amount_path, number_of, fraction) = match growth.amount {
+        Amount::Number(n) => (
+            format!("{path}.amount.number"),
+            f64::from(n),
+            f64::from(n) * mean / block.measure(),
+        ),
+        Amount::SolidFraction(fraction) => (
+            format!("{path}.amount.solid_fraction"),
+            (fraction * block.measure() / mean).round().max(1.0),
+            fraction,
+        ),
+    };
+    let packing = Packing {
+        number_of,
+        fraction,
+    };
+    packing.check(&growth.amount, flat, &amount_path, findings);
+    if number_of > 1e8 {
+        findings.error(
+            &amount_path,
+            format!("this makes {} grains; at most 1e8", number(number_of)),
+            "use larger grains or a smaller box",
+        );
+        return None;
+    }
+    let number_of = base::number::whole(number_of);
+    if let Radii::Sieve(curve) = &growth.radii
+        && let Err(reason) = grading::Grading::of_sieves(curve).numbers(number_of, grid.dimension)
+    {
+        findings.error(
+            &format!("{path}.radii.sieve"),
+            reason,
+            "correct the curve, or use more grains or a larger box",
+        );
+        return None;
+    }
+    Some((
+        GrainSource::Growth {
+            block,
+            number: number_of,
+            growth: growth.clone(),
+        },
+        Some(growth.radii.bounds()),
+        number_of,
+    ))
+}
+
+/// Returns true where the largest grain fits the box in which the grains grow, and refuses it where it does not.
+fn fits_box(growth: &Growth, block: &Block, path: &str, findings: &mut Findings) -> bool {
+    let largest = 2.0 * growth.radii.bounds().1;
+    let narrowest = (0..block.dimension)
+        .map(|a| block.to[a] - block.from[a])
+        .fold(f64::INFINITY, f64::min);
+    let wider = largest > narrowest;
+    if wider {
+        findings.error(
+            path,
+            format!(
+                "a grain of {} m is wider than the box of {} m",
+                number(largest),
+                number(narrowest)
+            ),
+            "use smaller radii; they are in m",
+        );
+    }
+    !wider
+}
+
+/// Grains that grow, and the part of the box that they fill at full size.
+struct Packing {
+    number_of: f64,
+    fraction: f64,
+}
+
+impl Packing {
+    /// Refuses more than a packing can hold, and warns of a loose sample.
+    fn check(&self, amount: &Amount, flat: bool, path: &str, findings: &mut Findings) {
+        let fraction = self.fraction;
+        let (least, most) = if flat { (0.7, 0.9) } else { (0.5, 0.72) };
+        if fraction > most {
+            findings.error(
+                path,
+                format!(
+                    "the grains would fill {} of the box at full size; a packing holds at most {most}",
+                    number(fraction)
+                ),
+                match amount {
+                    Amount::SolidFraction(_) => Remedy::from(format!(
+                        "use fewer or smaller grains, a fraction of {most} at most"
+                    ))
+                    .set(path, most),
+                    Amount::Number(_) => {
+                        let fewer = (self.number_of * most / fraction).floor();
+                        Remedy::from(format!(
+                            "use fewer or smaller grains, {fewer} of these at most"
+                        ))
+                        .set(path, base::number::whole(fewer))
+                    }
+                },
+            );
+        } else if fraction < least {
+            findings.warn(
+                path,
+                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
+                "use more or larger grains if the sample should hold together",
+            );
+        }
+    }
+}

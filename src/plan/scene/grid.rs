@@ -1,0 +1,152 @@
+//! The domain as a grid of cells.
+
+use super::findings::{Findings, length_of, number};
+use base::error::Remedy;
+use base::number::{real, whole};
+use case::domain::{Domain, Split};
+use serde::Serialize;
+
+/// The domain as a grid of cells; the lower corner is the origin, cell centres lie at (i + 1/2) h.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Grid {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Cells along each axis; 1 along z in 2-D.
+    pub cells: [usize; 3],
+    /// Edge lengths \[m\]; along z in 2-D one spacing, which has no meaning.
+    pub size: [f64; 3],
+    /// Edge h of a cell \[m\].
+    pub spacing: f64,
+    /// Whether the domain repeats along each axis; false along z in 2-D.
+    pub periodic: [bool; 3],
+    /// Axis along which slabs are cut: 0, 1 or 2.
+    pub split_axis: usize,
+    /// First plane of every slab after the first; the run cuts slabs of equal cost without it.
+    pub slab_bounds: Option<Vec<usize>>,
+}
+
+/// More cells than this along an axis are a slip of a unit, not a problem to solve.
+const MOST_CELLS: f64 = 1e9;
+
+impl Grid {
+    /// Number of cells.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// The centre of a cell \[m\].
+    #[must_use]
+    pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
+        cell.map(|i| (real(i) + 0.5) * self.spacing)
+    }
+
+    /// Whether a point is in the domain.
+    #[must_use]
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        (0..self.dimension).all(|a| point[a] >= 0.0 && point[a] <= self.size[a])
+    }
+
+    pub(crate) fn resolve(domain: &Domain, findings: &mut Findings) -> Option<Self> {
+        let dimension = domain.size.0.len();
+        let spacing = domain.spacing?;
+        if !((2..=3).contains(&dimension) && spacing > 0.0 && spacing.is_finite()) {
+            return None;
+        }
+        let mut cells = [1; 3];
+        let mut size = [spacing; 3];
+        let mut good = true;
+        for (axis, length) in domain.size.0.iter().enumerate() {
+            let path = format!("domain.size[{axis}]");
+            let ratio = length / spacing;
+            if !(*length > 0.0 && ratio.is_finite()) {
+                findings.error(
+                    &path,
+                    "the domain needs a positive size",
+                    "write a length in m",
+                );
+                good = false;
+            } else if ratio > MOST_CELLS {
+                findings.error(
+                    &path,
+                    format!(
+                        "this is {} cells; at most {MOST_CELLS:e} along an axis",
+                        number(ratio)
+                    ),
+                    "check the units: size and spacing are in m",
+                );
+                good = false;
+            } else if (ratio - ratio.round()).abs() > 1e-6 * ratio.max(1.0) || ratio < 0.5 {
+                let cells = ratio.floor().max(1.0);
+                let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, spacing));
+                let nearest = if ratio.round() > cells { above } else { below };
+                findings.error(
+                    &path,
+                    format!(
+                        "the size is {} spacings; it must be a whole number of them",
+                        number(ratio)
+                    ),
+                    Remedy::from(format!(
+                        "use {below} or {above} m, or a spacing that divides it, such as {} m",
+                        number(length / ratio.round().max(1.0))
+                    ))
+                    .set(&*path, nearest),
+                );
+                good = false;
+            } else {
+                cells[axis] = whole(ratio.round());
+                size[axis] = *length;
+            }
+        }
+        let mut periodic = [false; 3];
+        for (n, axis) in domain.periodic.iter().enumerate() {
+            let path = format!("domain.periodic[{n}]");
+            if axis.index() >= dimension {
+                findings.error(&path, "there is no z in a 2-D problem", "remove it");
+            } else if std::mem::replace(&mut periodic[axis.index()], true) {
+                findings.error(&path, "this axis is named twice", "remove one of them");
+            }
+        }
+        let split_axis = match domain.split {
+            Split::Auto => (0..dimension).rev().max_by_key(|a| cells[*a]).unwrap_or(0),
+            Split::X => 0,
+            Split::Y => 1,
+            Split::Z => 2,
+        };
+        if split_axis >= dimension {
+            findings.error(
+                "domain.split",
+                "there is no z in a 2-D problem",
+                Remedy::from("use auto, x or y").set("domain.split", "auto"),
+            );
+            good = false;
+        }
+        let slab_bounds = domain.slab_bounds.as_ref().map(|bounds| {
+            let planes: Vec<usize> = bounds
+                .iter()
+                .map(|b| usize::try_from(*b).unwrap_or(usize::MAX))
+                .collect();
+            let most = cells[split_axis.min(2)];
+            if planes.windows(2).any(|w| w[0] > w[1]) || planes.iter().any(|p| *p > most) {
+                findings.error(
+                    "domain.slab_bounds",
+                    format!("the planes must rise and lie between 0 and {most}"),
+                    Remedy::take_out(
+                        "sort them, or omit them for slabs of equal cost",
+                        "domain.slab_bounds",
+                    ),
+                );
+            }
+            planes
+        });
+        good.then_some(Self {
+            dimension,
+            cells,
+            size,
+            spacing,
+            periodic,
+            split_axis,
+            slab_bounds,
+        })
+    }
+}

@@ -1,0 +1,460 @@
+//! Regions, probes, outputs and analysis of a scene.
+
+mod bed;
+mod probes;
+
+use super::block::Block;
+use super::findings::{Findings, at_least, number};
+use super::grains::{check_radii, fits_domain};
+use super::grid::Grid;
+use super::{material, unique};
+use base::error::Remedy;
+pub use bed::Bed;
+use case::Case;
+use case::fluid::Fluid;
+use case::geometry::{Axis, Face};
+use case::grains::Radii;
+use case::observe::{Action as Written, FieldName, When};
+pub(crate) use probes::{Measured, probes};
+use serde::Serialize;
+
+/// A box in which something happens to grains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Region {
+    /// Its name.
+    pub name: String,
+    /// Where.
+    pub block: Block,
+    /// What.
+    pub action: Action,
+}
+
+/// What happens in a region.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Action {
+    /// Grains are taken out.
+    Remove {
+        /// When.
+        when: When,
+    },
+    /// Grains appear.
+    Generate {
+        /// Grains per second [1/s].
+        rate: f64,
+        /// Radii \[m\].
+        radii: Radii,
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+        /// Seed.
+        seed: u64,
+        /// Index of the material.
+        material: usize,
+        /// At most this many.
+        at_most: Option<u32>,
+    },
+    /// Entries and exits are logged.
+    Record,
+}
+
+/// A quantity sampled in time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Probe {
+    /// Name of its file.
+    pub name: String,
+    /// Time between samples \[s\].
+    pub every: f64,
+    /// Where.
+    pub at: ProbeAt,
+}
+
+/// Where a probe samples.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum ProbeAt {
+    /// Velocity and pressure at a point \[m\].
+    Point([f64; 3]),
+    /// Velocity and pressure along a line.
+    Line {
+        /// First point \[m\].
+        from: [f64; 3],
+        /// Last point \[m\].
+        to: [f64; 3],
+        /// Number of points.
+        points: usize,
+    },
+    /// Discharge and means in a plane.
+    Plane {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate \[m\].
+        position: f64,
+    },
+    /// Force and torque on a body, by index in [`super::Scene::bodies`].
+    Body(usize),
+    /// Force on a structure, by its index among those that water meets.
+    Structure(usize),
+    /// Discharge of seepage through a part of a plane.
+    Section {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate \[m\].
+        position: f64,
+        /// The part.
+        part: Option<Block>,
+    },
+    /// Surface elevation in the column of this cell.
+    Gauge([usize; 3]),
+    /// Force on a face.
+    Wall(Face),
+    /// A bed of grains.
+    Bed(Box<Bed>),
+    /// Grains in a box.
+    Grains {
+        /// The box.
+        part: Block,
+        /// Start of the means over time \[s\].
+        mean_from: f64,
+    },
+}
+
+/// Erosion law analysis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ErosionLaw {
+    /// The hole before erosion.
+    pub hole: Block,
+    /// Axis of the flow: 0, 1 or 2.
+    pub flow_axis: usize,
+    /// Time between samples \[s\].
+    pub every: f64,
+    /// Indices of the regions whose removals count as eroded.
+    pub outlets: Vec<usize>,
+    /// Eroded part of the mass at which the run is done.
+    pub end_at_eroded_fraction: Option<f64>,
+}
+
+pub(crate) fn regions(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Region> {
+    let mut known = Vec::new();
+    let mut regions = Vec::new();
+    for (n, region) in case.regions.iter().enumerate() {
+        let path = format!("regions[{n}]");
+        unique(&mut known, &region.name, &format!("{path}.name"), findings);
+        let block = Block::resolve(grid, &region.region, &format!("{path}.box"), findings);
+        let action = match &region.action {
+            Written::Remove { when } => Action::Remove { when: *when },
+            Written::Record {} => Action::Record,
+            Written::Generate {
+                rate,
+                radii,
+                velocity,
+                seed,
+                material: name,
+                at_most,
+            } => {
+                let path = format!("{path}.action.generate");
+                if check_radii(radii, &format!("{path}.radii"), findings) {
+                    let (_, largest) = radii.bounds();
+                    fits_domain(grid, largest, &format!("{path}.radii"), findings);
+                }
+                let velocity = velocity.as_ref().map_or([0.0; 3], |v| {
+                    Block::vector(grid, v, &format!("{path}.velocity"), findings)
+                });
+                let name = name.as_ref().or(case.grains.as_ref().map(|g| &g.material));
+                let path = format!("{path}.material");
+                let index = generated(name, names, &path, findings);
+                Action::Generate {
+                    rate: *rate,
+                    radii: radii.clone(),
+                    velocity,
+                    seed: *seed,
+                    material: index.unwrap_or(0),
+                    at_most: *at_most,
+                }
+            }
+        };
+        regions.push(Region {
+            name: region.name.clone(),
+            block,
+            action,
+        });
+    }
+    let source = regions
+        .iter()
+        .any(|r| matches!(r.action, Action::Generate { .. }));
+    if !regions.is_empty() && !source && case.grains.is_none() {
+        findings.warn(
+            "regions",
+            "there are no grains in this case",
+            "add `grains`, or remove the regions",
+        );
+    }
+    regions
+}
+
+/// Returns the index of the material of generated grains.
+fn generated(
+    name: Option<&String>,
+    names: &[String],
+    path: &str,
+    findings: &mut Findings,
+) -> Option<usize> {
+    if name.is_none() {
+        findings.error(path, "the grains need a material", "name one");
+    }
+    material(names, name?, path, findings)
+}
+
+/// Returns the start of the means over time of a probe \[s\].
+fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
+    let end = case.time.end;
+    if from.is_some_and(|from| from >= end) {
+        findings.error(
+            &format!("{path}.mean_from"),
+            format!("the run ends at {} s, before the means begin", number(end)),
+            Remedy::from(format!("use less than {end}"))
+                .set(format!("{path}.mean_from"), 0.5 * end),
+        );
+    }
+    from.unwrap_or(0.5 * end)
+}
+
+/// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
+pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
+    // A run without a length is refused for that.
+    if case.time.end > 0.0 && every > case.time.end * (1.0 + 1e-12) {
+        findings.warn(
+            path,
+            format!(
+                "the run ends at {} s, before this interval has passed once",
+                number(case.time.end)
+            ),
+            Remedy::from(format!("use at most {}", case.time.end)).set(path, case.time.end),
+        );
+    }
+    if every > 0.0 && case.time.end / every > 1e7 {
+        findings.error(
+            path,
+            format!(
+                "this makes {} samples; at most 1e7",
+                number(case.time.end / every)
+            ),
+            Remedy::from(format!(
+                "use a longer interval, of {} s or more",
+                number(at_least(case.time.end / 1e7))
+            ))
+            .set(path, at_least(case.time.end / 1e7)),
+        );
+        findings.depends(&["time"]);
+    }
+}
+
+pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
+    let output = &case.output;
+    if let Some(fluid) = &output.fluid {
+        due(case, fluid.every, "output.fluid.every", findings);
+        if case.fluid.is_none() {
+            findings.error(
+                "output.fluid",
+                "there is no fluid in this case",
+                Remedy::take_out("remove this output", "output.fluid"),
+            );
+            findings.depends(&["fluid"]);
+        }
+        if fluid.fields.is_empty() {
+            findings.error(
+                "output.fluid.fields",
+                "no field is named",
+                Remedy::take_out("name one, or remove this output", "output.fluid"),
+            );
+        }
+        check_fields(case, &fluid.fields, findings);
+    }
+    averages(case, findings);
+    let others = [
+        ("output.grains", output.grains.as_ref().map(|o| o.every)),
+        ("output.contacts", output.contacts.as_ref().map(|o| o.every)),
+        ("output.blocks", output.blocks.as_ref().map(|o| o.every)),
+    ];
+    for (path, every) in others {
+        if let Some(every) = every {
+            due(case, every, &format!("{path}.every"), findings);
+            if !solids {
+                findings.error(
+                    path,
+                    "there are no grains, blocks or bodies in this case",
+                    "remove this output",
+                );
+                findings.depends(&["grains", "blocks", "bodies"]);
+            }
+        }
+    }
+    if let Some(every) = case.checkpoint.every {
+        due(case, every, "checkpoint.every", findings);
+    }
+}
+
+/// Refuses fields that the fluid does not have, and fields that are named twice.
+fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
+    let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
+    let weightless =
+        (case.gravity.as_ref()).is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+    for (n, field) in fields.iter().enumerate() {
+        let path = format!("output.fluid.fields[{n}]");
+        match field {
+            FieldName::Velocity | FieldName::Pressure => {}
+            FieldName::Head if !seeps => findings.error(
+                &path,
+                "a hydraulic head is one of seepage; this is a fluid on a lattice",
+                "use `pressure`",
+            ),
+            FieldName::Head if weightless => findings.error(
+                &path,
+                "a head needs gravity, and there is none in this case",
+                "add `gravity`, or use `pressure`",
+            ),
+            FieldName::Head => {}
+            _ if seeps => findings.error(
+                &path,
+                "seepage has no such field",
+                "use velocity, pressure or head",
+            ),
+            _ => {}
+        }
+        if fields[..n].contains(field) {
+            findings.error(&path, "this field is named twice", "remove one of them");
+        }
+    }
+}
+
+fn averages(case: &Case, findings: &mut Findings) {
+    let Some(averages) = &case.output.averages else {
+        return;
+    };
+    let path = "output.averages";
+    if !matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
+        findings.error(
+            path,
+            "averages are those of a fluid on a lattice, and there is none in this case",
+            Remedy::take_out("remove this output", path),
+        );
+        findings.depends(&["fluid"]);
+    }
+    due(
+        case,
+        averages.sample_every,
+        &format!("{path}.sample_every"),
+        findings,
+    );
+    if let Some(every) = averages.every {
+        due(case, every, &format!("{path}.every"), findings);
+    }
+    if averages.from >= case.time.end {
+        findings.error(
+            &format!("{path}.from"),
+            format!(
+                "the run ends at {} s, before the first sample",
+                number(case.time.end)
+            ),
+            Remedy::from(format!("use less than {}", case.time.end))
+                .set(format!("{path}.from"), 0.5 * case.time.end),
+        );
+    }
+    if averages.profile == Some(Axis::Z) && case.domain.size.0.len() == 2 {
+        findings.error(
+            &format!("{path}.profile"),
+            "there is no z in a 2-D problem",
+            "use x or y",
+        );
+    }
+}
+
+const EROSION_LAW: &str = "analysis.erosion_law";
+
+pub(crate) fn erosion_law(
+    case: &Case,
+    grid: &Grid,
+    regions: &[Region],
+    findings: &mut Findings,
+) -> Option<ErosionLaw> {
+    let law = case.analysis.erosion_law.as_ref()?;
+    let path = EROSION_LAW;
+    let hole = Block::resolve(grid, &law.hole, &format!("{path}.hole"), findings);
+    due(case, law.every, &format!("{path}.every"), findings);
+    let flow_axis = law.flow_axis.index();
+    if flow_axis >= grid.dimension {
+        findings.error(
+            &format!("{path}.flow_axis"),
+            "there is no z in a 2-D problem",
+            "use x or y",
+        );
+    }
+    // A hole has two faces; a stream above a bed has one.
+    let across = usize::from(flow_axis == 0);
+    if flow_axis < grid.dimension
+        && (hole.from[across] < grid.spacing || hole.to[across] > grid.size[across] - grid.spacing)
+    {
+        findings.error(
+            &format!("{path}.hole"),
+            format!(
+                "the hole reaches the face of the domain across the flow, along {}, so that it does not have \
+                 two faces of grains and its width and shear stress are not defined",
+                ["x", "y"][across]
+            ),
+            "leave grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
+        );
+    }
+    for (what, there) in [
+        ("fluid", case.fluid.is_some()),
+        ("grains", case.grains.is_some()),
+    ] {
+        if !there {
+            findings.error(
+                path,
+                format!("there is no {what} in this case"),
+                format!("add `{what}`, or remove the analysis"),
+            );
+            findings.depends(&["fluid", "grains"]);
+        }
+    }
+    let outlets = outlets(law.outlet.as_deref(), regions, findings);
+    Some(ErosionLaw {
+        hole,
+        flow_axis,
+        every: law.every,
+        outlets,
+        end_at_eroded_fraction: law.end_at_eroded_fraction,
+    })
+}
+
+/// Returns the indices of the regions whose removals count as eroded.
+fn outlets(outlet: Option<&str>, regions: &[Region], findings: &mut Findings) -> Vec<usize> {
+    let removes = |r: &Region| matches!(r.action, Action::Remove { .. });
+    let outlets: Vec<usize> = regions
+        .iter()
+        .enumerate()
+        .filter(|(_, r)| removes(r) && outlet.is_none_or(|name| r.name == name))
+        .map(|(n, _)| n)
+        .collect();
+    if outlets.is_empty() {
+        let (at, reason) = match outlet {
+            Some(_) => (
+                format!("{EROSION_LAW}.outlet"),
+                "there is no region of this name that removes grains",
+            ),
+            None => (
+                EROSION_LAW.to_string(),
+                "no region removes grains, so that no erosion would be counted",
+            ),
+        };
+        findings.error(
+            &at,
+            reason,
+            "add a region with {\"remove\": {}} and name it",
+        );
+        findings.depends(&["regions"]);
+    }
+    outlets
+}

@@ -1,0 +1,280 @@
+//! The probes of a scene.
+
+use super::{Probe, ProbeAt, bed, due, means};
+use crate::scene::block::Block;
+use crate::scene::bodies::Body;
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::Grid;
+use crate::scene::structures::Structure;
+use crate::scene::unique;
+use base::error::Remedy;
+use case::Case;
+use case::fluid::Fluid;
+use case::geometry::{Axis, Extent, Face, Vector};
+use case::observe::{Fabric, ProbeAt as Written};
+use dem::contact::Contact;
+
+/// Parts of a problem that probes measure.
+pub(crate) struct Measured<'a> {
+    pub case: &'a Case,
+    pub grid: &'a Grid,
+    pub bodies: &'a [Body],
+    pub structures: &'a [Structure],
+}
+
+/// Returns the probes of a case.
+pub(crate) fn probes(measured: &Measured, findings: &mut Findings) -> Vec<Probe> {
+    let case = measured.case;
+    let mut known = Vec::new();
+    let mut probes = Vec::new();
+    for (n, probe) in case.probes.iter().enumerate() {
+        let path = format!("probes[{n}]");
+        unique(&mut known, &probe.name, &format!("{path}.name"), findings);
+        due(case, probe.every, &format!("{path}.every"), findings);
+        let path = format!("{path}.at");
+        check_fluid(case, &probe.at, &path, findings);
+        if let Some(at) = measured.resolve(&probe.at, &path, findings) {
+            probes.push(Probe {
+                name: probe.name.clone(),
+                every: probe.every,
+                at,
+            });
+        }
+    }
+    probes
+}
+
+/// Refuses a probe that samples a fluid which the case does not have.
+fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
+    if matches!(at, Written::Body { .. } | Written::Grains { .. }) {
+        return;
+    }
+    if case.fluid.is_none() {
+        findings.error(
+            path,
+            "there is no fluid to probe",
+            "add `fluid`, or remove the probe",
+        );
+        findings.depends(&["fluid"]);
+    }
+    let of_pores = matches!(at, Written::Point { .. } | Written::Section { .. });
+    if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
+        findings.error(
+            path,
+            "this probe samples a fluid on a lattice; this is seepage",
+            "use a point, a section, or `output.fluid`, which has the pressure and velocity of every cell",
+        );
+    }
+}
+
+impl Measured<'_> {
+    /// Returns the place of a probe; none where there is no bed to measure.
+    fn resolve(&self, at: &Written, path: &str, findings: &mut Findings) -> Option<ProbeAt> {
+        Some(match at {
+            Written::Point { position } => {
+                self.point(position, &format!("{path}.point.position"), findings)
+            }
+            Written::Line { from, to, points } => {
+                let [from, to] = [("from", from), ("to", to)].map(|(name, end)| {
+                    let path = format!("{path}.line.{name}");
+                    let point = Block::vector(self.grid, end, &path, findings);
+                    self.inside(point, &path, findings)
+                });
+                ProbeAt::Line {
+                    from,
+                    to,
+                    points: usize::try_from(*points).unwrap_or(usize::MAX),
+                }
+            }
+            Written::Plane { axis, position } => {
+                self.plane(*axis, *position, &format!("{path}.plane"), findings)
+            }
+            Written::Body { name } => self.body(name, &format!("{path}.body.name"), findings),
+            Written::Structure { name } => {
+                self.structure(name, &format!("{path}.structure.name"), findings)
+            }
+            Written::Section {
+                axis,
+                position,
+                part,
+            } => {
+                let path = format!("{path}.section");
+                self.section(*axis, *position, part.as_ref(), &path, findings)
+            }
+            Written::Gauge { position } => {
+                self.gauge(position, &format!("{path}.gauge.position"), findings)
+            }
+            Written::Wall { face } => self.wall(*face, &format!("{path}.wall.face"), findings),
+            Written::Grains(written) => self.grains(written, &format!("{path}.grains"), findings),
+            Written::Bed(written) => {
+                let path = format!("{path}.bed");
+                let bed = bed::resolve(self.case, self.grid, written, &path, findings)?;
+                ProbeAt::Bed(Box::new(bed))
+            }
+        })
+    }
+
+    /// Returns a point, and refuses one outside the domain.
+    fn inside(&self, point: [f64; 3], path: &str, findings: &mut Findings) -> [f64; 3] {
+        if !self.grid.contains(point) {
+            findings.error(path, "the probe lies outside the domain", "move it inside");
+        }
+        point
+    }
+
+    fn point(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
+        let point = Block::vector(self.grid, position, path, findings);
+        let holds = |s: &&Structure| s.stops.water() && s.solid.distance(point) < 0.0;
+        if let Some(structure) = self.structures.iter().find(holds) {
+            findings.error(
+                path,
+                format!("the point lies in the structure `{}`", structure.name),
+                "move it into the water",
+            );
+        }
+        ProbeAt::Point(self.inside(point, path, findings))
+    }
+
+    fn gauge(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
+        let point = Block::vector(self.grid, position, path, findings);
+        let surface = match &self.case.fluid {
+            Some(Fluid::LatticeBoltzmann(lbm)) => lbm.surface.is_some(),
+            _ => false,
+        };
+        if !surface {
+            findings.error(
+                path,
+                "a gauge measures a free surface, and there is none in this case",
+                "add `fluid.lattice_boltzmann.surface`, or use a point",
+            );
+        }
+        let point = self.inside(point, path, findings);
+        let cell = |a: usize| {
+            let place = base::number::whole((point[a] / self.grid.spacing).floor());
+            place.min(self.grid.cells[a] - 1)
+        };
+        ProbeAt::Gauge([cell(0), cell(1), cell(2)])
+    }
+
+    fn plane(&self, axis: Axis, position: f64, path: &str, findings: &mut Findings) -> ProbeAt {
+        let (grid, axis) = (self.grid, axis.index());
+        if axis >= grid.dimension {
+            findings.error(
+                &format!("{path}.axis"),
+                "there is no z in a 2-D problem",
+                "use x or y",
+            );
+        } else if !(0.0..=grid.size[axis]).contains(&position) {
+            findings.error(
+                &format!("{path}.position"),
+                format!(
+                    "the plane lies outside the domain, which is 0 … {} m there",
+                    number(grid.size[axis])
+                ),
+                "move it inside",
+            );
+        }
+        ProbeAt::Plane { axis, position }
+    }
+
+    fn body(&self, name: &str, path: &str, findings: &mut Findings) -> ProbeAt {
+        let index = self.bodies.iter().position(|b| b.name == name);
+        if index.is_none() {
+            let names: Vec<&str> = self.bodies.iter().map(|b| b.name.as_str()).collect();
+            let remedy = case::check::nearest(name, &names).map_or_else(
+                || format!("bodies here: {}", names.join(", ")).into(),
+                |near| Remedy::from(format!("did you mean `{near}`?")).set(path, near),
+            );
+            findings.error(path, "there is no body of this name", remedy);
+            findings.depends(&["bodies"]);
+        }
+        ProbeAt::Body(index.unwrap_or(0))
+    }
+
+    fn structure(&self, name: &str, path: &str, findings: &mut Findings) -> ProbeAt {
+        let water = self.structures.iter().filter(|s| s.stops.water());
+        let names: Vec<&str> = water.map(|s| s.name.as_str()).collect();
+        let index = names.iter().position(|known| *known == name);
+        if index.is_none() {
+            findings.error(
+                path,
+                "there is no structure of this name that stops water",
+                format!("structures here: {}", names.join(", ")),
+            );
+            findings.depends(&["structures"]);
+        }
+        ProbeAt::Structure(index.unwrap_or(0))
+    }
+
+    fn section(
+        &self,
+        axis: Axis,
+        position: f64,
+        part: Option<&Extent>,
+        path: &str,
+        findings: &mut Findings,
+    ) -> ProbeAt {
+        let (grid, axis) = (self.grid, axis.index());
+        if matches!(self.case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
+            findings.error(
+                path,
+                "a section is one of seepage; this is a fluid on a lattice",
+                "use a plane",
+            );
+        }
+        if axis >= grid.dimension || !(0.0..=grid.size[axis.min(2)]).contains(&position) {
+            findings.error(
+                &format!("{path}.position"),
+                "the section lies outside the domain",
+                "move it inside",
+            );
+        }
+        let part = part.map(|part| Block {
+            from: Block::vector(grid, &part.from, &format!("{path}.part.from"), findings),
+            to: Block::vector(grid, &part.to, &format!("{path}.part.to"), findings),
+            dimension: grid.dimension,
+        });
+        ProbeAt::Section {
+            axis,
+            position,
+            part,
+        }
+    }
+
+    fn wall(&self, face: Face, path: &str, findings: &mut Findings) -> ProbeAt {
+        if face.axis() >= self.grid.dimension || self.grid.periodic[face.axis()] {
+            findings.error(path, "there is no wall at this face", "name another face");
+        }
+        ProbeAt::Wall(face)
+    }
+
+    fn grains(&self, written: &Fabric, path: &str, findings: &mut Findings) -> ProbeAt {
+        let (case, grid) = (self.case, self.grid);
+        if case.grains.is_none() {
+            findings.error(
+                path,
+                "there are no grains in this case",
+                "add `grains`, or remove the probe",
+            );
+        }
+        if matches!(case.contact, Some(Contact::Blocks(_))) {
+            findings.error(
+                path,
+                "the law `blocks` has contacts over areas, of which the stress of single forces \
+                 and the number of contacts say nothing",
+                "use another law, or remove the probe",
+            );
+        }
+        ProbeAt::Grains {
+            part: match &written.part {
+                Some(part) => Block::resolve(grid, part, &format!("{path}.part"), findings),
+                None => Block {
+                    from: [0.0; 3],
+                    to: grid.size,
+                    dimension: grid.dimension,
+                },
+            },
+            mean_from: means(case, written.mean_from, path, findings),
+        }
+    }
+}

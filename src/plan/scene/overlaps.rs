@@ -1,0 +1,767 @@
+//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with structures.
+//!
+//! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the springs would turn into
+//! an explosion. The sources differ only in the path of their findings: grains and blocks of a list or a file, blocks of a rock mass and
+//! bodies are compared by one function, round periodic axes too. Walls of facets count where they reach into the largest sphere around
+//! the centroid of a polyhedron. Prepared grains have no positions before the run: they are checked by the box in which they start.
+
+use super::block::Block;
+use super::blocks::Blocks;
+use super::bodies::{Body, Mobility, wider};
+use super::findings::{Findings, number};
+use super::grains::{GrainSource, Grains};
+use super::grid::Grid;
+use super::pairs::{self, Ball};
+use super::structures::Structure;
+use super::walls::Wall;
+use base::number::real;
+use case::Case;
+use case::blocks::BlockSource;
+use dem::polyhedron::{History, Model, Narrow, Piece, Placed, Solid};
+use nalgebra::Vector3;
+use std::ops::ControlFlow;
+
+/// Largest overlap at the start over the radius of the smaller one's largest sphere.
+const ALLOWED: f64 = 0.05;
+/// Findings of one kind that are named.
+const NAMED: usize = 20;
+/// Pairs that are counted.
+const COUNTED: usize = 100_000;
+
+/// The solids of a scene as they start.
+pub(crate) struct Start<'a> {
+    /// The case.
+    pub(crate) case: &'a Case,
+    /// The cells.
+    pub(crate) grid: &'a Grid,
+    /// Acceleration of gravity [m/s2].
+    pub(crate) gravity: [f64; 3],
+    /// The grains, if any.
+    pub(crate) grains: Option<&'a Grains>,
+    /// The blocks, if any.
+    pub(crate) blocks: Option<&'a Blocks>,
+    /// Named bodies.
+    pub(crate) bodies: &'a [Body],
+    /// Walls of grains.
+    pub(crate) walls: &'a [Wall],
+    /// Structures.
+    pub(crate) structures: &'a [Structure],
+}
+
+/// The source of a solid, with its number there.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    Listed(usize),
+    FromFile(usize),
+    Body(usize),
+    ListedBlock(usize),
+    Block(usize),
+}
+
+/// A solid with a position of its own: a disc or sphere where it has no shape.
+struct Standing<'a> {
+    solid: Option<&'a Solid>,
+    position: Vector3<f64>,
+    /// Radius of the sphere round it \[m\].
+    radius: f64,
+    /// Radius of the largest sphere in it \[m\].
+    inner: f64,
+    fixed: bool,
+    /// `true` if it is a block of a rock mass, whose blocks do not overlap within the domain.
+    mass: bool,
+    origin: Origin,
+}
+
+impl<'a> Standing<'a> {
+    fn round(position: [f64; 3], radius: f64, fixed: bool, origin: Origin) -> Self {
+        Self {
+            solid: None,
+            position: position.into(),
+            radius,
+            inner: radius,
+            fixed,
+            mass: false,
+            origin,
+        }
+    }
+
+    fn polyhedron(solid: &'a Solid, fixed: bool, mass: bool, origin: Origin) -> Self {
+        Self {
+            solid: Some(solid),
+            position: solid.position,
+            radius: solid.shape.radius(),
+            inner: 0.5 * Piece::of(solid).thickness(),
+            fixed,
+            mass,
+            origin,
+        }
+    }
+
+    fn placed(&self) -> Option<Placed<'_>> {
+        self.solid.map(|solid| Placed {
+            shape: &solid.shape,
+            rotation: solid.orientation.to_rotation_matrix().into_inner(),
+        })
+    }
+
+    /// Returns the radius of the largest sphere in it around its centroid \[m\].
+    fn around_centroid(&self) -> f64 {
+        self.solid.map_or(self.radius, |solid| {
+            let faces = solid.shape.half_spaces().iter();
+            faces.map(|face| face.offset).fold(f64::INFINITY, f64::min)
+        })
+    }
+
+    /// Returns the depth \[m\] by which it reaches into a wall, where that is more than contacts explain.
+    fn depth_in_wall(&self, wall: &Wall) -> Option<f64> {
+        let depth = if let Some(surface) = &wall.surface {
+            let inner = self.around_centroid();
+            if !surface.is_within(&self.position, inner - ALLOWED * self.inner) {
+                return None;
+            }
+            inner - surface.clearance(&self.position)
+        } else {
+            let normal = Vector3::from(wall.normal);
+            let height = |v: &Vector3<f64>| normal.dot(&(v - Vector3::from(wall.point)));
+            match self.solid {
+                None => self.radius - height(&self.position),
+                Some(solid) => {
+                    let corners = solid.vertices();
+                    -corners.iter().map(height).fold(f64::INFINITY, f64::min)
+                }
+            }
+        };
+        self.counts(depth)
+    }
+
+    /// Returns the depth \[m\] by which it reaches into a structure, where that is more than contacts explain.
+    fn depth_in_structure(&self, structure: &Structure) -> Option<f64> {
+        if !structure.stops.grains() {
+            return None;
+        }
+        let distance = structure.solid.distance(self.position.into());
+        if distance > self.radius {
+            return None;
+        }
+        let of_corners = self.solid.map_or(f64::NEG_INFINITY, |solid| {
+            let corners = solid.vertices();
+            let depths = corners
+                .iter()
+                .map(|at| -structure.solid.distance((*at).into()));
+            depths.fold(f64::NEG_INFINITY, f64::max)
+        });
+        self.counts((self.around_centroid() - distance).max(of_corners))
+    }
+
+    fn counts(&self, depth: f64) -> Option<f64> {
+        (depth > ALLOWED * self.inner).then_some(depth)
+    }
+
+    /// Returns how deep another one lies in this one \[m\], shifted by `shift`; not positive where they are apart.
+    fn depth(&self, other: &Self, shift: &Vector3<f64>, narrow: &mut Narrow) -> f64 {
+        let separation = other.position + shift - self.position;
+        let geometry = match (self.placed(), other.placed()) {
+            (Some(a), Some(b)) => {
+                narrow.blocks(&a, &b, &separation, &Model::Patch, &mut History::default())
+            }
+            (Some(a), None) => narrow.sphere(&a, &separation, other.radius),
+            (None, Some(b)) => narrow.sphere(&b, &-separation, self.radius),
+            (None, None) => return self.radius + other.radius - separation.norm(),
+        };
+        geometry.map_or(0.0, |touch| touch.depth)
+    }
+}
+
+/// Two solids that overlap.
+struct Pair {
+    one: usize,
+    other: usize,
+    depth: f64,
+    /// `true` if they overlap across a periodic face.
+    across: bool,
+}
+
+/// Refuses what overlaps at the start.
+pub(crate) fn overlaps(start: &Start<'_>, findings: &mut Findings) {
+    let all = start.standing();
+    start.own_images(&all, findings);
+    start.at_walls(&all, findings);
+    start.in_structures(&all, findings);
+    start.pairs(&all, findings);
+    start.prepared(findings);
+}
+
+impl<'a> Start<'a> {
+    /// Returns all solids with a position of their own: blocks, bodies and grains that no cut takes out.
+    fn standing(&self) -> Vec<Standing<'a>> {
+        let source = self.case.blocks.as_ref().map(|blocks| &blocks.initial);
+        let mass = matches!(source, Some(BlockSource::Joints(_)));
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        let blocks = blocks.enumerate().map(|(n, block)| {
+            let origin = match source {
+                Some(BlockSource::List(_)) => Origin::ListedBlock(n),
+                _ => Origin::Block(n),
+            };
+            Standing::polyhedron(&block.solid, block.fixed, mass, origin)
+        });
+        let bodies = self.bodies.iter().enumerate().map(|(n, body)| {
+            let fixed = body.mobility == Mobility::Fixed;
+            let origin = Origin::Body(n);
+            match &body.solid {
+                Some(solid) => Standing::polyhedron(solid, fixed, false, origin),
+                None => Standing::round(self.flat(body.position), body.radius, fixed, origin),
+            }
+        });
+        let (list, from_file) = match self.grains.map(|grains| &grains.source) {
+            Some(GrainSource::List(list)) => (&list[..], false),
+            Some(GrainSource::File { grains, .. }) => (&grains[..], true),
+            _ => (&[][..], false),
+        };
+        let cuts = self.grains.map_or(&[][..], |grains| &grains.cut);
+        let grains = list.iter().enumerate().filter(|(_, grain)| {
+            let mut cuts = cuts.iter();
+            !cuts.any(|(_, cut)| cut.touches(grain.position, grain.radius))
+        });
+        let grains = grains.map(|(n, grain)| {
+            let origin = if from_file {
+                Origin::FromFile(n)
+            } else {
+                Origin::Listed(n)
+            };
+            Standing::round(self.flat(grain.position), grain.radius, false, origin)
+        });
+        blocks.chain(bodies).chain(grains).collect()
+    }
+
+    /// Returns a position without the axes that the problem has not.
+    fn flat(&self, mut at: [f64; 3]) -> [f64; 3] {
+        at[self.grid.dimension..].fill(0.0);
+        at
+    }
+
+    /// Returns the path of the field that states the position.
+    fn path(&self, origin: Origin) -> String {
+        match origin {
+            Origin::Listed(n) => format!("grains.initial.list[{n}].position"),
+            Origin::FromFile(_) => "grains.initial.file.path".into(),
+            Origin::Body(n) => format!("bodies[{n}].position"),
+            Origin::ListedBlock(n) => format!("blocks.initial.list[{n}].position"),
+            Origin::Block(_) => "blocks.initial".into(),
+        }
+    }
+
+    fn name(&self, origin: Origin) -> String {
+        match origin {
+            Origin::Listed(n) => format!("grain {n}"),
+            Origin::FromFile(n) => format!("grain {} of the sample", n + 1),
+            Origin::Body(n) => format!("the body `{}`", self.bodies[n].name),
+            Origin::ListedBlock(n) | Origin::Block(n) => format!("block {n}"),
+        }
+    }
+
+    /// Refuses blocks that are longer than a period: they would overlap their own images.
+    fn own_images(&self, all: &[Standing<'_>], findings: &mut Findings) {
+        let blocks = (all.iter())
+            .filter(|one| matches!(one.origin, Origin::ListedBlock(_) | Origin::Block(_)));
+        let mut named = 0;
+        for (one, solid) in blocks.filter_map(|one| Some((one, one.solid?))) {
+            let Some((axis, width)) = wider(self.grid, solid, &self.grid.periodic) else {
+                continue;
+            };
+            let path = match one.origin {
+                Origin::ListedBlock(n) => format!("blocks.initial.list[{n}].shape"),
+                other => self.path(other),
+            };
+            let name = ["x", "y", "z"][axis];
+            let reason = format!(
+                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own image",
+                self.name(one.origin),
+                number(width),
+                number(self.grid.size[axis])
+            );
+            let remedy = format!(
+                "make it shorter, use a longer domain, or take {name} out of domain.periodic"
+            );
+            findings.error(&path, reason, remedy);
+            named += 1;
+            if named == NAMED {
+                break;
+            }
+        }
+    }
+
+    /// Refuses solids that reach into walls. [`Self::in_structures`] checks structures, which have an inside.
+    fn at_walls(&self, all: &[Standing<'_>], findings: &mut Findings) {
+        // A surface that could not be read, or a plane without a direction, has findings of its own.
+        let known =
+            |wall: &Wall| wall.surface.is_some() || Vector3::from(wall.normal).norm_squared() > 0.5;
+        let standing = |wall: &&Wall| {
+            wall.structure.is_none() && wall.from.is_none_or(|at| at <= 0.0) && known(wall)
+        };
+        for wall in self.walls.iter().filter(standing) {
+            let checked = all.iter().filter(|one| one.solid.is_none() || !one.fixed);
+            let reaching = checked.filter_map(|one| Some((one, one.depth_in_wall(wall)?)));
+            let reaching: Vec<_> = reaching.collect();
+            let other = format!("overlap the wall `{}`", wall.name);
+            let remedy = "move it away from the wall";
+            let cut = "take them out with `grains.cut`, or move the wall";
+            self.report(&reaching, &other, [remedy, cut], findings);
+        }
+    }
+
+    /// Refuses solids that reach into structures.
+    fn in_structures(&self, all: &[Standing<'_>], findings: &mut Findings) {
+        for structure in self.structures {
+            let free = all.iter().filter(|one| !one.fixed);
+            let reaching = free.filter_map(|one| Some((one, one.depth_in_structure(structure)?)));
+            let reaching: Vec<_> = reaching.collect();
+            let other = format!("reach into the structure `{}`", structure.name);
+            let remedy = "move it away from the structure";
+            let cut = "take them out with `grains.cut`, or move the structure";
+            self.report(&reaching, &other, [remedy, cut], findings);
+        }
+    }
+
+    /// Names solids of the case that reach into something at rest, and counts those of a sample.
+    fn report(
+        &self,
+        reaching: &[(&Standing<'_>, f64)],
+        other: &str,
+        [remedy, cut]: [&str; 2],
+        findings: &mut Findings,
+    ) {
+        let sampled = |origin| matches!(origin, Origin::FromFile(_));
+        let (verb, what) = other.split_once(' ').unwrap_or((other, ""));
+        let named = reaching.iter().filter(|(one, _)| !sampled(one.origin));
+        for (one, depth) in named.clone().take(NAMED) {
+            let suffix = if verb == "reach" { "es" } else { "s" };
+            let reason = format!(
+                "{} {verb}{suffix} {what} by {} m at the start",
+                self.name(one.origin),
+                number(*depth)
+            );
+            findings.error(&self.path(one.origin), reason, remedy);
+        }
+        let more = named.count().saturating_sub(NAMED);
+        if more > 0 {
+            let path = self.path(reaching[0].0.origin);
+            let reason = format!("{} more {other} at the start", number(real(more)));
+            findings.error(&path, reason, remedy);
+        }
+        let of_sample = reaching.iter().filter(|(one, _)| sampled(one.origin));
+        let deepest = of_sample.clone().max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((one, depth)) = deepest {
+            let reason = format!(
+                "{} grains of the sample {other} at the start; the deepest, {}, by {} m",
+                number(real(of_sample.count())),
+                self.name(one.origin),
+                number(*depth)
+            );
+            findings.error(&self.path(one.origin), reason, cut);
+        }
+    }
+
+    /// Refuses pairs of solids that overlap, also across periodic faces.
+    fn pairs(&self, all: &[Standing<'_>], findings: &mut Findings) {
+        let balls: Vec<Ball> = all
+            .iter()
+            .map(|one| Ball {
+                at: one.position.into(),
+                reach: one.radius,
+            })
+            .collect();
+        let period = std::array::from_fn(|a| {
+            (a < self.grid.dimension && self.grid.periodic[a]).then(|| self.grid.size[a])
+        });
+        let shifts = shifts(period);
+        let mut narrow = Narrow::default();
+        let mut found = Vec::new();
+        let complete = pairs::near(&balls, period, |one, other| {
+            found.extend(overlap((one, other), all, &shifts, &mut narrow));
+            if found.len() < COUNTED {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        });
+        found.sort_unstable_by_key(|pair| (pair.other, pair.one));
+        let is_sampled = |pair: &&Pair| matches!(all[pair.other].origin, Origin::FromFile(_));
+        let named: Vec<&Pair> = found.iter().filter(|pair| !is_sampled(pair)).collect();
+        for pair in named.iter().take(NAMED) {
+            let origin = all[pair.other].origin;
+            findings.error(
+                &self.path(origin),
+                self.sentence(pair, all),
+                "move them apart",
+            );
+        }
+        let least = if complete.is_break() { "at least " } else { "" };
+        if named.len() > NAMED {
+            let path = match all[named[0].other].origin {
+                Origin::Listed(_) => "grains.initial.list",
+                Origin::Body(_) => "bodies",
+                _ => "blocks.initial",
+            };
+            let more = number(real(named.len() - NAMED));
+            findings.error(
+                path,
+                format!("{least}{more} more pairs overlap"),
+                "move them apart",
+            );
+        }
+        let sampled = found.iter().filter(is_sampled);
+        let deepest = sampled.clone().max_by(|a, b| a.depth.total_cmp(&b.depth));
+        if let Some(pair) = deepest {
+            let count = sampled.count();
+            let sentence = self.sentence(pair, all);
+            let reason = if count == 1 {
+                sentence
+            } else {
+                let count = number(real(count));
+                format!("{least}{count} pairs of the sample overlap; the deepest: {sentence}")
+            };
+            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it was made for; radii, not diameters, in m";
+            findings.error("grains.initial.file.path", reason, remedy);
+        }
+    }
+
+    fn sentence(&self, pair: &Pair, all: &[Standing<'_>]) -> String {
+        let [one, other] = [pair.one, pair.other].map(|n| self.name(all[n].origin));
+        let across = if pair.across {
+            " across a periodic face"
+        } else {
+            ""
+        };
+        let depth = number(pair.depth);
+        format!("{other} overlaps {one} by {depth} m at the start{across}")
+    }
+
+    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks, and for grains that
+    /// grow also walls. What a cut empties does not count.
+    fn prepared(&self, findings: &mut Findings) {
+        let Some(grains) = self.grains else {
+            return;
+        };
+        let (boxes, what): (Vec<Block>, _) = match &grains.source {
+            GrainSource::Deposition { clouds, .. } => {
+                let Some(boxes) = self.paths_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
+                    return;
+                };
+                (boxes, "grains of the deposition fall where")
+            }
+            GrainSource::Growth { block, .. } => (vec![*block], "grains grow where"),
+            _ => return,
+        };
+        let emptied = |at: &Vector3<f64>, radius: f64| {
+            grains.cut.iter().any(|(_, cut)| {
+                (0..self.grid.dimension)
+                    .all(|a| cut.from[a] <= at[a] - radius && cut.to[a] >= at[a] + radius)
+            })
+        };
+        let standing = self.standing();
+        let hit = standing.iter().filter(|one| {
+            let meets = |space: &Block| space.touches(one.position.into(), one.radius);
+            boxes.iter().any(meets) && !emptied(&one.position, one.radius)
+        });
+        for one in hit.take(NAMED) {
+            findings.error(
+                &self.path(one.origin),
+                format!(
+                    "{what} {} stands, and their preparation knows neither bodies nor blocks",
+                    self.name(one.origin)
+                ),
+                "write it as one of `structures`, empty its place with `grains.cut`, or move it",
+            );
+        }
+        if let GrainSource::Growth { block, .. } = &grains.source {
+            self.growth_behind_walls(block, grains, findings);
+        }
+    }
+
+    /// Returns the boxes from clouds of falling grains to the end of the domain; none without gravity.
+    fn paths_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
+        let down = (0..self.grid.dimension).find(|&a| self.gravity[a].abs() > 0.0)?;
+        let to_the_end = clouds.map(|mut path| {
+            if self.gravity[down] < 0.0 {
+                path.from[down] = 0.0;
+            } else {
+                path.to[down] = self.grid.size[down];
+            }
+            path
+        });
+        Some(to_the_end.collect())
+    }
+
+    /// Refuses growth in a box that reaches behind a plane wall, where no cut empties the domain.
+    fn growth_behind_walls(&self, block: &Block, grains: &Grains, findings: &mut Findings) {
+        let smallest = grains.radii.map_or(0.0, |(low, _)| low);
+        if !grains.cut.is_empty() {
+            return;
+        }
+        let lasting = |wall: &&Wall| {
+            wall.structure.is_none()
+                && wall.surface.is_none()
+                && wall.exists(0.0)
+                && Vector3::from(wall.normal).norm_squared() > 0.5
+        };
+        for wall in self.walls.iter().filter(lasting) {
+            let lowest: f64 = (0..self.grid.dimension)
+                .map(|a| {
+                    let ends = [block.from[a], block.to[a]];
+                    let heights = ends.map(|x| (x - wall.point[a]) * wall.normal[a]);
+                    heights[0].min(heights[1])
+                })
+                .sum();
+            if -lowest > ALLOWED * smallest {
+                findings.error(
+                    "grains.initial.growth.box",
+                    format!(
+                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their box",
+                        number(-lowest),
+                        wall.name
+                    ),
+                    "end the box at the wall, or empty what is behind it with `grains.cut`",
+                );
+            }
+        }
+    }
+}
+
+/// Returns the shifts to a solid and to its images round periodic axes.
+fn shifts(period: [Option<f64>; 3]) -> Vec<Vector3<f64>> {
+    let mut shifts = vec![Vector3::zeros()];
+    for (axis, length) in period.into_iter().enumerate() {
+        let Some(length) = length else { continue };
+        for n in 0..shifts.len() {
+            for turn in [-length, length] {
+                let mut shift = shifts[n];
+                shift[axis] = turn;
+                shifts.push(shift);
+            }
+        }
+    }
+    shifts
+}
+
+/// Returns the deepest overlap of two solids or their images, where it is more than contacts explain.
+fn overlap(
+    (one, other): (usize, usize),
+    all: &[Standing<'_>],
+    shifts: &[Vector3<f64>],
+    narrow: &mut Narrow,
+) -> Option<Pair> {
+    let [a, b] = [one, other].map(|n| &all[n]);
+    let round = a.solid.is_none() && b.solid.is_none();
+    if !round && a.fixed && b.fixed {
+        return None;
+    }
+    let allowed = ALLOWED * a.inner.min(b.inner);
+    let mut deepest: Option<Pair> = None;
+    for (n, shift) in shifts.iter().enumerate() {
+        let across = n > 0;
+        let separation = b.position + shift - a.position;
+        if separation.norm() > a.radius + b.radius || !across && a.mass && b.mass {
+            continue;
+        }
+        let depth = a.depth(b, shift, narrow);
+        if depth > allowed && deepest.as_ref().is_none_or(|known| depth > known.depth) {
+            deepest = Some(Pair {
+                one,
+                other,
+                depth,
+                across,
+            });
+        }
+    }
+    deepest
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use base::error::{Problem, Severity};
+    use case::{Document, examples};
+    use std::path::Path;
+
+    #[test]
+    fn grains_do_not_fall_through_a_body() {
+        let text = examples::find("deposition").unwrap().text;
+        let problems = |height: f64, cut: bool| {
+            let mut set = vec![format!(
+                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}}, "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
+            )];
+            if cut {
+                set.push(
+                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014, 0.02]}}]"#.into(),
+                );
+            }
+            let document = Document::read(text, &set, Path::new(".")).unwrap();
+            let problems = match Plan::prepare(document) {
+                Ok(plan) => plan.warnings,
+                Err(problems) => problems,
+            };
+            let about_it = problems.into_iter().filter(|problem| {
+                problem.path == "bodies[0].position" && problem.reason.contains("deposition")
+            });
+            about_it.count()
+        };
+        assert_eq!(problems(0.03, false), 1, "in the cloud");
+        assert_eq!(problems(0.015, false), 1, "below the cloud");
+        assert_eq!(problems(0.015, true), 0, "in a hole");
+    }
+
+    /// The errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
+    fn errors(parts: &serde_json::Value, folder: &Path) -> Vec<Problem> {
+        let mut case = serde_json::json!({
+            "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005, "periodic": ["x"]},
+            "materials": {"glass": {"density": 2500}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 2e4}}},
+            "time": {"end": 0.001}
+        });
+        for (key, part) in parts.as_object().expect("parts of a case") {
+            case[key] = part.clone();
+        }
+        let read = Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare);
+        let problems = read.map_or_else(|problems| problems, |plan| plan.warnings);
+        let errors = problems.into_iter();
+        errors.filter(|p| p.severity == Severity::Error).collect()
+    }
+
+    /// Grains of a list and the same grains of a file.
+    fn of_both_sources(grains: &[[f64; 4]], more: &serde_json::Value) -> [Vec<Problem>; 2] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rows = grains
+            .iter()
+            .map(|[x, y, z, r]| format!("{x:?},{y:?},{z:?},{r:?}\n"));
+        let text = "x,y,z,radius\n".to_owned() + &rows.collect::<String>();
+        std::fs::write(folder.path().join("sample.csv"), text).expect("a sample");
+        let list: Vec<_> = (grains.iter())
+            .map(|[x, y, z, r]| serde_json::json!({"position": [x, y, z], "radius": r}))
+            .collect();
+        let sources = [
+            serde_json::json!({ "list": list }),
+            serde_json::json!({"file": {"path": "sample.csv"}}),
+        ];
+        sources.map(|source| {
+            let mut parts = more.clone();
+            parts["grains"] = serde_json::json!({"material": "glass", "initial": source});
+            errors(&parts, folder.path())
+        })
+    }
+
+    fn refuses(grains: &[[f64; 4]], more: &serde_json::Value, words: &str) {
+        for problems in of_both_sources(grains, more) {
+            assert_eq!(problems.len(), 1, "{words}: {problems:?}");
+            assert!(problems[0].reason.contains(words), "{}", problems[0]);
+        }
+    }
+
+    #[test]
+    fn grains_of_a_list_and_of_a_file_are_compared_alike() {
+        let none = serde_json::json!({});
+        let r = 0.005;
+        let apart = of_both_sources(&[[0.005, 0.05, 0.05, r], [0.095, 0.05, 0.05, r]], &none);
+        assert!(apart.iter().all(Vec::is_empty), "{apart:?}");
+        let inside = [[0.05, 0.05, 0.05, r], [0.0585, 0.05, 0.05, r]];
+        refuses(&inside, &none, "by 0.0015 m at the start");
+        let across = [[0.00425, 0.05, 0.05, r], [0.09575, 0.05, 0.05, r]];
+        refuses(
+            &across,
+            &none,
+            "by 0.0015 m at the start across a periodic face",
+        );
+        let same = [[0.0, 0.05, 0.05, r], [0.1, 0.05, 0.05, r]];
+        refuses(
+            &same,
+            &none,
+            "by 0.01 m at the start across a periodic face",
+        );
+        let floor = serde_json::json!({"box_walls": ["z_min"]});
+        refuses(&[[0.05, 0.05, 0.002, r]], &floor, "the wall `z_min`");
+        let weir = serde_json::json!({"structures": [{"name": "weir", "material": "glass",
+            "shape": {"box": {"from": [0.0, 0.0, 0.0], "to": [0.1, 0.1, 0.05]}}}]});
+        refuses(&[[0.05, 0.05, 0.02, r]], &weir, "the structure `weir`");
+        refuses(
+            &[[0.05, 0.05, 0.05, 1e-20]],
+            &none,
+            "smaller than that of an atom",
+        );
+        refuses(&[[0.05, 0.05, 0.05, 1e6]], &none, "covers the whole domain");
+    }
+
+    #[test]
+    fn grains_that_a_cut_takes_out_may_overlap() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let grain = |x: f64| serde_json::json!({"position": [x, 0.05, 0.05], "radius": 0.005});
+        let parts = serde_json::json!({"grains": {
+            "material": "glass",
+            "initial": {"list": [grain(0.03), grain(0.07), grain(0.073)]},
+            "cut": [{"name": "hole", "box": {"from": [0.06, 0, 0], "to": [0.1, 0.1, 0.1]}}]
+        }});
+        assert_eq!(errors(&parts, folder.path()), []);
+    }
+
+    #[test]
+    fn blocks_are_compared_with_images_and_with_the_inside_of_structures() {
+        let block = |x: f64, long: f64| {
+            serde_json::json!({"shape": {"cuboid": {"edges": [long, 0.02, 0.02]}},
+                "position": [x, 0.05, 0.05]})
+        };
+        let list = |blocks: serde_json::Value| {
+            serde_json::json!({
+                "blocks": {"material": "glass", "initial": {"list": blocks}},
+                "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}}
+            })
+        };
+        let one = |parts: &serde_json::Value, words: &str| {
+            let problems = errors(parts, Path::new("."));
+            assert_eq!(problems.len(), 1, "{words}: {problems:?}");
+            assert!(problems[0].reason.contains(words), "{}", problems[0]);
+        };
+        assert_eq!(
+            errors(&list(serde_json::json!([block(0.05, 0.1)])), Path::new(".")),
+            []
+        );
+        one(
+            &list(serde_json::json!([block(0.05, 0.15)])),
+            "its own image",
+        );
+        let pair = serde_json::json!([block(0.01, 0.04), block(0.07, 0.04)]);
+        assert_eq!(errors(&list(pair), Path::new(".")), []);
+        let pair = serde_json::json!([block(0.01, 0.04), block(0.075, 0.04)]);
+        one(
+            &list(pair),
+            "by 0.005 m at the start across a periodic face",
+        );
+        // Deep in a structure, far from its surface.
+        let mut hidden = list(serde_json::json!([block(0.05, 0.02)]));
+        hidden["structures"] = serde_json::json!([{"name": "rock", "material": "glass",
+            "shape": {"box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.09]}}}]);
+        one(&hidden, "the structure `rock`");
+    }
+
+    #[test]
+    fn grains_do_not_grow_where_something_stands() {
+        let growth = serde_json::json!({"material": "glass", "initial": {"growth": {
+            "radii": {"uniform": {"min": 0.004, "max": 0.005}}, "amount": {"number": 1000},
+            "seed": 1, "box": {"from": [0, 0, 0.02], "to": [0.1, 0.1, 0.1]}
+        }}});
+        let words = |mut parts: serde_json::Value| {
+            parts["grains"] = growth.clone();
+            let problems = errors(&parts, Path::new("."));
+            problems.iter().map(ToString::to_string).collect::<String>()
+        };
+        let ball = |z: f64| {
+            serde_json::json!({"bodies": [{"name": "ball", "material": "glass", "motion": {"fixed": {}},
+                "shape": {"sphere": {"radius": 0.005}}, "position": [0.05, 0.05, z]}]})
+        };
+        assert_eq!(words(ball(0.01)), "");
+        assert!(words(ball(0.06)).contains("grains grow where the body `ball` stands"));
+        let plane = |z: f64| {
+            serde_json::json!({"walls": [{"name": "sheet", "material": "glass",
+                "shape": {"plane": {"point": [0, 0, z], "normal": [0, 0, 1]}}}]})
+        };
+        assert_eq!(words(plane(0.02)), "");
+        assert!(words(plane(0.05)).contains("behind the wall `sheet`"));
+    }
+}

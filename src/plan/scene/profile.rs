@@ -1,0 +1,147 @@
+//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the names of the columns.
+//!
+//! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`, across z `x` and
+//! `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators and units are read.
+//! [`Table`] interpolates between the rows.
+
+use io::sheet::{Column, Refusal, Sheet, Unit};
+use lbm::boundary::profile::Table;
+use std::path::Path;
+
+/// Maximum number of rows of a table.
+pub const MOST_ROWS: usize = 1_000_000;
+/// Maximum length of a file \[bytes\]: that many rows of five numbers with all their digits.
+const LONGEST: u64 = 256 << 20;
+/// Coordinates, by axis.
+const COORDINATES: [(&str, &[(&str, f64)]); 3] = [("x", &[]), ("y", &[]), ("z", &[])];
+/// Velocity components, by axis.
+const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
+    (
+        "u",
+        &[("velocity_x", 1.0), ("vx", 1.0), ("u_x", 1.0), ("ux", 1.0)],
+    ),
+    (
+        "v",
+        &[("velocity_y", 1.0), ("vy", 1.0), ("u_y", 1.0), ("uy", 1.0)],
+    ),
+    (
+        "w",
+        &[("velocity_z", 1.0), ("vz", 1.0), ("u_z", 1.0), ("uz", 1.0)],
+    ),
+];
+
+/// Reads the table of a file for a face across an axis.
+///
+/// # Errors
+/// A sentence that names the file and the line.
+pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<Table, String> {
+    let text = io::plain::text(path, LONGEST).map_err(|e| e.to_string())?;
+    let rows = rows(&text, dimension, axis).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(Table::new(dimension, rows))
+}
+
+/// Returns the columns that a table for a face across an axis has, in their order.
+fn columns(dimension: usize, axis: usize) -> Vec<Column> {
+    let column = |(name, others), unit| Column {
+        name,
+        others,
+        unit,
+        needed: true,
+    };
+    let tangential = (0..dimension).filter(|a| *a != axis);
+    let coordinates = tangential.map(|a| column(COORDINATES[a], Unit::Length));
+    let velocities = VELOCITIES[..dimension].iter();
+    coordinates
+        .chain(velocities.map(|names| column(*names, Unit::Velocity)))
+        .collect()
+}
+
+/// Reads the rows of a text in rising order of the first coordinate.
+fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, String> {
+    let columns = columns(dimension, axis);
+    let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
+    let names = names.join(", ");
+    let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
+        Refusal::Sentence(sentence) => format!("{sentence}; a profile of this face has {names}"),
+        Refusal::Unknown(name) => {
+            format!("the header has a column `{name}`; a profile of this face has {names}")
+        }
+    })?;
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    sheet.each(|row| {
+        if rows.len() >= MOST_ROWS {
+            return Err(format!("more than {MOST_ROWS} rows"));
+        }
+        let numbers: Vec<f64> = (0..columns.len())
+            .map(|column| row.number(column))
+            .collect::<Result<_, _>>()?;
+        if let Some(large) = numbers.iter().find(|v| v.abs() > LARGEST) {
+            let line = row.line();
+            return Err(format!("line {line}: {large} is larger than {LARGEST}"));
+        }
+        rows.push(numbers);
+        Ok(())
+    })?;
+    if rows.is_empty() {
+        return Err("there are no rows below the header".into());
+    }
+    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    Ok(rows)
+}
+
+/// No coordinate and no velocity is larger, as anywhere in a case.
+const LARGEST: f64 = 1e30;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str, dimension: usize) -> Result<Table, String> {
+        Ok(Table::new(dimension, rows(text, dimension, 0)?))
+    }
+
+    #[test]
+    fn rows_are_read_in_rising_order() {
+        let flat = table("y,u,v\n# note\n\n1,4,-3\n0,2,0\n", 2).unwrap();
+        assert_eq!(flat.at(&[0.5]), [3.0, -1.5, 0.0]);
+        let solid = table("y,z,u,v,w\n0,0,1,0,0\n1,1,0,0,2\n", 3).unwrap();
+        assert_eq!(solid.at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn columns_are_read_by_name_in_any_order() {
+        let usual = rows("y,u,v\n0,1,0\n0.01,3,-1\n", 2, 0).unwrap();
+        for text in [
+            "u,y,v\n1,0,0\n3,0.01,-1\n",
+            "velocity_x [m/s];y [mm];velocity_y [m/s]\n1;0;0\n3;10;-1\n",
+            "y u v\n0 1 0\n0.01   3 -1\n",
+            "\u{feff}Y,U,V\r\nm,cm/s,m/s\r\n0,100,0\r\n0.01,300,-1\r\n",
+        ] {
+            assert_eq!(rows(text, 2, 0).unwrap(), usual, "{text}");
+        }
+        let top = rows("x,u,v\n0,1,0\n0.01,3,-1\n", 2, 1).unwrap();
+        assert_eq!(top, usual);
+        let refused = rows("y,u,v\n0,1,0\n", 2, 1).unwrap_err();
+        assert!(refused.contains("has x, u, v"), "{refused}");
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused_with_its_line() {
+        let error = |text: &str| table(text, 2).unwrap_err();
+        let says = |text: &str, reason: &str| {
+            let said = error(text);
+            assert!(said.contains(reason), "{text}: {said}");
+        };
+        says("", "empty");
+        says("y,u,v\n", "no rows");
+        says("0,0,0\n0.005,0.006,0\n", "`y,u,v`");
+        says("y,u,v\n0,1,2\n1,2\n", "line 3 has 2 cells");
+        says("y,u,v\n0,1,2,3\n", "line 2 has 4 cells");
+        says("y,u,v\n0;1e-3;0\n", "separates its cells by commas");
+        says("y;u;v\n0,01;1;0\n", "line 2: column `y` holds `0,01`");
+        says("y,u,v\n0,1,nan\n", "line 2");
+        says("y,u,v\n0,1,1e300\n", "line 2");
+        says("y,u,v\n0,1,fast\n", "line 2");
+        says("y,speed,v\n0,1,2\n", "`speed`");
+    }
+}

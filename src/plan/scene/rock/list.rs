@@ -1,0 +1,216 @@
+//! Lists of blocks in files: two formats are read, one is written.
+//!
+//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and either `half_spaces`, each
+//! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is `fixed` are optional. Lengths are in m:
+//!
+//! ```json
+//! {"blocks": [{"id": 0, "half_spaces": [[1, 0, 0, 2.5]], "material": "granite", "fixed": true}]}
+//! ```
+//!
+//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or in an array: `centerX`,
+//! `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance from the centre. Friction (`phi`) and
+//! cohesion of a face are not used, because the contact law defines friction.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use dem::polyhedron::{HalfSpace, Polyhedron, ShapeError, Solid};
+
+/// No more sentences than this about one file.
+const MOST: usize = 20;
+
+/// A block of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listed {
+    /// Its shape and place.
+    pub solid: Solid,
+    /// Name of its material, if it is not that of the others.
+    pub material: Option<String>,
+    /// Whether it never moves.
+    pub fixed: bool,
+}
+
+/// Our own file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    blocks: Vec<Entry>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    id: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    half_spaces: Option<Vec<[f64; 4]>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    vertices: Option<Vec<[f64; 3]>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    material: Option<String>,
+    #[serde(default)]
+    fixed: bool,
+}
+
+/// A block of `SparkRocks`; what else it writes is not needed.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Slice {
+    center_x: f64,
+    center_y: f64,
+    center_z: f64,
+    faces: Vec<Face>,
+}
+
+#[derive(Deserialize)]
+struct Face {
+    a: f64,
+    b: f64,
+    c: f64,
+    d: f64,
+}
+
+/// The blocks of a file in either form.
+///
+/// # Errors
+/// Sentences about the errors, each with its block.
+pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
+    let mut values = Vec::new();
+    for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
+        values.push(value.map_err(|e| vec![format!("this is not JSON: {e}")])?);
+    }
+    let own = matches!(&values[..], [Value::Object(map)] if !map.contains_key("faces"));
+    let made = if own {
+        own_form(values)?
+    } else {
+        sliced(values)
+    };
+    collected(made)
+}
+
+/// Our own form.
+fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<String>> {
+    let whole = values.into_iter().next().unwrap_or_default();
+    let mut file: File = serde_path_to_error::deserialize(whole)
+        .map_err(|e| vec![format!("{}: {}", e.path(), e.inner())])?;
+    file.blocks.sort_by_key(|entry| entry.id);
+    let mut last = None;
+    let made = file.blocks.into_iter().map(|entry| {
+        let id = entry.id;
+        if last.replace(id) == Some(id) {
+            return Err(format!("block {id}: another block has this id"));
+        }
+        entry.listed().map_err(|e| format!("block {id}: {e}"))
+    });
+    Ok(made.collect())
+}
+
+impl Entry {
+    fn listed(self) -> Result<Listed, String> {
+        let solid = match (&self.half_spaces, &self.vertices) {
+            (Some(planes), None) => {
+                let planes: Vec<HalfSpace> = planes.iter().map(half_space).collect();
+                Polyhedron::from_half_spaces(&planes)
+            }
+            (None, Some(vertices)) => {
+                let points: Vec<Vector3<f64>> = vertices.iter().map(|&v| v.into()).collect();
+                Polyhedron::from_vertices(&points)
+            }
+            _ => return Err("it needs either `half_spaces` or `vertices`".into()),
+        };
+        Ok(Listed {
+            solid: solid.map_err(|e| e.to_string())?,
+            material: self.material,
+            fixed: self.fixed,
+        })
+    }
+}
+
+/// The form of `SparkRocks`.
+fn sliced(values: Vec<Value>) -> Vec<Result<Listed, String>> {
+    let blocks = values.into_iter().flat_map(|value| match value {
+        Value::Array(list) => list,
+        other => vec![other],
+    });
+    let made = (0..).zip(blocks).map(|(n, value): (usize, Value)| {
+        let slice: Slice = serde_path_to_error::deserialize(value)
+            .map_err(|e| format!("block {n}: {}: {}", e.path(), e.inner()))?;
+        slice.listed().map_err(|e| format!("block {n}: {e}"))
+    });
+    made.collect()
+}
+
+impl Slice {
+    fn listed(&self) -> Result<Listed, ShapeError> {
+        let centre = Vector3::new(self.center_x, self.center_y, self.center_z);
+        let plane = |face: &Face| {
+            // The centre is inside: a negative distance is a normal that points inwards.
+            let sign = 1_f64.copysign(face.d);
+            let normal = Vector3::new(face.a, face.b, face.c) * sign;
+            HalfSpace {
+                normal,
+                offset: face.d.abs() + normal.dot(&centre),
+            }
+        };
+        let planes: Vec<HalfSpace> = self.faces.iter().map(plane).collect();
+        Ok(Listed {
+            solid: Polyhedron::from_half_spaces(&planes)?,
+            material: None,
+            fixed: false,
+        })
+    }
+}
+
+/// All blocks, or the first sentences about those that cannot be made, and how many more there are.
+fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<String>> {
+    let mut blocks = Vec::with_capacity(made.len());
+    let mut problems = Vec::new();
+    for one in made {
+        match one {
+            Ok(block) => blocks.push(block),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.len() > MOST {
+        let more = problems.len() - MOST;
+        problems.truncate(MOST);
+        problems.push(format!("{more} more blocks cannot be used"));
+    }
+    match (blocks.is_empty(), problems.is_empty()) {
+        (_, false) => Err(problems),
+        (true, true) => Err(vec!["the file holds no block".into()]),
+        (false, true) => Ok(blocks),
+    }
+}
+
+/// `[a, b, c, d]` as written.
+pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
+    HalfSpace {
+        normal: Vector3::new(row[0], row[1], row[2]),
+        offset: row[3],
+    }
+}
+
+/// The text of a file in our own form, blocks numbered in order.
+#[must_use]
+pub fn write<'a>(blocks: impl Iterator<Item = (&'a Solid, &'a str, bool)>) -> String {
+    let row = |plane: &HalfSpace| {
+        let n = plane.normal;
+        [n.x, n.y, n.z, plane.offset]
+    };
+    let mut lines = Vec::new();
+    for (id, (solid, material, fixed)) in (0..).zip(blocks) {
+        let entry = Entry {
+            id,
+            half_spaces: Some(solid.half_spaces().iter().map(row).collect()),
+            vertices: None,
+            material: Some(material.to_owned()),
+            fixed,
+        };
+        lines.extend(serde_json::to_string(&entry));
+    }
+    format!("{{\"blocks\": [\n{}\n]}}\n", lines.join(",\n"))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's own files.
+
+use super::findings::Findings;
+use case::Case;
+use std::path::Path;
+
+/// Names that belong to the run itself.
+const OWN: [&str; 23] = [
+    "averages_profile.csv",
+    "bonds.csv",
+    "case.json",
+    "checkpoints",
+    "clusters.csv",
+    "collapse.csv",
+    "collapse.svg",
+    "collapse_points.csv",
+    "erosion.csv",
+    "erosion_law.csv",
+    "erosion_law.json",
+    "erosion_points.csv",
+    "erosion_readings.csv",
+    "errors.txt",
+    "log.txt",
+    "member.json",
+    "picture.svg",
+    "preparation",
+    "removed.csv",
+    "settlement.svg",
+    "stop",
+    "summary.json",
+    "surface.csv",
+];
+/// Endings of the run's series, checkpoints, and of what is not yet complete.
+const OWN_ENDINGS: [&str; 5] = [".xmf", ".vtkhdf", ".h5", ".part", ".lock"];
+/// Beginnings of the names of tables and checkpoints.
+const OWN_BEGINNINGS: [&str; 3] = ["probe_", "checkpoint", "."];
+/// Longest name \[bytes\], with room for the ending of a file that is being written.
+const LONGEST: usize = 200;
+
+/// Looks at every name that a case gives to a file of its run.
+pub(crate) fn names(case: &Case, findings: &mut Findings) {
+    let grains = case.grains.as_ref().and_then(|grains| grains.save.as_ref());
+    let blocks = case.blocks.as_ref().and_then(|blocks| blocks.save.as_ref());
+    for (path, written, example) in [
+        ("grains.save", grains, "sample.csv"),
+        ("blocks.save", blocks, "blocks.json"),
+    ] {
+        if let Some(reason) = written.and_then(|name| wrong(name)) {
+            let remedy = format!("write a file name such as \"{example}\"");
+            findings.error(path, reason, remedy);
+        }
+    }
+    if grains.is_some() && grains == blocks {
+        findings.error(
+            "blocks.save",
+            "grains and blocks would be saved under one name",
+            "write a file name such as \"blocks.json\"",
+        );
+    }
+}
+
+/// What keeps a name from being one inside the run's folder.
+fn wrong(written: &Path) -> Option<String> {
+    let name = written.to_str().unwrap_or_default();
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');
+    if name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
+        return Some(format!(
+            "a name in the folder of the run has 1 to {LONGEST} bytes, of letters, digits, spaces, and - _ . + only"
+        ));
+    }
+    let lower = name.to_lowercase();
+    let own = OWN.contains(&lower.as_str())
+        || OWN_ENDINGS.iter().any(|end| lower.ends_with(end))
+        || OWN_BEGINNINGS.iter().any(|begin| lower.starts_with(begin));
+    own.then(|| {
+        "the program writes files of this name itself, or the name begins with a dot".into()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_plain_names_that_are_free_pass() {
+        for good in [
+            "sample.csv",
+            "blocks.json",
+            "Sand 2+3-a.csv",
+            "grün.csv",
+            "probe.csv",
+        ] {
+            assert_eq!(wrong(Path::new(good)), None, "{good}");
+        }
+        for bad in [
+            "", ".", "..", "/abs.csv", "../x.csv", "a/b.csv", "a\\b.csv", "a\nb", "a\0b", "~",
+            "a:b", "*",
+        ] {
+            assert!(
+                wrong(Path::new(bad)).is_some_and(|r| r.contains("folder")) || bad.starts_with('.'),
+                "{bad:?}"
+            );
+            assert!(wrong(Path::new(bad)).is_some(), "{bad:?}");
+        }
+        assert!(wrong(Path::new(&"a".repeat(201))).is_some());
+        for own in OWN.into_iter().chain([
+            "CASE.JSON",
+            "STOP",
+            "probe_a.csv",
+            "checkpoint_1.json",
+            "fluid.xmf",
+            "a.vtkhdf",
+            "x.part",
+            ".hidden",
+        ]) {
+            assert!(wrong(Path::new(own)).is_some(), "{own}");
+        }
+    }
+}

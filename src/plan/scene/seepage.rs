@@ -1,0 +1,655 @@
+//! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
+
+mod zones;
+
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grains::Grains;
+use super::grid::Grid;
+use super::structures::Structure;
+use super::unique;
+use base::error::Remedy;
+use base::number::{real, whole};
+use case::Case;
+use case::darcy::{self as written_as, Darcy};
+use case::fluid::Fluid;
+use case::geometry::Face;
+use darcy::cut_cells::centre_of_water;
+use darcy::{Condition, Grid as CoarseGrid, Zones};
+use serde::Serialize;
+use serde_json::json;
+use std::sync::Arc;
+use structure::Images;
+
+/// Where the seepage stands in a case.
+pub(crate) const PATH: &str = "fluid.darcy";
+/// Default and largest number of solid steps between two couplings.
+const USUAL_INTERVAL: u32 = 100;
+const MOST_INTERVAL: u32 = 1_000_000;
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
+const USUAL_DIAMETERS: f64 = 4.0;
+
+/// A resolved seepage, in SI.
+#[derive(Clone, Debug, Serialize)]
+pub struct Seepage {
+    /// The choices as written.
+    pub written: Darcy,
+    /// Longest coupling interval for the requested accuracy \[s\]; none if the case states the interval or no accuracy.
+    pub coupling_time: Option<f64>,
+    /// Cells of the coarse grid; 1 along z in 2-D.
+    pub cells: [usize; 3],
+    /// Its lower corner \[m\].
+    pub origin: [f64; 3],
+    /// Edges of a cell \[m\]; 1 along z in 2-D.
+    pub spacing: [f64; 3],
+    /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it \[m\].
+    pub planes: Vec<([f64; 3], f64)>,
+    /// Faces of the grid that are walls for grains and open water, below and above along each axis.
+    pub walls: [[bool; 2]; 3],
+    /// Conditions, in the order of the case.
+    pub patches: Vec<Patch>,
+    /// Permeabilities and porosities by region, on the grid.
+    #[serde(skip)]
+    pub zones: Option<Arc<Zones>>,
+    /// Structures that the water meets.
+    #[serde(skip)]
+    pub solids: Vec<Arc<Images>>,
+}
+
+/// A condition on a part of a face of the coarse grid.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Patch {
+    /// Its name.
+    pub name: String,
+    /// The face.
+    pub face: Face,
+    /// First cell along each axis.
+    pub from: [usize; 3],
+    /// One past the last.
+    pub to: [usize; 3],
+    /// The condition.
+    pub condition: Condition,
+}
+
+impl Patch {
+    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    fn cells(&self, axis: usize) -> usize {
+        self.to[axis].saturating_sub(self.from[axis])
+    }
+}
+
+impl Seepage {
+    pub(crate) fn resolve(
+        case: &Case,
+        grid: &Grid,
+        grains: Option<&Grains>,
+        structures: &[Structure],
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let Some(Fluid::Darcy(written)) = &case.fluid else {
+            return None;
+        };
+        if grid.periodic.iter().any(|p| *p) {
+            findings.error(
+                "domain.periodic",
+                "seepage does not support periodic axes",
+                Remedy::from("omit `periodic`").set("domain.periodic", json!([])),
+            );
+        }
+        let (cells, origin, spacing) = coarse(written, grid, findings)?;
+        let planes = planes(written, grid, findings);
+        let mut scene = Self {
+            written: written.clone(),
+            coupling_time: None,
+            cells,
+            origin,
+            spacing,
+            planes,
+            walls: [[false; 2]; 3],
+            patches: Vec::new(),
+            zones: None,
+            solids: (structures.iter().filter(|s| s.stops.water()))
+                .map(|s| Arc::clone(&s.solid))
+                .collect(),
+        };
+        let (origin, end) = (scene.origin, scene.end());
+        for face in &case.box_walls {
+            let (a, upper) = (face.axis(), usize::from(face.is_max()));
+            let (at, edge) = if face.is_max() {
+                (end[a], grid.size[a])
+            } else {
+                (origin[a], 0.0)
+            };
+            scene.walls[a][upper] = (at - edge).abs() <= 1e-6 * scene.spacing[a];
+        }
+        scene.patches = scene.patches_of(grid, grains.is_some(), findings);
+        scene.zones = scene.zones_of(case, grid, findings);
+        scene.check(case, grid, grains, findings);
+        Some(scene)
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the
+    /// longest time between them that is
+    /// known to be right \[s\].
+    #[must_use]
+    pub fn coupling_interval(&self, solid_time_step: f64, longest: Option<f64>) -> u32 {
+        let steps = |time: f64| {
+            let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
+            u32::try_from(steps).unwrap_or(MOST_INTERVAL)
+        };
+        let wanted = self.coupling_time.map_or(USUAL_INTERVAL, steps);
+        let chosen = longest.map_or(wanted, |time| wanted.min(steps(time)));
+        self.written.coupling_interval.unwrap_or(chosen)
+    }
+
+    /// Centre of a patch \[m\].
+    #[must_use]
+    pub fn centre(&self, patch: &Patch) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            let at = if a != patch.face.axis() {
+                0.5 * (real(patch.from[a]) + real(patch.to[a]))
+            } else if patch.face.is_max() {
+                real(self.cells[a])
+            } else {
+                0.0
+            };
+            self.origin[a] + at * self.spacing[a]
+        })
+    }
+
+    /// The smallest edge of a cell \[m\].
+    #[must_use]
+    pub fn smallest_edge(&self, dimension: usize) -> f64 {
+        self.spacing[..dimension]
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Height of the grid along gravity; its longest edge without gravity \[m\].
+    pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
+        let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
+        let axis = (0..dimension).max_by(|&a, &b| {
+            let order = gravity[a].abs().total_cmp(&gravity[b].abs());
+            order.then(edge(a).total_cmp(&edge(b)))
+        });
+        axis.map_or(0.0, edge)
+    }
+
+    /// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
+        let density = self.written.density;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let excess = |patch: &Patch| match patch.condition {
+            Condition::Pressure { value } => {
+                let place = self.centre(patch);
+                let below: f64 = (0..3).map(|a| gravity[a] * place[a]).sum();
+                Some(value - density * below)
+            }
+            Condition::Head { value } => Some(density * strength * value),
+            _ => None,
+        };
+        let imposed = || self.patches.iter().filter_map(excess);
+        let high = imposed().fold(f64::NEG_INFINITY, f64::max);
+        let low = imposed().fold(f64::INFINITY, f64::min);
+        (high - low).max(0.0)
+    }
+
+    fn patches_of(&self, grid: &Grid, with_grains: bool, findings: &mut Findings) -> Vec<Patch> {
+        let mut patches = Vec::new();
+        let mut known = Vec::new();
+        for (n, boundary) in self.written.boundaries.iter().enumerate() {
+            let path = format!("{PATH}.boundaries[{n}]");
+            unique(
+                &mut known,
+                &boundary.name,
+                &format!("{path}.name"),
+                findings,
+            );
+            let axis = boundary.face.axis();
+            if axis >= grid.dimension {
+                findings.error(
+                    &format!("{path}.face"),
+                    "there is no such face in 2-D",
+                    "use x_min, x_max, y_min or y_max",
+                );
+                continue;
+            }
+            let (mut from, mut to) = ([0; 3], self.cells);
+            if let Some(extent) = &boundary.patch {
+                let low =
+                    Block::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
+                let high = Block::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
+                for a in (0..grid.dimension).filter(|&a| a != axis) {
+                    // A cell belongs to a patch if its centre does.
+                    let first = |x: f64| {
+                        let place = (x - self.origin[a]) / self.spacing[a] - 0.5;
+                        whole(place.ceil().clamp(0.0, real(self.cells[a])))
+                    };
+                    (from[a], to[a]) = (first(low[a]), first(high[a]));
+                }
+                if !self.solids.is_empty() {
+                    let ends = [&low, &high];
+                    self.end_beside_structures(boundary.face, ends, [&mut from, &mut to], grid);
+                }
+                if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
+                    findings.error(
+                        &format!("{path}.patch"),
+                        "the patch contains no cell centre of the coarse grid",
+                        format!(
+                            "the grid reaches from {:?} to {:?} m in cells of {:?} m",
+                            &self.origin[..grid.dimension],
+                            &self.end()[..grid.dimension],
+                            &self.spacing[..grid.dimension]
+                        ),
+                    );
+                    continue;
+                }
+            }
+            for a in (0..grid.dimension).filter(|&a| a != axis) {
+                let across = to[a] - from[a];
+                let odd = across % 2 == 1 && across < self.cells[a];
+                if with_grains && boundary.patch.is_some() && odd {
+                    findings.warn(
+                        &format!("{path}.patch"),
+                        format!(
+                            "an odd number of cells ({}) along {} across an opening loads the grains unevenly",
+                            across,
+                            ["x", "y", "z"][a]
+                        ),
+                        "use an even number: a wider opening or finer cells",
+                    );
+                }
+            }
+            let patch = Patch {
+                name: boundary.name.clone(),
+                face: boundary.face,
+                from,
+                to,
+                condition: boundary.condition,
+            };
+            if self.closed(&patch, grid.dimension) {
+                let whole = boundary.patch.is_none();
+                let path = format!("{path}.{}", if whole { "face" } else { "patch" });
+                findings.error(
+                    &path,
+                    "all of it lies behind a plane of the enclosure: no water passes",
+                    "move it into the water, or move the plane",
+                );
+            }
+            if self.covered(&patch, grid.dimension) {
+                let whole = boundary.patch.is_none();
+                findings.error(
+                    &format!("{path}.{}", if whole { "face" } else { "patch" }),
+                    "structures cover all of it: no water passes",
+                    "move the boundary or the structure",
+                );
+            }
+            patches.push(patch);
+        }
+        patches
+    }
+
+    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other side: water that a sheet
+    /// pile separates from a patch does not belong to it.
+    fn end_beside_structures(
+        &self,
+        face: Face,
+        ends: [&[f64; 3]; 2],
+        found: [&mut [usize; 3]; 2],
+        grid: &Grid,
+    ) {
+        let coarse = self.coarse_grid(grid.dimension);
+        let axis = face.axis();
+        let level = if face.is_max() {
+            self.cells[axis] - 1
+        } else {
+            0
+        };
+        let [from, to] = found;
+        let (first, last) = (*from, *to);
+        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no water.
+        let water = |a: usize, at: usize| {
+            let others: Vec<usize> = (0..grid.dimension)
+                .filter(|&b| b != a && b != axis)
+                .collect();
+            let count = others.iter().map(|&b| last[b].saturating_sub(first[b]));
+            let (mut sum, mut wet) = (0.0, 0_usize);
+            for mut n in 0..count.product() {
+                let mut cell = [0; 3];
+                (cell[axis], cell[a]) = (level, at);
+                for &b in &others {
+                    let count = last[b] - first[b];
+                    cell[b] = first[b] + n % count;
+                    n /= count;
+                }
+                if let Some(centre) = centre_of_water(&coarse, &self.solids, cell) {
+                    sum += centre[a];
+                    wet += 1;
+                }
+            }
+            let middle = self.origin[a] + (real(at) + 0.5) * self.spacing[a];
+            let mean = (wet > 0).then(|| sum / real(wet));
+            // Cells that no structure cuts are where they are.
+            mean.filter(|mean| (mean - middle).abs() > 1e-6 * self.spacing[a])
+        };
+        for (end, found) in ends.into_iter().zip([from, to]) {
+            for a in (0..grid.dimension).filter(|&a| a != axis) {
+                let (cell, x) = (found[a], end[a]);
+                if cell > 0 && water(a, cell - 1).is_some_and(|w| w >= x) {
+                    found[a] = cell - 1;
+                } else if cell < self.cells[a] && water(a, cell).is_some_and(|w| w < x) {
+                    found[a] = cell + 1;
+                }
+            }
+        }
+    }
+
+    /// The coarse grid in `dimension` axes.
+    #[must_use]
+    pub fn coarse_grid(&self, dimension: usize) -> CoarseGrid {
+        CoarseGrid {
+            cells: self.cells,
+            origin: self.origin,
+            spacing: self.spacing,
+            dimension,
+        }
+    }
+
+    /// Whether structures hold the cells of a patch.
+    fn covered(&self, patch: &Patch, dimension: usize) -> bool {
+        let axis = patch.face.axis();
+        let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
+        let cells = across.iter().map(|&a| patch.cells(a));
+        (0..cells.product()).all(|mut n: usize| {
+            let mut at = [0.0; 3];
+            at[axis] = self.origin[axis]
+                + self.spacing[axis]
+                    * if patch.face.is_max() {
+                        real(self.cells[axis]) - 0.5
+                    } else {
+                        0.5
+                    };
+            for &a in &across {
+                let cells = patch.cells(a);
+                at[a] = self.origin[a] + (real(patch.from[a] + n % cells) + 0.5) * self.spacing[a];
+                n /= cells;
+            }
+            let least = 0.5 * self.smallest_edge(dimension);
+            self.solids.iter().any(|solid| solid.distance(at) < -least)
+        })
+    }
+
+    /// Whether the enclosure shuts a patch: every cell face of it lies wholly behind one plane.
+    fn closed(&self, patch: &Patch, dimension: usize) -> bool {
+        let axis = patch.face.axis();
+        let level = if patch.face.is_max() {
+            self.end()[axis]
+        } else {
+            self.origin[axis]
+        };
+        let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
+        let cells = across.iter().map(|&a| patch.cells(a));
+        (0..cells.product()).all(|mut n: usize| {
+            let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+            (low[axis], high[axis]) = (level, level);
+            for &a in &across {
+                let cells = patch.cells(a);
+                low[a] = self.origin[a] + real(patch.from[a] + n % cells) * self.spacing[a];
+                high[a] = low[a] + self.spacing[a];
+                n /= cells;
+            }
+            self.planes.iter().any(|(outward, offset)| {
+                // The corner of the face that lies deepest on the side of the water.
+                let deepest: f64 = (0..3)
+                    .map(|a| (outward[a] * low[a]).min(outward[a] * high[a]))
+                    .sum();
+                deepest >= offset - 1e-9 * self.spacing[axis]
+            })
+        })
+    }
+
+    fn end(&self) -> [f64; 3] {
+        std::array::from_fn(|a| self.origin[a] + real(self.cells[a]) * self.spacing[a])
+    }
+
+    /// Checks the seepage against the rest of the case.
+    fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
+        self.check_conditions(case, findings);
+        self.check_laws(findings);
+        let path = if self.written.grid.is_some() {
+            format!("{PATH}.grid.cells")
+        } else {
+            "domain.spacing".to_owned()
+        };
+        if let Some(grains) = grains {
+            self.check_edges(grains, grid.dimension, &path, findings);
+        }
+        if (0..grid.dimension).any(|a| self.cells[a] < 5) {
+            findings.warn(
+                &path,
+                "fewer than 5 cells of the seepage along an axis",
+                "use at least 5",
+            );
+        }
+        if case.coupling.is_some() {
+            findings.error(
+                "coupling",
+                "the seepage acts on the grains by its own drag",
+                Remedy::take_out("remove the coupling", "coupling"),
+            );
+        }
+        if case.time.warm_up.is_some() {
+            findings.error(
+                "time.warm_up",
+                "the seepage is steady at every coupling: there is nothing to warm up",
+                Remedy::take_out("remove it", "time.warm_up"),
+            );
+        }
+        if case.grains.is_none() && case.bodies.is_empty() {
+            self.check_without_grains(findings);
+        }
+    }
+
+    /// Checks that some condition holds the pressure, and that conditions under gravity have one.
+    fn check_conditions(&self, case: &Case, findings: &mut Findings) {
+        let holds = |p: &Patch| {
+            matches!(
+                p.condition,
+                Condition::Pressure { .. } | Condition::Head { .. }
+            )
+        };
+        if !self.patches.iter().any(holds) {
+            findings.error(
+                &format!("{PATH}.boundaries"),
+                "no pressure and no head is imposed anywhere: \
+                 the water has no outlet and its pressure is undetermined",
+                "add a boundary with {\"pressure\": {\"value\": 0}} or {\"head\": {\"value\": 0}}",
+            );
+        }
+        let weightless = case
+            .gravity
+            .as_ref()
+            .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
+        for (n, patch) in self.patches.iter().enumerate() {
+            let needs = matches!(
+                patch.condition,
+                Condition::Head { .. } | Condition::Rain { .. }
+            );
+            if needs && weightless {
+                findings.error(
+                    &format!("{PATH}.boundaries[{n}].condition"),
+                    "a head and rain need gravity, and there is none in this case",
+                    "add `gravity`, or impose a pressure or a flux",
+                );
+            }
+        }
+    }
+
+    /// Checks the least porosity and the law of resistance.
+    fn check_laws(&self, findings: &mut Findings) {
+        let written = &self.written;
+        let cap = written.porosity_cap();
+        if written.least_porosity >= cap {
+            findings.error(
+                &format!("{PATH}.least_porosity"),
+                "the least porosity must be below the cap",
+                Remedy::from(format!("use a value below {cap}"))
+                    .set(format!("{PATH}.least_porosity"), 0.5 * cap),
+            );
+        }
+        if !written.resistance().model().goes_with(written.equations) {
+            findings.error(
+                &format!("{PATH}.resistance"),
+                "the equations as printed allow only the resistance of Kozeny and Carman",
+                Remedy::from(
+                    "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
+                )
+                .set(format!("{PATH}.equations"), "corrected"),
+            );
+        }
+    }
+
+    /// Checks the edges of cells against the sizes of grains.
+    fn check_edges(&self, grains: &Grains, dimension: usize, path: &str, findings: &mut Findings) {
+        let edge = self.smallest_edge(dimension);
+        let diameter = 2.0 * grains.radii.map_or(0.0, |(_, largest)| largest);
+        if edge < diameter {
+            findings.error(
+                path,
+                format!(
+                    "a cell of the seepage has an edge of {} m, but the largest grain a diameter of {} m: \
+                     a cell has to hold grains",
+                    number(edge),
+                    number(diameter)
+                ),
+                format!("use cells of at least {} m", number(diameter)),
+            );
+        }
+        let spacing = self.spacing[..dimension].iter().copied();
+        let widest = spacing.fold(0.0, f64::max);
+        let too_small = |least: f64| widest > USUAL_DIAMETERS * 2.0 * least;
+        // A bed of grains has more of them than cells; a few stand for a continuum. The percentiles are asked for only
+        // where the smallest grain could be too small.
+        if grains.expected >= self.cell_count()
+            && grains.radii.is_some_and(|(least, _)| too_small(least))
+            && let Some(sizes) = grains.percentiles(dimension)
+            && widest > USUAL_DIAMETERS * sizes.d50 * (1.0 + 1e-9)
+        {
+            findings.warn(
+                path,
+                format!(
+                    "a cell of the seepage has an edge of {} m, {} times the median diameter d50 of {} m: pressure and \
+                     porosity are means over the cell, which does not see smaller voids and openings",
+                    number(widest),
+                    number(widest / sizes.d50),
+                    number(sizes.d50)
+                ),
+                format!(
+                    "use cells of 1 to {USUAL_DIAMETERS} median diameters, at most {} m",
+                    number(USUAL_DIAMETERS * sizes.d50)
+                ),
+            );
+        }
+    }
+
+    /// Checks zones without grains: they are the bed, and all cells outside are open water.
+    fn check_without_grains(&self, findings: &mut Findings) {
+        let Some(zones) = &self.zones else {
+            findings.error(
+                "grains",
+                "water that seeps needs a bed: there are neither grains nor zones",
+                "add `grains`, or `zones` with a permeability",
+            );
+            return;
+        };
+        if !zones.stand_alone() {
+            findings.error(
+                &format!("{PATH}.zones"),
+                "there are no grains, and a zone states no permeability that holds without grains",
+                "give each zone a permeability as `value`, `hydraulic_conductivity` or raster, or add `grains`",
+            );
+        }
+    }
+}
+
+fn coarse(
+    written: &Darcy,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Option<([usize; 3], [f64; 3], [f64; 3])> {
+    let Some(own) = &written.grid else {
+        let mut spacing = [grid.spacing; 3];
+        if grid.dimension == 2 {
+            spacing[2] = 1.0;
+        }
+        return Some((grid.cells, [0.0; 3], spacing));
+    };
+    let path = format!("{PATH}.grid");
+    let from = Block::vector(grid, &own.from, &format!("{path}.from"), findings);
+    let to = Block::vector(grid, &own.to, &format!("{path}.to"), findings);
+    if own.cells.len() != grid.dimension || own.cells.iter().any(|n| *n == 0 || *n > 100_000) {
+        findings.error(
+            &format!("{path}.cells"),
+            format!("this needs {} numbers from 1 to 100000", grid.dimension),
+            "write the cells along each axis",
+        );
+        return None;
+    }
+    let (mut cells, mut spacing) = ([1; 3], [1.0; 3]);
+    for a in 0..grid.dimension {
+        cells[a] = own.cells[a] as usize;
+        spacing[a] = (to[a] - from[a]) / real(cells[a]);
+        if !(spacing[a] > 0.0 && spacing[a].is_finite()) {
+            findings.error(
+                &path,
+                format!("the grid has no extent along {}", ["x", "y", "z"][a]),
+                "write the lower corner in `from`, the upper one in `to`",
+            );
+            return None;
+        }
+        if from[a] < -1e-9 * grid.size[a] || to[a] > grid.size[a] * (1.0 + 1e-9) {
+            findings.error(
+                &path,
+                format!(
+                    "the grid leaves the domain, which is 0 … {} m along {}",
+                    number(grid.size[a]),
+                    ["x", "y", "z"][a]
+                ),
+                "let it end where the domain ends",
+            );
+            return None;
+        }
+    }
+    Some((cells, from, spacing))
+}
+
+fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3], f64)> {
+    let written_as::Enclosure::Planes(planes) = &written.enclosure else {
+        return Vec::new();
+    };
+    let mut all = Vec::new();
+    for (n, plane) in planes.iter().enumerate() {
+        let path = format!("{PATH}.enclosure.planes[{n}]");
+        let point = Block::vector(grid, &plane.point, &format!("{path}.point"), findings);
+        let normal = Block::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
+        let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            findings.error(
+                &format!("{path}.normal"),
+                "a normal has a length",
+                "write the direction from the plane to the water",
+            );
+            continue;
+        }
+        let outward = normal.map(|x| -x / length);
+        all.push((outward, (0..3).map(|a| outward[a] * point[a]).sum()));
+    }
+    all
+}

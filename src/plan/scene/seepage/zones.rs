@@ -1,0 +1,378 @@
+//! Zones of the seepage: regions with their own permeability or porosity, resolved on the coarse grid.
+
+use super::{PATH, Seepage};
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::Grid;
+use crate::scene::region::region;
+use crate::scene::unique;
+use base::error::Remedy;
+use case::Case;
+use case::darcy::{Zone, ZonePermeability};
+use darcy::Zones;
+use darcy::zones::{Raster, Rule, Zone as Resolved};
+use io::sheet::{Column, Refusal, Sheet, Unit};
+use std::sync::Arc;
+
+/// Columns of a raster that hold a permeability.
+const PERMEABILITIES: [&str; 3] = ["permeability", "hydraulic_conductivity", "factor"];
+
+impl Seepage {
+    /// The zones on the coarse grid; none where the case has none.
+    pub(super) fn zones_of(
+        &self,
+        case: &Case,
+        grid: &Grid,
+        findings: &mut Findings,
+    ) -> Option<Arc<Zones>> {
+        let written = &self.written;
+        if written.zones.is_empty() {
+            return None;
+        }
+        let strength = case.gravity.as_ref().map_or(0.0, |gravity| {
+            gravity.to_array().iter().map(|g| g * g).sum::<f64>().sqrt()
+        });
+        // Hydraulic conductivity to permeability: k mu/(rho g).
+        let permeable = written.viscosity / (written.density * strength);
+        // Where there are no grains at all, zones are the ground.
+        let alone = case.grains.is_none() && case.bodies.is_empty();
+        let mut known = Vec::new();
+        let mut zones = Vec::new();
+        for (n, zone) in written.zones.iter().enumerate() {
+            let path = format!("{PATH}.zones[{n}]");
+            unique(&mut known, &zone.name, &format!("{path}.name"), findings);
+            let [from, to] = zone
+                .region
+                .as_ref()
+                .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
+                    region(grid, written, &format!("{path}.region"), findings)
+                });
+            if zone.permeability.is_none() && zone.porosity.is_none() && zone.raster.is_none() {
+                findings.error(
+                    &path,
+                    "the zone states neither a permeability nor a porosity: it changes nothing",
+                    Remedy::from("state one, for example a porosity of 0.4, or remove the zone")
+                        .set(format!("{path}.porosity"), 0.4),
+                );
+            }
+            if let Some(ZonePermeability::Resistance(law)) = zone.permeability
+                && !law.model().goes_with(written.equations)
+            {
+                findings.error(
+                    &format!("{path}.permeability.resistance"),
+                    "the equations as printed allow only the resistance of Kozeny and Carman",
+                    Remedy::from("use \"kozeny_carman\"")
+                        .set(format!("{path}.permeability.resistance"), "kozeny_carman"),
+                );
+            }
+            let raster = raster(case, zone, grid, (&path, permeable), findings);
+            let conducts = matches!(
+                zone.permeability,
+                Some(ZonePermeability::HydraulicConductivity(_))
+            );
+            if conducts && strength <= 0.0 {
+                weightless(
+                    &format!("{path}.permeability.hydraulic_conductivity"),
+                    findings,
+                );
+            }
+            zones.push(Resolved {
+                from,
+                to,
+                permeability: zone.permeability.map(|written| match written {
+                    ZonePermeability::Value(value) => Rule::Value(value),
+                    ZonePermeability::HydraulicConductivity(k) => Rule::Value(k * permeable),
+                    ZonePermeability::Factor(factor) => Rule::Factor(factor),
+                    ZonePermeability::Resistance(law) => Rule::Law(law),
+                }),
+                porosity: zone.porosity,
+                raster,
+                without_grains: zone.without_grains || alone,
+            });
+        }
+        let all = Zones::new(&self.coarse_grid(grid.dimension), &zones);
+        for (n, reached) in all.reached().iter().enumerate() {
+            if *reached == 0 {
+                findings.error(
+                    &format!("{PATH}.zones[{n}].region"),
+                    format!(
+                        "no cell of the coarse grid, which reaches from {:?} to {:?} m, lies in this zone",
+                        &self.origin[..grid.dimension],
+                        &self.end()[..grid.dimension]
+                    ),
+                    "move the zone into the grid, or remove it",
+                );
+            }
+        }
+        Some(Arc::new(all))
+    }
+
+    /// Name, property and place of every zone, as `plan` prints them.
+    #[must_use]
+    pub fn describe_zones(&self, alone: bool) -> Vec<[String; 3]> {
+        let reached = self.zones.iter().flat_map(|zones| zones.reached());
+        let described = self.written.zones.iter().zip(reached);
+        described
+            .map(|(zone, cells)| {
+                let mut states = Vec::new();
+                match zone.permeability {
+                    Some(ZonePermeability::Value(k)) => {
+                        states.push(format!("permeability {} m2", number(k)));
+                    }
+                    Some(ZonePermeability::HydraulicConductivity(k)) => {
+                        states.push(format!("hydraulic conductivity {} m/s", number(k)));
+                    }
+                    Some(ZonePermeability::Factor(factor)) => {
+                        states.push(format!("permeability times {}", number(factor)));
+                    }
+                    Some(ZonePermeability::Resistance(law)) => {
+                        states.push(law.model().description());
+                    }
+                    None => {}
+                }
+                states.extend(zone.porosity.map(|n| format!("porosity {}", number(n))));
+                let from = |raster: &case::darcy::RasterFile| {
+                    format!("raster of {}", raster.path.display())
+                };
+                states.extend(zone.raster.as_ref().map(from));
+                let holds = if zone.without_grains || alone {
+                    "also without grains"
+                } else {
+                    "where there are grains"
+                };
+                [
+                    format!("zone {}", zone.name),
+                    states.join(", "),
+                    format!("requested; reaches {cells} cells, {holds}"),
+                ]
+            })
+            .collect()
+    }
+}
+
+fn weightless(path: &str, findings: &mut Findings) {
+    findings.error(
+        path,
+        "a hydraulic conductivity is one under gravity, and there is none in this case",
+        "add `gravity`, or state a permeability in m2",
+    );
+}
+
+/// The raster of a zone; findings where it cannot be had.
+fn raster(
+    case: &Case,
+    zone: &Zone,
+    grid: &Grid,
+    (path, permeable): (&str, f64),
+    findings: &mut Findings,
+) -> Option<Raster> {
+    let written = zone.raster.as_ref()?;
+    let place = format!("{path}.raster.path");
+    let read = io::plain::text(
+        &case.directory.join(&written.path),
+        io::plain::LONGEST_INPUT,
+    )
+    .map_err(|e| e.to_string())
+    .and_then(|text| {
+        read(&text, grid.dimension, permeable)
+            .map_err(|e| format!("{}: {e}", written.path.display()))
+    });
+    let (raster, column) = match read {
+        Ok(read) => read,
+        Err(reason) => {
+            let remedy = "correct the path (relative to the case) or the file";
+            findings.error(&place, reason, remedy);
+            return None;
+        }
+    };
+    if column == Some("hydraulic_conductivity") && !permeable.is_finite() {
+        weightless(&place, findings);
+    }
+    for (field, stated, twice) in [
+        (
+            "permeability",
+            zone.permeability.is_some(),
+            column.is_some(),
+        ),
+        (
+            "porosity",
+            zone.porosity.is_some(),
+            !raster.porosity.is_empty(),
+        ),
+    ] {
+        if stated && twice {
+            let path = format!("{path}.{field}");
+            findings.error(
+                &path,
+                format!("the raster states the {field} as well"),
+                Remedy::take_out("leave one of them out", &path),
+            );
+        }
+    }
+    Some(raster)
+}
+
+/// Returns the columns that a raster may have: coordinates, permeabilities, porosity.
+fn columns(axes: &[&'static str]) -> Vec<Column> {
+    let column = |name, unit, needed| Column {
+        name,
+        others: &[],
+        unit,
+        needed,
+    };
+    let coordinates = axes.iter().map(|name| column(*name, Unit::Length, true));
+    let permeabilities = PERMEABILITIES.iter().map(|name| {
+        let unit = match *name {
+            "permeability" => Unit::Area,
+            "hydraulic_conductivity" => Unit::Velocity,
+            _ => Unit::Ratio,
+        };
+        column(*name, unit, false)
+    });
+    coordinates
+        .chain(permeabilities)
+        .chain([column("porosity", Unit::Ratio, false)])
+        .collect()
+}
+
+/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic conductivity [m s].
+///
+/// # Errors
+/// A sentence that names the line or the column.
+fn read(
+    text: &str,
+    dimension: usize,
+    permeable: f64,
+) -> Result<(Raster, Option<&'static str>), String> {
+    let axes = &["x", "y", "z"][..dimension.min(3)];
+    let columns = columns(axes);
+    let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
+        Refusal::Sentence(sentence) => sentence,
+        Refusal::Unknown(name) => format!(
+            "the header has a column `{name}` that a raster has not. Known: {}, {}, porosity",
+            axes.join(", "),
+            PERMEABILITIES.join(", ")
+        ),
+    })?;
+    let stated = PERMEABILITIES.iter().enumerate();
+    let stated =
+        stated.filter_map(|(k, name)| sheet.has(axes.len() + k).then_some((*name, axes.len() + k)));
+    let stated: Vec<(&str, usize)> = stated.collect();
+    if let [(one, _), (other, _), ..] = stated[..] {
+        return Err(format!(
+            "the columns `{one}` and `{other}` both state the permeability: leave one of them out"
+        ));
+    }
+    let permeability = stated.first().copied();
+    let porosity = Some(columns.len() - 1).filter(|column| sheet.has(*column));
+    if permeability.is_none() && porosity.is_none() {
+        return Err(format!(
+            "the header has neither a permeability ({}) nor `porosity`",
+            PERMEABILITIES.join(", ")
+        ));
+    }
+    let mut nodes = Vec::new();
+    sheet.each(|row| {
+        let line = row.line();
+        let mut at = [0.0; 3];
+        for (column, x) in at.iter_mut().take(axes.len()).enumerate() {
+            // Minus zero is zero.
+            *x = row.number(column)? + 0.0;
+        }
+        let mut rule = None;
+        if let Some((name, column)) = permeability {
+            let value = row.number(column)?;
+            if value <= 0.0 {
+                return Err(format!(
+                    "line {line}: `{name}` is {value}, it must be above 0"
+                ));
+            }
+            rule = Some(match name {
+                "factor" => Rule::Factor(value),
+                "permeability" => Rule::Value(value),
+                _ => Rule::Value(value * permeable),
+            });
+        }
+        let pores = porosity.map(|column| row.number(column)).transpose()?;
+        if let Some(pores) = pores.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+            return Err(format!(
+                "line {line}: `porosity` is {pores}, it must be between 0 and 1"
+            ));
+        }
+        nodes.push((at, rule, pores, line));
+        Ok(())
+    })?;
+    if nodes.is_empty() {
+        return Err("the raster holds no node".into());
+    }
+    nodes.sort_by(|(p, ..), (q, ..)| {
+        let along = |a: usize| p[a].total_cmp(&q[a]);
+        along(2).then(along(1)).then(along(0))
+    });
+    let same = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|a| p[a].total_cmp(&q[a]).is_eq());
+    if let Some(pair) = nodes.windows(2).find(|pair| same(&pair[0].0, &pair[1].0)) {
+        return Err(format!(
+            "lines {} and {} are the same node",
+            pair[0].3.min(pair[1].3),
+            pair[0].3.max(pair[1].3)
+        ));
+    }
+    let along: [Vec<f64>; 3] = std::array::from_fn(|a| {
+        let mut all: Vec<f64> = nodes.iter().map(|(at, ..)| at[a]).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    });
+    let counts: Vec<usize> = along[..dimension.min(3)].iter().map(Vec::len).collect();
+    // Nodes that differ and fill every place: all of them.
+    if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
+        return Err(format!(
+            "{} nodes do not form a raster: their coordinates have {} different values along {}, and every combination must be there once",
+            nodes.len(),
+            counts
+                .iter()
+                .map(usize::to_string)
+                .collect::<Vec<_>>()
+                .join(" x "),
+            axes.join(", ")
+        ));
+    }
+    let raster = Raster {
+        nodes: along,
+        permeability: nodes.iter().filter_map(|(_, rule, ..)| *rule).collect(),
+        porosity: nodes.iter().filter_map(|(_, _, pores, _)| *pores).collect(),
+    };
+    Ok((raster, permeability.map(|(name, _)| name)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_come_in_any_order() {
+        let text = "y,x,factor,porosity\n1,0,3,0.3\n0,0,1,0.1\n0,2,2,0.2\n1,2,4,0.4\n";
+        let (raster, column) = read(text, 2, f64::NAN).unwrap();
+        assert_eq!(column, Some("factor"));
+        assert_eq!(raster.nodes, [vec![0.0, 2.0], vec![0.0, 1.0], vec![0.0]]);
+        assert_eq!(raster.permeability, [1.0, 2.0, 3.0, 4.0].map(Rule::Factor));
+        assert_eq!(raster.porosity, [0.1, 0.2, 0.3, 0.4]);
+        let (raster, _) = read("x,y,z,hydraulic_conductivity\n0,0,0,2\n", 3, 1e-7).unwrap();
+        assert_eq!(raster.permeability, [Rule::Value(2e-7)]);
+    }
+
+    #[test]
+    fn a_bad_raster_names_the_line_or_the_column() {
+        let error = |text: &str| read(text, 2, 1.0).unwrap_err();
+        assert!(error("").contains("empty"));
+        assert!(error("x,y\n1,2\n").contains("neither"));
+        assert!(error("x,porosity\n1,0.2\n").contains("`y`"));
+        assert!(error("x,y,z,factor\n1,2,3,1\n").contains("`z`"));
+        assert!(error("x,y,factor,permeability\n1,2,3,1\n").contains("both"));
+        assert!(error("x,y,factor\n").contains("no node"));
+        assert!(error("x,y,factor\n1,2,0\n").contains("line 2"));
+        assert!(error("x,y,porosity\n1,2,0.5\n1,3,1\n").contains("line 3"));
+        assert!(error("x,y,factor\n1,2,1\n1,2,2\n").contains("lines 2 and 3"));
+        let holes = error("x,y,factor\n1,2,1\n2,2,1\n2,3,1\n");
+        assert!(holes.contains("2 x 2"), "{holes}");
+    }
+}

@@ -1,0 +1,454 @@
+//! The speeds that the water of a scene will reach, before a single step.
+//!
+//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
+//! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
+//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also
+//! asks how fast bodies settle ([`settling`]).
+
+pub(crate) mod settling;
+
+use super::Scene;
+use super::boundaries::Patch;
+use super::flow::{BodyForce, Flow, PATH};
+use super::initial::Initial;
+use super::porous;
+use lbm::boundary::Surface;
+use lbm::synthetic::Fluctuations;
+use std::f64::consts::PI;
+
+/// Margin on what a pilot finds: its cells are coarse.
+pub(crate) const PILOT_MARGIN: f64 = 1.25;
+
+/// A velocity the fluid will reach.
+pub(crate) struct Speed {
+    /// What makes it.
+    pub(crate) what: String,
+    /// JSON path of what decides it.
+    pub(crate) path: String,
+    /// The speed [m/s].
+    pub(crate) value: f64,
+}
+
+/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
+pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    let mut speeds = imposed(scene, flow);
+    if let Some(pilot) = &flow.pilot {
+        speeds.push(Speed {
+            what: "the water in a pilot, with a margin".into(),
+            path: format!("{PATH}.pilot.speed"),
+            value: PILOT_MARGIN * pilot.speed,
+        });
+        speeds.extend(settles(scene, flow));
+        return speeds;
+    }
+    speeds.extend(driven_by_pressure(scene, flow));
+    if let Some(value) = driven_by_forces(scene, flow) {
+        speeds.push(Speed {
+            what: "the force on the water (estimate)".into(),
+            path: format!("{PATH}.body_force"),
+            value,
+        });
+    }
+    speeds.extend(settles(scene, flow));
+    speeds
+}
+
+/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body
+/// forces and of what settles.
+pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    if !scene.chosen.limits.is_empty() {
+        return all(scene, flow);
+    }
+    if flow.pilot.is_some() {
+        return all(scene, flow);
+    }
+    let mut speeds = imposed(scene, flow);
+    speeds.extend(driven_by_pressure(scene, flow));
+    // Both are estimates from above: the one knows the bed, the other what stands in the way.
+    let estimates = [force_driven(scene, flow), driven_by_forces(scene, flow)];
+    let estimate = estimates.into_iter().flatten().reduce(f64::min);
+    if let Some(value) = estimate.filter(|value| *value != 0.0) {
+        speeds.push(Speed {
+            what: "the body force (estimate)".into(),
+            path: format!("{PATH}.body_force"),
+            value,
+        });
+    }
+    // The estimate is from above: it counts where it is beyond what a run may reach.
+    let most = scene.guards.max_lattice_velocity * scene.grid.spacing / flow.time_step;
+    speeds.extend(settles(scene, flow).filter(|speed| speed.value > most));
+    speeds
+}
+
+/// The name of the speed of what settles or rises.
+pub(crate) const SETTLING: &str = "settling (estimate)";
+
+/// That of what settles or rises.
+fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let (path, value) = settling::fastest(scene, flow)?;
+    let what = SETTLING.into();
+    Some(Speed { what, path, value })
+}
+
+/// Returns the speeds imposed by boundaries, by the start and by bodies.
+pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
+    let mut speeds = imposed_on_fluid(flow);
+    speeds.extend(of_bodies(scene, false));
+    speeds.extend(falls(scene));
+    speeds
+}
+
+/// Returns the speed of water that falls from its highest place to the lowest of the domain.
+fn falls(scene: &Scene) -> Option<Speed> {
+    let surface = scene.surface.as_ref()?;
+    let value = (2.0 * surface.gravity * surface.head()).sqrt();
+    (value > 0.0).then(|| Speed {
+        what: "the fall of the water".into(),
+        path: format!("{PATH}.surface.water"),
+        value,
+    })
+}
+
+/// Returns the speeds imposed by boundaries and by the start.
+pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut speeds = Vec::new();
+    let mut add = |what: &str, path: String, value: f64| {
+        if value != 0.0 {
+            speeds.push(Speed {
+                what: what.into(),
+                path,
+                value,
+            });
+        }
+    };
+    for patch in flow.patches() {
+        if let Some(speed) = patch.condition.model().speed()
+            && let Some(path) = patch.path(speed.field)
+        {
+            add(speed.what, path, speed.value);
+        }
+    }
+    match &flow.initial {
+        Initial::Uniform { velocity, .. } => add(
+            "the initial velocity",
+            format!("{PATH}.initial.uniform.velocity"),
+            norm(*velocity),
+        ),
+        Initial::TaylorGreen {
+            velocity,
+            wave_numbers,
+        } => {
+            let ratio = wave_numbers[0] / wave_numbers[1];
+            add(
+                "the initial vortices",
+                format!("{PATH}.initial.taylor_green.velocity"),
+                velocity.abs() * ratio.max(1.0),
+            );
+        }
+        Initial::ShearLayers {
+            velocity,
+            perturbation,
+            ..
+        } => add(
+            "the initial shear layers",
+            format!("{PATH}.initial.shear_layers.velocity"),
+            velocity.abs() * (1.0 + perturbation.abs()),
+        ),
+        Initial::Channel {
+            peak, fluctuations, ..
+        } => add(
+            "the initial channel flow",
+            format!("{PATH}.initial.channel.peak"),
+            peak.abs() * Fluctuations::gusts(fluctuations.as_ref()),
+        ),
+        Initial::File(_) => {}
+    }
+    speeds
+}
+
+/// Returns the largest speeds at the surfaces of bodies whose motion is written: with both parts of their motion, or
+/// with their rotation alone.
+pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<Item = Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let bodies = scene.bodies.iter().enumerate();
+    let speeds = bodies.map(move |(n, body)| Speed {
+        what: "the moving body".into(),
+        path: format!("bodies[{n}].motion"),
+        value: norm(body.angular_velocity) * body.radius
+            + if rotation_alone {
+                0.0
+            } else {
+                norm(body.velocity)
+            },
+    });
+    speeds.filter(|speed| speed.value != 0.0)
+}
+
+/// Returns the largest speed at which bodies move through the fluid: as written, or as they settle or rise.
+pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
+        what: "the moving body".into(),
+        path: format!("bodies[{n}].motion"),
+        value: norm(body.velocity),
+    });
+    let speeds = driven.chain(settles(scene, flow));
+    speeds
+        .filter(|speed| speed.value > 0.0)
+        .max_by(|a, b| a.value.total_cmp(&b.value))
+}
+
+/// That of a pressure difference.
+fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
+    let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
+    let what = "the pressure difference (estimate)".into();
+    Some(Speed { what, path, value })
+}
+
+/// The difference of the pressures that boundaries impose.
+pub(crate) struct PressureDifference {
+    /// Largest less smallest \[Pa\].
+    pub(crate) value: f64,
+    /// JSON path of the pressure with the larger amplitude.
+    path: String,
+    /// Axis normal to its face.
+    pub(crate) axis: usize,
+}
+
+/// The difference of the pressures that boundaries impose; outflows beside them are at the reference.
+pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
+    let mut bounds: Option<[f64; 2]> = None;
+    let mut largest: Option<(f64, String, usize)> = None;
+    for patch in flow.patches() {
+        let model = patch.condition.model();
+        let imposed = model.pressure();
+        if let Some(pressure) = imposed
+            && let Some(path) = patch.path(pressure.field)
+        {
+            let [lo, hi] = pressure.range();
+            let known = bounds.unwrap_or([lo, hi]);
+            bounds = Some([known[0].min(lo), known[1].max(hi)]);
+            let size = lo.abs().max(hi.abs());
+            if largest.as_ref().is_none_or(|(s, ..)| size > *s) {
+                largest = Some((size, path, patch.face.axis()));
+            }
+        } else if model.pressure_floats()
+            && let Some([lo, hi]) = bounds
+        {
+            bounds = Some([lo.min(0.0), hi.max(0.0)]);
+        }
+    }
+    let ([lo, hi], (_, path, axis)) = (bounds?, largest?);
+    Some(PressureDifference {
+        value: hi - lo,
+        path,
+        axis,
+    })
+}
+
+fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+    let PressureDifference { value, path, axis } = pressure_difference(flow)?;
+    let free = (2.0 * value / flow.density).sqrt();
+    let (length, height) = passage(scene, axis);
+    let viscous =
+        value * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
+    let resisted = porous::fastest(&scene.porous_zones, &scene.grid, axis, value / flow.density);
+    Some((path, free.min(viscous).min(resisted)))
+}
+
+/// Length and open height of the way through the domain along an axis: the holes cut into the grains (boxes that do
+/// not reach from wall to wall), or the whole domain.
+pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
+    let grid = &scene.grid;
+    let across: Vec<usize> = (0..grid.dimension)
+        .filter(|a| *a != axis && !grid.periodic[*a])
+        .collect();
+    let height_of = |from: [f64; 3], to: [f64; 3]| {
+        across
+            .iter()
+            .map(|a| to[*a] - from[*a])
+            .fold(f64::INFINITY, f64::min)
+    };
+    let full = height_of([0.0; 3], grid.size);
+    let cuts = scene.grains.iter().flat_map(|g| &g.cut);
+    cuts.map(|(_, block)| {
+        (
+            block.to[axis] - block.from[axis],
+            height_of(block.from, block.to),
+        )
+    })
+    .filter(|(_, height)| *height < 0.95 * full)
+    .max_by(|a, b| a.1.total_cmp(&b.1))
+    .unwrap_or((grid.size[axis], full))
+}
+
+/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D: discs) of the smallest size in the
+/// densest packing. None where grains have nowhere to settle, or where the stream goes through a hole cut into them.
+fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
+    let grid = &scene.grid;
+    let down = (0..grid.dimension)
+        .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
+    let (Some(grains), Some(down)) = (&scene.grains, down) else {
+        return 0.0;
+    };
+    let settles =
+        down != axis && !grid.periodic[down] && scene.gravity[down] != 0.0 && grains.cut.is_empty();
+    let heavy = grains.materials().all(|m| scene.density(m) > flow.density);
+    let Some((smallest, _)) = grains.radii.filter(|_| settles && heavy) else {
+        return 0.0;
+    };
+    let (volume, densest) = if grid.dimension == 2 {
+        (PI * smallest.powi(2), PI / 12.0_f64.sqrt())
+    } else {
+        (4.0 / 3.0 * PI * smallest.powi(3), PI / 18.0_f64.sqrt())
+    };
+    let floor = (0..grid.dimension).filter(|a| *a != down);
+    let floor: f64 = floor.map(|a| grid.size[a]).product();
+    grains.remaining() * volume / (densest * floor)
+}
+
+/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the others it makes
+/// pressure.
+fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
+    let body = flow.body_force.largest();
+    std::array::from_fn(|a| {
+        let drives = flow.gravity_acts[a] && scene.grid.periodic[a];
+        body[a]
+            + if drives {
+                flow.density * scene.gravity[a]
+            } else {
+                0.0
+            }
+    })
+}
+
+fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let force = driving_force(scene, flow);
+    let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let axis = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
+    if size == 0.0 || !scene.grid.periodic[axis] {
+        // Against walls a force makes pressure, not flow.
+        return None;
+    }
+    let (_, height) = passage(scene, axis);
+    let height = height - bed(scene, flow, axis).min(0.75 * height);
+    let viscous = size * height * height / (8.0 * flow.density * flow.kinematic_viscosity);
+    let start = match &flow.initial {
+        Initial::Uniform { velocity, .. } => velocity.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        Initial::Channel { peak, .. } => peak.abs(),
+        _ => 0.0,
+    };
+    let estimate = match flow.body_force {
+        // No flow is faster than the force has had time for.
+        BodyForce::Constant(_) => {
+            let steady = if flow.turbulence.is_some() {
+                viscous.min(turbulent(size, height, flow))
+            } else {
+                viscous
+            };
+            steady.min(size * scene.time.end / flow.density + start)
+        }
+        BodyForce::Oscillating { period, .. } => {
+            viscous.min(size * period / (std::f64::consts::TAU * flow.density))
+        }
+    };
+    let resisted = porous::fastest(
+        &scene.porous_zones,
+        &scene.grid,
+        axis,
+        size * scene.grid.size[axis] / flow.density,
+    );
+    let estimate = estimate.min(resisted);
+    // With no wall in sight only what is in the way can hold the flow back, and that is not known yet.
+    estimate.is_finite().then_some(estimate)
+}
+
+/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film under a surface
+/// without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies as far as these hold it.
+fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
+    let forces = driving_force(scene, flow);
+    let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
+    let along = along.map(|a| (a, forces[a]));
+    let (axis, force) = along.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let force = force.abs();
+    if force == 0.0 {
+        return None;
+    }
+    let nu = flow.kinematic_viscosity;
+    let (_, width) = passage(scene, axis);
+    let slides = |patch: &Patch| patch.condition.model().nature().surface == Surface::Symmetry;
+    let height = if flow.patches().any(slides) {
+        2.0 * width
+    } else {
+        width
+    };
+    let viscous = force * height * height / (8.0 * flow.density * nu);
+    let steady = if !viscous.is_finite() {
+        settling::held_by_bodies(scene, flow, force).unwrap_or(f64::INFINITY)
+    } else if scene.grid.dimension == 3 && viscous * height > 4000.0 * nu {
+        turbulent(force, height, flow)
+    } else {
+        viscous
+    };
+    // No flow is faster than the force has had time for.
+    let time = match flow.body_force {
+        BodyForce::Constant(_) => scene.time.end,
+        BodyForce::Oscillating { period, .. } => period / std::f64::consts::TAU,
+    };
+    let resisted = porous::fastest(
+        &scene.porous_zones,
+        &scene.grid,
+        axis,
+        force * scene.grid.size[axis] / flow.density,
+    );
+    Some(steady.min(force * time / flow.density).min(resisted))
+}
+
+/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law (Pope 2000,
+/// section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
+fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
+    let friction_velocity = (0.5 * force * height / flow.density).sqrt();
+    let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;
+    friction_velocity * (reynolds.max(1.0).ln() / 0.41 + 5.2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Plan;
+    use serde_json::json;
+    use std::path::Path;
+
+    /// A bed takes height from the stream, which so is slower than in the empty channel.
+    #[test]
+    fn the_stream_is_as_high_as_the_bed_leaves_it() {
+        let speed = |number: usize, density: f64| {
+            let case = json!({
+                "domain": {"size": [0.1, 0.1, 0.1], "spacing": 2e-3, "periodic": ["x", "z"]},
+                "gravity": [0, -9.81, 0],
+                "materials": {"glass": {"density": density}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8, "body_force": {"constant": [8, 0, 0]}
+                }},
+                "grains": {"material": "glass", "initial": {"deposition": {
+                    "number": number, "grading": {"by_count": [{"min": 5e-3, "max": 5e-3, "fraction": 1}]}, "seed": 1,
+                    "box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.1]}
+                }}},
+                "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.3}},
+                "box_walls": ["y_min", "y_max"],
+                "coupling": {"partially_saturated": {}},
+                "time": {"end": 10}
+            });
+            let document = case::Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            let scene = Plan::prepare(document).unwrap().scene;
+            force_driven(&scene, scene.flow.as_ref().unwrap()).unwrap()
+        };
+        let empty = 8.0 * 0.1 * 0.1 / (8.0 * 10.0);
+        // 0.74 of a layer of 2 cm are spheres: 283 with a volume of 5.24e-7 m3.
+        let bed = speed(283, 2500.0);
+        assert!((bed / (0.64 * empty) - 1.0).abs() < 0.01, "{bed} {empty}");
+        // What floats forms no bed.
+        assert_eq!(speed(283, 900.0), empty);
+    }
+}

@@ -1,0 +1,163 @@
+//! The terminal velocity of a single body in the fluid.
+//!
+//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1 + 0.15 Re^0.687)/Re, and 0.44
+//! from Re = 1000 on (Schiller and Naumann 1933). For a disc in 2-D, which is a long cylinder,
+//! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours reduce the velocity.
+
+use super::super::Scene;
+use super::super::bodies::{Body, Mobility};
+use super::super::flow::Flow;
+use super::super::grains::GrainSource;
+use std::f64::consts::PI;
+
+/// Drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
+fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
+    if dimension == 2 {
+        1.18 + 6.8 / reynolds.powf(0.89) + 1.96 / reynolds.sqrt()
+            - 4e-4 * reynolds / (1.0 + 3.64e-7 * reynolds * reynolds)
+    } else if reynolds < 1000.0 {
+        24.0 / reynolds * (1.0 + 0.15 * reynolds.powf(0.687))
+    } else {
+        0.44
+    }
+}
+
+/// The speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\] balances a force \[N\].
+#[must_use]
+pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: &Flow) -> f64 {
+    let area = if dimension == 2 {
+        diameter
+    } else {
+        PI * diameter * diameter / 4.0
+    };
+    let unit = flow.kinematic_viscosity / diameter;
+    let drag = |reynolds: f64| {
+        let speed = unit * reynolds;
+        0.5 * flow.density * speed * speed * area * drag_coefficient(dimension, reynolds)
+    };
+    // The drag grows with the Reynolds number: halve the interval of its logarithm.
+    let (mut low, mut high) = (1e-12_f64, 1e9_f64);
+    for _ in 0..60 {
+        let middle = (low * high).sqrt();
+        if drag(middle) < force {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    unit * (low * high).sqrt()
+}
+
+fn of_volume(volume: f64) -> f64 {
+    (6.0 * volume / PI).cbrt()
+}
+
+/// Returns the diameter of a body \[m\]; of a polyhedron that of the sphere of its volume.
+pub(crate) fn diameter(body: &Body) -> f64 {
+    let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
+    volume.map_or(2.0 * body.radius, of_volume)
+}
+
+/// What moves freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume), material.
+fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
+    let mut list = Vec::new();
+    for (n, body) in scene.bodies.iter().enumerate() {
+        if body.mobility == Mobility::Free {
+            let path = format!("bodies[{n}].motion.free");
+            list.push((path, diameter(body), body.material));
+        }
+    }
+    if let Some(grains) = &scene.grains {
+        let path = || String::from("grains.initial");
+        match &grains.source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                let each = grains.iter();
+                list.extend(each.map(|g| (path(), 2.0 * g.radius, g.material)));
+            }
+            _ => {
+                let largest = grains.radii.map(|(_, r)| 2.0 * r);
+                let kinds = grains.materials();
+                list.extend(kinds.filter_map(|material| Some((path(), largest?, material))));
+            }
+        }
+    }
+    if let Some(blocks) = &scene.blocks {
+        let each = blocks.list.iter().filter(|block| !block.fixed);
+        let volume = each.map(|b| (of_volume(b.solid.shape.volume()), b.material));
+        list.extend(volume.map(|(d, material)| (String::from("blocks"), d, material)));
+    }
+    list
+}
+
+/// Returns the speed [m/s] at which a sphere (2-D: a disc) of a diameter \[m\] and a material settles or rises: no faster
+/// than in a free fall through the domain, or as long as the run.
+pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize) -> f64 {
+    let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
+    let force = lighter * scene.mass(material, 0.5 * diameter) / scene.density(material);
+    terminal_speed(scene.grid.dimension, flow.density * force, diameter, flow)
+        .min((2.0 * lighter * size(scene.grid.size)).sqrt())
+        .min(lighter * scene.time.end)
+}
+
+/// Returns the speed of the fastest of what settles or rises under gravity [m/s], and its JSON path.
+pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
+    free(scene)
+        .into_iter()
+        .map(|(path, diameter, material)| (path, of_body(scene, flow, diameter, material)))
+        .filter(|(_, speed)| *speed > 0.0)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]: what it pushes is held by the
+/// bodies, each at least as hard as if it stood alone.
+pub(crate) fn held_by_bodies(scene: &Scene, flow: &Flow, force: f64) -> Option<f64> {
+    let dimension = scene.grid.dimension;
+    let volume: f64 = scene.grid.size[..dimension].iter().product();
+    let held = scene
+        .bodies
+        .iter()
+        .filter(|body| body.mobility != Mobility::Free);
+    let diameters: Vec<f64> = held.map(|body| 2.0 * body.radius).collect();
+    let smallest = diameters.iter().copied().fold(f64::INFINITY, f64::min);
+    let number = base::number::real(diameters.len());
+    smallest
+        .is_finite()
+        .then(|| terminal_speed(dimension, force * volume / number, smallest, flow))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn water() -> Flow {
+        let text = include_str!("../../../case/examples/first-flow.json");
+        let document = case::Document::read(text, &[], std::path::Path::new("")).unwrap();
+        let plan = crate::Plan::prepare(document).unwrap();
+        plan.scene.flow.unwrap()
+    }
+
+    #[test]
+    fn a_small_sphere_settles_as_stokes_says() {
+        let mut water = water();
+        (water.density, water.kinematic_viscosity) = (1000.0, 1e-6);
+        // Silt of 10 micrometres and 2650 kg/m3: v = (rho_s - rho) g d²/(18 mu) = 8.99e-5 m/s, Re = 9e-4.
+        let diameter = 1e-5_f64;
+        let weight = 1650.0 * 9.81 * PI / 6.0 * diameter.powi(3);
+        let stokes = 1650.0 * 9.81 * diameter * diameter / (18.0 * 1e-3);
+        let speed = terminal_speed(3, weight, diameter, &water);
+        assert_relative_eq!(speed, stokes, max_relative = 2e-3);
+    }
+
+    #[test]
+    fn a_grain_of_sand_settles_as_measured() {
+        let mut water = water();
+        (water.density, water.kinematic_viscosity) = (1000.0, 1e-6);
+        // Quartz sphere of 1 mm in water at 20 °C: 0.16 m/s (Gibbs, Matthews and Link 1971: 0.155 … 0.162).
+        let diameter = 1e-3_f64;
+        let weight = 1650.0 * 9.81 * PI / 6.0 * diameter.powi(3);
+        let speed = terminal_speed(3, weight, diameter, &water);
+        assert_relative_eq!(speed, 0.16, max_relative = 0.05);
+    }
+}

@@ -1,0 +1,308 @@
+//! Triangulated surfaces from STL files, as text or binary.
+//!
+//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into one vertex, which gives
+//! the neighbours of a triangle. Triangles without an area are left out. The normals of the file are not used, because walls act
+//! on both sides.
+//!
+//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single precision, its messages name
+//! the line, and it compares the number of triangles with the length of the file before it allocates memory.
+
+use dem::Surface;
+use nalgebra::Vector3;
+use std::collections::HashMap;
+
+/// Corners closer than this over the extent of the surface are one.
+const MERGE: f64 = 1e-7;
+
+/// The surface of a file, `scale` metres per unit of it, moved by `origin` (m).
+///
+/// # Errors
+/// A sentence about the error.
+pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Surface, String> {
+    let corners = corners(bytes, scale, origin)?;
+    let (vertices, numbers) = merged(&corners);
+    let facets: Vec<Vec<u32>> = numbers
+        .chunks_exact(3)
+        .filter(|t| {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|k| vertices[k as usize]);
+            let longest = (b - a).norm_squared().max((c - a).norm_squared());
+            (b - a).cross(&(c - a)).norm() > 1e-10 * longest
+        })
+        .map(<[u32]>::to_vec)
+        .collect();
+    if facets.is_empty() {
+        return Err("the file holds no triangle with an area".into());
+    }
+    Surface::new(vertices, &facets).map_err(|e| e.to_string())
+}
+
+/// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
+///
+/// # Errors
+/// A sentence about the error.
+pub(crate) fn triangles(
+    bytes: &[u8],
+    scale: f64,
+    origin: &Vector3<f64>,
+) -> Result<Vec<[Vector3<f64>; 3]>, String> {
+    let corners = corners(bytes, scale, origin)?;
+    Ok(corners
+        .chunks_exact(3)
+        .map(|t| [t[0], t[1], t[2]])
+        .collect())
+}
+
+/// Returns the box that holds corners \[m\].
+pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
+    let [low, high] = corners.fold(none, |[low, high], at| [low.inf(&at), high.sup(&at)]);
+    [low.into(), high.into()]
+}
+
+/// The corners of all triangles, one after the other.
+fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
+    let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
+    let corners: Vec<Vector3<f64>> = corners
+        .into_iter()
+        .map(|corner| Vector3::from(corner) * scale + origin)
+        .collect();
+    if corners.iter().any(|c| !c.norm_squared().is_finite()) {
+        return Err("a corner is not finite".into());
+    }
+    Ok(corners)
+}
+
+/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever its first word.
+fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
+    let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
+    let end = 84 + 50 * count;
+    let padding = bytes.get(end..)?;
+    if count == 0
+        || padding
+            .iter()
+            .any(|byte| !matches!(byte, 0 | b' ' | b'\r' | b'\n'))
+    {
+        return None;
+    }
+    let number = |at: &[u8]| {
+        at.try_into()
+            .map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)))
+    };
+    let corners = bytes[84..end].chunks_exact(50).flat_map(|triangle| {
+        // Three numbers of the normal come first.
+        (1..4).map(|corner| {
+            std::array::from_fn(|axis| {
+                let at = 12 * corner + 4 * axis;
+                number(&triangle[at..at + 4])
+            })
+        })
+    });
+    Some(corners.collect())
+}
+
+/// The words of a text with their lines, which end by a line feed, a carriage return or both.
+fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.split('\n').flat_map(|line| {
+        let line = line.strip_suffix('\r').unwrap_or(line);
+        line.split('\r')
+    });
+    (1..)
+        .zip(lines)
+        .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
+}
+
+/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any letters of any code.
+fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
+    let padding = |byte: &u8| *byte == 0;
+    let end = bytes
+        .iter()
+        .rposition(|byte| !padding(byte))
+        .map_or(0, |n| n + 1);
+    let text = String::from_utf8_lossy(&bytes[..end]);
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    if text.contains('\0') || !text.is_ascii() && !text.contains("vertex") {
+        return Err(no_text(bytes));
+    }
+    let mut corners = Vec::new();
+    let mut in_loop = 0;
+    // The words of a name are no keywords.
+    let mut in_name = false;
+    let mut words = words(text);
+    while let Some((n, word)) = words.next() {
+        let word = word.to_ascii_lowercase();
+        in_name &= word != "facet";
+        match word.as_str() {
+            _ if in_name => {}
+            "solid" | "endsolid" => in_name = true,
+            "outer" => in_loop = 0,
+            "vertex" => {
+                let mut number = || words.next()?.1.parse().ok();
+                let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
+                    return Err(format!("line {n}: a vertex is three numbers"));
+                };
+                corners.push([x, y, z]);
+                in_loop += 1;
+            }
+            "endloop" if in_loop != 3 => {
+                return Err(format!("line {n}: a facet of {in_loop} corners, not 3"));
+            }
+            _ => {}
+        }
+    }
+    if corners.is_empty() || corners.len() % 3 != 0 {
+        return Err(format!("{} vertices do not make triangles", corners.len()));
+    }
+    Ok(corners)
+}
+
+/// Returns the reason why bytes are neither text nor a whole binary file.
+fn no_text(bytes: &[u8]) -> String {
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok());
+    count.map_or_else(
+        || "neither text nor binary STL, which has 84 bytes at least".into(),
+        |count| {
+            let count = u64::from(u32::from_le_bytes(count));
+            format!(
+                "neither text nor binary STL: {count} triangles take {} bytes, the file has {}",
+                84 + 50 * count,
+                bytes.len()
+            )
+        },
+    )
+}
+
+/// Vertices, and the vertex of each corner.
+fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
+    let mut low = Vector3::repeat(f64::INFINITY);
+    let mut high = Vector3::repeat(f64::NEG_INFINITY);
+    for corner in corners {
+        low = low.inf(corner);
+        high = high.sup(corner);
+    }
+    let near = (MERGE * (high - low).norm()).max(f64::MIN_POSITIVE);
+    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    let mut vertices: Vec<Vector3<f64>> = Vec::new();
+    let mut numbers = Vec::with_capacity(corners.len());
+    for corner in corners {
+        let cell = cell_of(&((corner - low) / near));
+        let mut known = None;
+        for step in 0..27_i64 {
+            let beside = [
+                cell[0] + step % 3 - 1,
+                cell[1] + step / 3 % 3 - 1,
+                cell[2] + step / 9 - 1,
+            ];
+            known = known.or_else(|| {
+                cells
+                    .get(&beside)?
+                    .iter()
+                    .copied()
+                    .find(|&v| (vertices[v as usize] - corner).norm() <= near)
+            });
+        }
+        let number = known.unwrap_or_else(|| {
+            let number = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
+            vertices.push(*corner);
+            cells.entry(cell).or_default().push(number);
+            number
+        });
+        numbers.push(number);
+    }
+    (vertices, numbers)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "between 0 and 1e7 by the choice of the cell"
+)]
+fn cell_of(at: &Vector3<f64>) -> [i64; 3] {
+    [at[0] as i64, at[1] as i64, at[2] as i64]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 1 1 0\n \
+        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 1 1e-9\n  vertex 0 1 0\n endloop\n\
+        endfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 0 0 0\n  vertex 0 1 0\n endloop\nendfacet\nendsolid\n";
+
+    fn as_binary() -> Vec<u8> {
+        let mut bytes = vec![b's'; 80];
+        bytes.extend(2_u32.to_le_bytes());
+        for corners in [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]] {
+            bytes.extend([0; 12]);
+            for [x, y] in corners {
+                for value in [x, y, 0] {
+                    bytes.extend((value as f32).to_le_bytes());
+                }
+            }
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    #[test]
+    fn text_and_binary_are_the_same_surface_with_shared_vertices() {
+        let origin = Vector3::new(0.0, 0.0, 0.5);
+        let a = read(SQUARE.as_bytes(), 0.001, &origin).unwrap();
+        let b = read(&as_binary(), 0.001, &origin).unwrap();
+        for surface in [&a, &b] {
+            assert_eq!(surface.len(), 2);
+            assert!(surface.adjacent(0, 1));
+            // Two contacts without merging, over the diagonal.
+            let mut found = Vec::new();
+            let centre = Vector3::new(0.0005, 0.0005, 0.5001);
+            surface.contacts(&[0, 1], &centre, 2e-4, &mut found);
+            assert_eq!(found.len(), 1);
+            assert!((found[0].distance - 1e-4).abs() < 1e-12);
+        }
+    }
+
+    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals, padding.
+    #[test]
+    fn text_is_read_as_it_is_found() {
+        let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();
+        let named = SQUARE.replacen("solid s", "solid B\u{f6}schung vertex 3", 1);
+        let latin: Vec<u8> = named
+            .chars()
+            .map(|c| u8::try_from(u32::from(c)).unwrap())
+            .collect();
+        let mut padded = SQUARE.as_bytes().to_vec();
+        padded.extend([0; 40]);
+        for bytes in [
+            latin,
+            SQUARE.replace('\n', " ").into_bytes(),
+            SQUARE.replace('\n', "\r").into_bytes(),
+            SQUARE.replace('\n', "\r\n").into_bytes(),
+            SQUARE.to_uppercase().into_bytes(),
+            format!("\u{feff}{SQUARE}").into_bytes(),
+            padded,
+        ] {
+            assert_eq!(corners(&bytes, 1.0, &Vector3::zeros()).unwrap(), expected);
+        }
+        let mut padded = as_binary();
+        padded.extend([0; 30]);
+        assert_eq!(binary(&padded), binary(&as_binary()));
+        let bad = SQUARE
+            .replace('\n', "\r")
+            .replace("vertex 0 1 0", "vertex 0 1,5 0");
+        let refused = corners(bad.as_bytes(), 1.0, &Vector3::zeros()).unwrap_err();
+        assert!(refused.contains("line 13"), "{refused}");
+        let short = corners(&as_binary()[..150], 1.0, &Vector3::zeros()).unwrap_err();
+        assert!(short.contains("184 bytes, the file has 150"), "{short}");
+    }
+
+    #[test]
+    fn files_that_are_no_surface_are_refused() {
+        let refused = |bytes: &[u8]| read(bytes, 1.0, &Vector3::zeros()).unwrap_err();
+        assert!(refused(b"").contains("do not make triangles"));
+        assert!(refused(b"vertex 1 2\n").contains("line 1"));
+        assert!(refused(&[0xff; 90]).contains("neither"));
+        assert!(refused(&as_binary()[..150]).contains("neither"));
+        assert!(refused(SQUARE.replace("1 1 1e-9", "1 1 nan").as_bytes()).contains("not finite"));
+        let four = SQUARE.replacen("  vertex 1 1 0\n", "  vertex 1 1 0\n  vertex 0 1 0\n", 1);
+        assert!(refused(four.as_bytes()).contains("4 corners"));
+        assert!(refused(SQUARE.replace(" 1", " 0").as_bytes()).contains("no triangle"));
+    }
+}

@@ -1,0 +1,360 @@
+//! The structures of a scene, and the walls that grains meet at them.
+
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::{material, stl, unique, usual_material};
+use crate::scene::flow::Flow;
+use base::error::Remedy;
+use base::number::{floor_i64, real};
+use case::Case;
+use case::fluid::Fluid;
+use case::structures::Stops;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::sync::Arc;
+use structure::{Frame, Images, Shape};
+
+/// A solid at rest.
+#[derive(Clone, Debug, Serialize)]
+pub struct Structure {
+    /// Its name.
+    pub name: String,
+    /// The solid with its periodic images.
+    #[serde(skip)]
+    pub solid: Arc<Images>,
+    /// What it stops.
+    pub stops: Stops,
+    /// Index of its material.
+    pub material: Option<usize>,
+}
+
+/// Cells round the domain in which solids are known.
+const MARGIN: f64 = 3.0;
+
+/// The structures of a case.
+pub(crate) fn structures(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    findings: &mut Findings,
+) -> Vec<Structure> {
+    let mut known: Vec<&str> = case.walls.iter().map(|wall| wall.name.as_str()).collect();
+    let usual = usual_material(case);
+    let mut all = Vec::new();
+    for (n, written) in case.structures.iter().enumerate() {
+        let path = format!("structures[{n}]");
+        unique(&mut known, &written.name, &format!("{path}.name"), findings);
+        let shape = format!("{path}.shape");
+        let Some(images) = images(case, grid, &written.shape, &shape, findings) else {
+            continue;
+        };
+        let index = match (&written.material, usual) {
+            (Some(name), _) => material(names, name, &format!("{path}.material"), findings),
+            (None, Some(name)) => names.iter().position(|known| known == name),
+            (None, None) => None,
+        };
+        if written.stops == Stops::Water && case.fluid.is_none() {
+            findings.error(
+                &format!("{path}.stops"),
+                "there is no water in this case: the structure would stop nothing",
+                Remedy::from("write all").set(format!("{path}.stops"), "all"),
+            );
+        }
+        all.push(Structure {
+            name: written.name.clone(),
+            solid: Arc::new(images),
+            stops: written.stops,
+            material: index,
+        });
+    }
+    all
+}
+
+/// A solid with its periodic images; findings where it cannot be had, or lies outside the domain.
+pub(crate) fn images(
+    case: &Case,
+    grid: &Grid,
+    written: &Shape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Images> {
+    let frame = Frame {
+        dimension: grid.dimension,
+        size: grid.size,
+    };
+    let read = |mesh: &base::geometry::Mesh| {
+        let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
+        let file = case.directory.join(&mesh.path);
+        let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+            .map_err(|e| e.to_string())
+            .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+            .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
+        Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
+    };
+    let solid = written.solid(&frame, path, &read, findings)?;
+    let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
+    let in_lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
+    if in_lattice && !images.is_empty() && is_lost(&images, grid) {
+        findings.warn(
+            path,
+            format!(
+                "the solid is smaller than a cell of {} m and covers none: the water does not meet it",
+                number(grid.spacing)
+            ),
+            "state lengths in m, or the unit of a mesh by its `scale`; or use a smaller domain.spacing",
+        );
+    }
+    if images.is_empty() || !meets(&images, grid) {
+        let reaches = images.solid().extent().map(|corner| {
+            let corner = corner[..grid.dimension].iter();
+            corner.map(|x| number(*x)).collect::<Vec<_>>().join(", ")
+        });
+        findings.error(
+            path,
+            format!(
+                "the solid lies outside the domain: it reaches from {} to {} m",
+                reaches[0], reaches[1]
+            ),
+            format!(
+                "the domain is 0 … {} m along its axes: move the solid into it",
+                grid.size[..grid.dimension]
+                    .iter()
+                    .map(|x| number(*x))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
+        );
+        return None;
+    }
+    Some(images)
+}
+
+/// Length over that of a cell below which a solid has no shape on the lattice, even where it cuts a link.
+const NO_SHAPE: f64 = 0.1;
+
+/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of them or is far smaller
+/// than a cell.
+fn is_lost(images: &Images, grid: &Grid) -> bool {
+    let [low, high] = images.solid().extent();
+    let axes = 0..grid.dimension;
+    // A negated comparison, so that a solid without an end is not small.
+    if !axes.clone().all(|a| high[a] - low[a] < grid.spacing) {
+        return false;
+    }
+    let tiny = axes
+        .clone()
+        .all(|a| high[a] - low[a] < NO_SHAPE * grid.spacing);
+    let first = |a: usize| floor_i64(low[a] / grid.spacing - 0.5);
+    let centre = |offsets: [i64; 3]| -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if a < grid.dimension {
+                (real(first(a) + offsets[a]) + 0.5) * grid.spacing
+            } else {
+                0.0
+            }
+        })
+    };
+    // Both ends of a link stand within a cell of the solid.
+    let corners = if grid.dimension == 2 { 9 } else { 27 };
+    let place = |n: i64| [n % 3, n / 3 % 3, n / 9];
+    let mut found = Vec::new();
+    (0..corners).all(|n| {
+        let from = centre(place(n));
+        let lies_in = images.solid().distance(from) < 0.0;
+        let cut = (0..corners).any(|m| {
+            let to = centre(place(m));
+            found.clear();
+            let along = std::array::from_fn(|a| to[a] - from[a]);
+            images.solid().chords(from, along, &mut found);
+            n != m && !found.is_empty()
+        });
+        !lies_in && (!cut || tiny)
+    })
+}
+
+/// Whether a part of the solid, however thin, lies in the domain.
+fn meets(images: &Images, grid: &Grid) -> bool {
+    images
+        .extents()
+        .any(|[low, high]| (0..grid.dimension).all(|a| low[a] < grid.size[a] && high[a] > 0.0))
+        && images.solid().plane().is_none_or(|(point, normal)| {
+            // The corner of the domain that lies deepest behind the plane.
+            let deepest: f64 = (0..grid.dimension)
+                .map(|a| (-point[a] * normal[a]).min((grid.size[a] - point[a]) * normal[a]))
+                .sum();
+            deepest < 0.0
+        })
+}
+
+/// Grains reach into a structure at the start where they do by more than this part of their radius.
+const ALLOWED: f64 = 0.05;
+
+/// How deep a grain reaches into a structure that stops grains \[m\], where that is more than contacts explain.
+fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
+    let depth = grain.radius - structure.solid.distance(grain.position);
+    (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
+}
+
+/// Whether a grain starts in a structure, deeper than a twentieth of its radius.
+#[must_use]
+pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
+    structures.iter().any(|one| depth(one, grain).is_some())
+}
+
+/// Openings that structures close completely.
+pub(crate) fn openings(
+    grid: &Grid,
+    structures: &[Structure],
+    flow: &Flow,
+    findings: &mut Findings,
+) {
+    let solid = |at: [f64; 3]| {
+        let mut water = structures.iter().filter(|s| s.stops.water());
+        water.any(|s| s.solid.distance(at) < 0.0)
+    };
+    for patch in flow.patches() {
+        let Some(n) = patch.index.filter(|_| !structures.is_empty()) else {
+            continue;
+        };
+        if !patch.condition.model().passes_water() {
+            continue;
+        }
+        let axis = patch.face.axis();
+        let across: Vec<usize> = (0..grid.dimension).filter(|&a| a != axis).collect();
+        let count: usize = across.iter().map(|&a| patch.cells(a)).product();
+        let layer = if patch.face.is_max() {
+            grid.cells[axis] - 1
+        } else {
+            0
+        };
+        let closed = (0..count).all(|mut k| {
+            let mut cell = [0; 3];
+            cell[axis] = layer;
+            for &a in &across {
+                let cells = patch.cells(a);
+                cell[a] = patch.from[a] + k % cells;
+                k /= cells;
+            }
+            solid(grid.centre(cell))
+        });
+        if closed && count > 0 {
+            findings.error(
+                &format!("fluid.lattice_boltzmann.boundaries[{n}]"),
+                format!("structures cover all of `{}`: no water passes", patch.name),
+                "move the opening or the structure",
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use base::error::Problem;
+    use case::Document;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    fn findings(case: &Value, folder: &Path) -> Vec<Problem> {
+        let read = Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare);
+        read.map_or_else(|problems| problems, |plan| plan.warnings)
+    }
+
+    /// Water with a ball of this radius \[cells\] at a place \[cells\].
+    fn is_lost(centre: [f64; 3], radius: f64) -> bool {
+        let case = json!({
+            "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
+                "body_force": {"constant": [1, 0, 0]}}},
+            "structures": [{"name": "ball", "shape": {"sphere": {
+                "centre": centre.map(|x| 1e-3 * x), "radius": 1e-3 * radius}}}],
+            "time": {"end": 0.01}
+        });
+        let found = findings(&case, Path::new("."));
+        found
+            .iter()
+            .any(|p| p.path == "structures[0].shape" && p.reason.contains("covers none"))
+    }
+
+    #[test]
+    fn a_solid_that_covers_nothing_is_reported() {
+        // Between all centres and links, on a centre, tiny and larger on a link, and as wide as a cell.
+        assert!(is_lost([10.3, 10.0, 10.2], 0.01));
+        assert!(!is_lost([10.5, 10.5, 10.5], 0.01));
+        assert!(is_lost([11.0, 10.5, 10.5], 0.01));
+        assert!(!is_lost([11.0, 10.5, 10.5], 0.06));
+        assert!(!is_lost([10.3, 10.0, 10.2], 0.6));
+    }
+
+    /// A drawing in millimetres is refused wherever a surface is read: as a structure, a wall, a block and a body.
+    #[test]
+    fn the_unit_of_every_surface_is_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        let corner = |k: usize| [0, 1, 2].map(|a| if k >> a & 1 == 0 { 20.0 } else { 60.0 });
+        let faces = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        let mut text = "solid cube\n".to_owned();
+        for [a, b, c, d] in faces {
+            for t in [[a, b, c], [a, c, d]] {
+                text += "facet normal 0 0 0\nouter loop\n";
+                for [x, y, z] in t.map(corner) {
+                    text += &format!("vertex {x} {y} {z}\n");
+                }
+                text += "endloop\nendfacet\n";
+            }
+        }
+        text += "endsolid\n";
+        std::fs::write(folder.path().join("cube.stl"), text).unwrap();
+        let mesh = |scale: f64| json!({"path": "cube.stl", "scale": scale});
+        let case = |parts: Value| {
+            let mut case = json!({
+                "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005},
+                "materials": {"rock": {"density": 2600}},
+                "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}},
+                "bodies": [{"name": "ball", "material": "rock", "shape": {"sphere": {"radius": 0.005}},
+                    "position": [0.01, 0.01, 0.01], "motion": {"free": {}}}],
+                "time": {"end": 1e-3}
+            });
+            for (key, part) in parts.as_object().unwrap() {
+                case[key] = part.clone();
+            }
+            findings(&case, folder.path())
+        };
+        let uses = |scale: f64| {
+            let mesh = mesh(scale);
+            [
+                json!({"structures": [{"name": "s", "shape": {"surface": {"mesh": mesh}}}]}),
+                json!({"walls": [{"name": "w", "material": "rock", "shape": {"mesh": mesh}}]}),
+                json!({"blocks": {"material": "rock", "initial": {"list": [{"shape": {"mesh": mesh}}]}}}),
+                json!({"bodies": [{"name": "b", "material": "rock", "shape": {"mesh": mesh},
+                    "position": [0.04, 0.04, 0.04], "motion": {"free": {}}}]}),
+            ]
+        };
+        for parts in uses(1.0) {
+            let found = case(parts.clone());
+            let errors: Vec<&Problem> = found
+                .iter()
+                .filter(|p| p.path.ends_with("mesh.scale"))
+                .collect();
+            assert_eq!(errors.len(), 1, "{parts}: {found:?}");
+            assert!(
+                errors[0].reason.contains("400 times the domain"),
+                "{}",
+                errors[0]
+            );
+        }
+        for parts in uses(1e-3) {
+            let found = case(parts.clone());
+            assert!(
+                found.iter().all(|p| !p.path.contains("mesh")),
+                "{parts}: {found:?}"
+            );
+        }
+    }
+}

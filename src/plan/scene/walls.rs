@@ -1,0 +1,463 @@
+//! The walls of a scene: planes and surfaces, and the faces of the domain.
+
+mod in_water;
+
+pub(crate) use in_water::walls_in_water;
+
+use super::auto::features::grain_diameters;
+use super::block::Block;
+use super::findings::{Findings, number};
+use super::grid::Grid;
+use super::structures::Structure;
+use super::{material, stl, unique, usual_material};
+use base::error::Remedy;
+use case::Case;
+use case::geometry::Face;
+use case::grains::GrainSource;
+use case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
+use dem::Surface;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::sync::Arc;
+use structure::surface::judge_unit;
+
+/// A plane or surface that grains touch.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Wall {
+    /// Name in tables.
+    pub name: String,
+    /// A point of the plane \[m\].
+    pub point: [f64; 3],
+    /// Unit normal of the plane towards the grains.
+    pub normal: [f64; 3],
+    /// The facets, if it is not a plane.
+    #[serde(skip)]
+    pub surface: Option<Arc<Surface>>,
+    /// Velocity [m/s].
+    pub velocity: [f64; 3],
+    /// Index of its material.
+    pub material: usize,
+    /// Whether it is gone as the run begins.
+    pub temporary: bool,
+    /// Time from which it exists \[s\]; none where it does from the start.
+    pub from: Option<f64>,
+    /// Time until which it exists \[s\]; none where it does to the end.
+    pub until: Option<f64>,
+    /// The face of the domain it lies on, if it is a box wall.
+    pub face: Option<Face>,
+    /// The structure whose surface it is, by its index in [`super::Scene::structures`].
+    pub structure: Option<usize>,
+}
+
+impl Wall {
+    /// Whether it comes or goes during the run.
+    #[must_use]
+    pub fn is_timed(&self) -> bool {
+        self.from.is_some() || self.until.is_some()
+    }
+
+    /// Whether it exists at a time of the run \[s\].
+    #[must_use]
+    pub fn exists(&self, time: f64) -> bool {
+        !self.temporary
+            && self.from.is_none_or(|from| time >= from)
+            && self.until.is_none_or(|until| time < until)
+    }
+}
+
+/// Grains that nothing stops where they fall.
+fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
+    let Some(gravity) = case.gravity.as_ref().map(case::geometry::Vector::to_array) else {
+        return;
+    };
+    let Some(down) =
+        (0..grid.dimension).max_by(|&a, &b| gravity[a].abs().total_cmp(&gravity[b].abs()))
+    else {
+        return;
+    };
+    let face = Face::ALL[2 * down + usize::from(gravity[down] > 0.0)];
+    let pulled = gravity[down].abs() > 0.0 && !grid.periodic[down];
+    let nothing =
+        no_walls && case.bodies.is_empty() && case.blocks.is_none() && case.regions.is_empty();
+    if case.grains.is_some() && pulled && nothing && !case.box_walls.contains(&face) {
+        let mut with = case.box_walls.clone();
+        with.push(face);
+        findings.warn(
+            "box_walls",
+            format!(
+                "gravity pulls the grains through {}, where nothing stops them",
+                face.name()
+            ),
+            Remedy::from(format!(
+                "add \"{}\" to `box_walls`, or a wall or structure below them",
+                face.name()
+            ))
+            .set("box_walls", serde_json::json!(with)),
+        );
+    }
+}
+
+/// Returns the walls of a case: those written, those of the structures, then those on faces of the domain.
+pub(crate) fn walls(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    solids: &[Structure],
+    findings: &mut Findings,
+) -> Vec<Wall> {
+    let mut walls = Vec::new();
+    let mut known = Vec::new();
+    for (n, wall) in case.walls.iter().enumerate() {
+        let path = format!("walls[{n}]");
+        unique(&mut known, &wall.name, &format!("{path}.name"), findings);
+        walls.push(written_wall(case, grid, names, wall, &path, findings));
+    }
+    walls.extend(in_water::of_structures(case, grid, solids, findings));
+    no_floor(case, grid, walls.is_empty(), findings);
+    let mut taken = [false; 6];
+    for (n, face) in case.box_walls.iter().enumerate() {
+        let twice = std::mem::replace(&mut taken[face.index()], true);
+        check_face(grid, *face, twice, &format!("box_walls[{n}]"), findings);
+        let material = box_material(case, names, n == 0, findings);
+        let mut point = [0.0; 3];
+        if face.is_max() {
+            point[face.axis()] = grid.size[face.axis()];
+        }
+        walls.push(Wall {
+            name: face.name().into(),
+            point,
+            normal: face.inward(),
+            surface: None,
+            velocity: [0.0; 3],
+            material: material.unwrap_or(0),
+            temporary: false,
+            from: None,
+            until: None,
+            face: Some(*face),
+            structure: None,
+        });
+    }
+    walls
+}
+
+/// Resolves a wall of the case.
+fn written_wall(
+    case: &Case,
+    grid: &Grid,
+    names: &[String],
+    wall: &WrittenWall,
+    path: &str,
+    findings: &mut Findings,
+) -> Wall {
+    let shape = format!("{path}.shape");
+    let mut plane = Plane::default();
+    let mut surface = None;
+    match &wall.shape {
+        WallShape::Plane(written) => {
+            plane = Plane::resolve(grid, written, &format!("{shape}.plane"), findings);
+        }
+        facetted => surface = facets(case, grid, facetted, &shape, findings),
+    }
+    let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
+        Block::vector(grid, v, &format!("{path}.velocity"), findings)
+    });
+    let index = material(names, &wall.material, &format!("{path}.material"), findings);
+    let temporary = wall.during == WallStage::Preparation;
+    if temporary {
+        has_a_preparation(case, path, findings);
+    }
+    check_times(case, wall, path, findings);
+    Wall {
+        name: wall.name.clone(),
+        point: plane.point,
+        normal: plane.normal,
+        surface: surface.map(Arc::new),
+        velocity,
+        material: index.unwrap_or(0),
+        temporary,
+        from: wall.from,
+        until: wall.until,
+        face: None,
+        structure: None,
+    }
+}
+
+/// A plane with a unit normal.
+#[derive(Default)]
+struct Plane {
+    point: [f64; 3],
+    normal: [f64; 3],
+}
+
+impl Plane {
+    /// Resolves a plane, and refuses one without a direction or across a periodic axis.
+    fn resolve(grid: &Grid, written: &WrittenPlane, path: &str, findings: &mut Findings) -> Self {
+        let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+        let path = format!("{path}.normal");
+        let normal = Block::vector(grid, &written.normal, &path, findings);
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            findings.error(
+                &path,
+                "a normal needs a direction",
+                "write for example [0, 1]",
+            );
+        }
+        let normal = normal.map(|n| n / length);
+        if let Some(axis) = across_periodic(grid, normal) {
+            let reason = format!(
+                "the wall lies across {axis}, along which the domain repeats: there would be grains on both sides of it"
+            );
+            let remedy = format!(
+                "use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+            );
+            findings.error(&path, reason, remedy);
+        }
+        Self { point, normal }
+    }
+}
+
+/// Refuses a wall on a face that does not exist, is periodic, or has one already.
+fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut Findings) {
+    if face.axis() >= grid.dimension {
+        findings.error(path, "there is no such face in a 2-D problem", "remove it");
+    } else if grid.periodic[face.axis()] {
+        findings.error(
+            path,
+            "the domain is periodic there: a wall contradicts this",
+            "remove it",
+        );
+    } else if twice {
+        findings.error(path, "this face is named twice", "remove one of them");
+    }
+}
+
+/// Returns the index of the material of walls on faces; a missing one is told at the first wall only.
+fn box_material(
+    case: &Case,
+    names: &[String],
+    first: bool,
+    findings: &mut Findings,
+) -> Option<usize> {
+    let path = "box_wall_material";
+    if let Some(name) = &case.box_wall_material {
+        return material(names, name, path, findings);
+    }
+    let usual = usual_material(case);
+    if usual.is_none() && first {
+        findings.error(
+            path,
+            "the walls need a material: there are no grains, blocks or bodies to take it from",
+            match names.first() {
+                Some(first) => Remedy::from(format!("add `{path}`, for example `{first}`"))
+                    .set(path, first.as_str()),
+                None => format!("add `{path}`, and the material").into(),
+            },
+        );
+    }
+    names.iter().position(|known| Some(known.as_str()) == usual)
+}
+
+/// The periodic axis along which a unit normal points, at least in part.
+fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
+    (0..grid.dimension)
+        .find(|&a| grid.periodic[a] && normal[a].abs() > 0.0)
+        .map(|a| ["x", "y", "z"][a])
+}
+
+/// The periods of the domain \[m\], 0 along axes that are not periodic.
+fn periods(grid: &Grid) -> [f64; 3] {
+    std::array::from_fn(|a| {
+        if a < grid.dimension && grid.periodic[a] {
+            grid.size[a]
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Grains that are too large for facets in a domain that repeats so soon.
+fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) {
+    let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
+    let reach = surface.longest_reach();
+    if largest >= reach {
+        findings.error(
+            path,
+            format!(
+                "grains with a radius of {} m cannot meet facets in a domain that repeats every {} m",
+                number(largest),
+                number(2.0 * reach)
+            ),
+            "use a period of more than the largest diameter and a neighbour skin, planes, or no periodic axis",
+        );
+        findings.depends(&["grains", "regions"]);
+    }
+}
+
+/// The times at which a wall comes and goes.
+fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
+    let stated = [("from", wall.from), ("until", wall.until)];
+    let end = case.time.end;
+    for (field, time) in stated {
+        let Some(time) = time else {
+            continue;
+        };
+        let path = format!("{path}.{field}");
+        if wall.during == WallStage::Preparation {
+            findings.error(
+                &path,
+                "a wall of the preparation is gone as the run begins",
+                Remedy::take_out("remove it, or `during`", &path),
+            );
+        } else if time >= end {
+            let what = if field == "from" { "comes" } else { "goes" };
+            findings.warn(
+                &path,
+                format!(
+                    "the wall `{}` {what} at {} s, and the run ends at {} s",
+                    wall.name,
+                    number(time),
+                    number(end)
+                ),
+                "use a time before the end of the run",
+            );
+        }
+    }
+    if let (Some(from), Some(until)) = (wall.from, wall.until)
+        && from >= until
+    {
+        findings.error(
+            &format!("{path}.until"),
+            format!(
+                "the wall would go at {} s and come at {} s",
+                number(until),
+                number(from)
+            ),
+            "make `until` larger than `from`",
+        );
+    }
+}
+
+/// A wall of the preparation needs one in which grains move: a deposition, or the rest of bonded grains. A sample from a file may have
+/// been held by such a wall when it was made: there it is only said.
+fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
+    let source = case.grains.as_ref().map(|grains| &grains.initial);
+    let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);
+    let (what, held_before) = match source {
+        Some(GrainSource::Deposition(_)) => return,
+        Some(_) if bonded => return,
+        Some(GrainSource::List(_)) => ("listed grains start where they are", false),
+        Some(GrainSource::File { .. }) => ("grains from a file start where they are", true),
+        Some(GrainSource::Growth(_)) => ("growing grains meet the faces of their box only", false),
+        None => ("there are no grains in this case", false),
+    };
+    let at = format!("{path}.during");
+    let reason = format!(
+        "this wall never stands: {what}, nothing else is prepared, and the wall is gone as the run begins"
+    );
+    let keep = "write always to keep the wall during the run";
+    let remedy = if held_before {
+        Remedy::from(format!("{keep}, or take the wall out"))
+    } else {
+        Remedy::from(format!("{keep}, or use a deposition or bond_at_start"))
+    }
+    .set(&*at, "always");
+    if held_before {
+        findings.warn(&at, reason, remedy);
+    } else {
+        findings.error(&at, reason, remedy);
+    }
+}
+
+/// The facets of a wall that is not a plane, or findings.
+fn facets(
+    case: &Case,
+    grid: &Grid,
+    shape: &WallShape,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Surface> {
+    if grid.dimension == 2 {
+        findings.error(
+            path,
+            "in 2-D a wall is a plane",
+            "write {\"plane\": {\"point\": .., \"normal\": ..}}",
+        );
+        return None;
+    }
+    let (path, made, remedy) = match shape {
+        WallShape::Plane(_) => return None,
+        WallShape::Polygon(corners) => {
+            let path = format!("{path}.polygon");
+            let vertices: Vec<Vector3<f64>> = corners
+                .iter()
+                .enumerate()
+                .map(|(n, at)| Block::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+                .collect();
+            let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
+            let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
+            (
+                path,
+                made,
+                "give the corners of a plane convex polygon in order",
+            )
+        }
+        WallShape::Box(extent) => {
+            let path = format!("{path}.box");
+            let from = Block::vector(grid, &extent.from, &format!("{path}.from"), findings);
+            let to = Block::vector(grid, &extent.to, &format!("{path}.to"), findings);
+            let made = if (0..3).all(|a| from[a] < to[a]) {
+                Surface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+            } else {
+                Err("the box has no volume".into())
+            };
+            (
+                path,
+                made,
+                "give the corners with the smallest and the largest coordinates",
+            )
+        }
+        WallShape::Mesh(mesh) => {
+            let path = format!("{path}.mesh");
+            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
+                Block::vector(grid, at, &format!("{path}.origin"), findings)
+            });
+            let file = case.directory.join(&mesh.path);
+            let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
+                .map_err(|e| e.to_string())
+                .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
+                .map_err(|e| format!("{}: {e}", mesh.path.display()));
+            (
+                format!("{path}.path"),
+                made,
+                "correct the path (relative to the case) or the file",
+            )
+        }
+    };
+    // Images of a surface in another unit would be without end.
+    let unit = match (shape, &made) {
+        (WallShape::Mesh(mesh), Ok(surface)) => {
+            let corners = (0..surface.len()).flat_map(|facet| surface.corners(facet));
+            let wall = path.trim_end_matches(".mesh.path");
+            judge_unit(mesh, &stl::extent(corners), &grid.size, wall, findings)
+        }
+        _ => true,
+    };
+    if !unit {
+        return None;
+    }
+    let made = made.and_then(|surface| {
+        let repeated = surface.repeated([0.0; 3], periods(grid));
+        repeated.map_err(|e| e.to_string())
+    });
+    match made {
+        Ok(surface) => {
+            reaches(case, &surface, &path, findings);
+            Some(surface)
+        }
+        Err(reason) => {
+            findings.error(&path, reason, remedy);
+            None
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! The walls that grains meet at structures, and the walls that the water does not meet.
+
+use super::{Wall, across_periodic, periods, reaches};
+use crate::scene::auto::features::grain_diameters;
+use crate::scene::findings::Findings;
+use crate::scene::grid::Grid;
+use crate::scene::structures::Structure;
+use base::error::Remedy;
+use base::number::real;
+use case::Case;
+use case::darcy::Enclosure;
+use case::fluid::Fluid;
+use case::structures::Stops;
+use dem::Surface;
+use dem::polyhedron::Solid;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
+const SAGITTA: f64 = 0.01;
+
+/// What grains meet at the structures.
+pub(super) fn of_structures(
+    case: &Case,
+    grid: &Grid,
+    structures: &[Structure],
+    findings: &mut Findings,
+) -> Vec<Wall> {
+    let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    if !moving {
+        return Vec::new();
+    }
+    let extent = grid.size[..grid.dimension]
+        .iter()
+        .copied()
+        .fold(0.0, f64::max);
+    let smallest = grain_diameters(case).map_or(0.01 * extent, |(low, _)| low);
+    let mut walls = Vec::new();
+    for (n, structure) in structures.iter().enumerate() {
+        let Some(material) = structure.material.filter(|_| structure.stops.grains()) else {
+            continue;
+        };
+        let mut wall = Wall {
+            name: structure.name.clone(),
+            point: [0.0; 3],
+            normal: [0.0; 3],
+            surface: None,
+            velocity: [0.0; 3],
+            material,
+            temporary: false,
+            from: None,
+            until: None,
+            face: None,
+            structure: Some(n),
+        };
+        if let Some((point, normal)) = structure.solid.solid().plane() {
+            if let Some(axis) = across_periodic(grid, normal) {
+                let path = format!("structures[{n}].stops");
+                let reason = format!(
+                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                );
+                let text = format!(
+                    "write water, so that only the water meets it, use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                );
+                let remedy = if structure.stops == Stops::Grains {
+                    Remedy::from(text)
+                } else {
+                    Remedy::from(text).set(&*path, "water")
+                };
+                findings.error(&path, reason, remedy);
+                continue;
+            }
+            (wall.point, wall.normal) = (point, normal);
+            walls.push(wall);
+            continue;
+        }
+        if let Some(axis) = structure
+            .solid
+            .may_overlap()
+            .filter(|_| case.blocks.is_some())
+        {
+            findings.warn(
+                &format!("structures[{n}].shape"),
+                format!(
+                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own image, blocks meet both surfaces, and the contact is twice as stiff",
+                    ["x", "y", "z"][axis]
+                ),
+                "end it at the length of the domain",
+            );
+        }
+        // In 2-D the facets are strips across the plane.
+        let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
+        let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
+        let made = Surface::new(vertices.collect(), &facets.faces)
+            .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
+        match made {
+            Ok(surface) => wall.surface = Some(Arc::new(surface)),
+            Err(error) => findings.error(
+                &format!("structures[{n}].shape"),
+                error.to_string(),
+                "correct the shape",
+            ),
+        }
+        if let Some(surface) = &wall.surface {
+            let path = format!("structures[{n}]");
+            reaches(case, surface, &path, findings);
+            walls.push(wall);
+        }
+    }
+    walls
+}
+
+/// A layer of water up to this many cells deep behind a wall is a joint under blocks.
+const JOINT: f64 = 3.0;
+/// Points along an axis at which it is looked for water behind a wall.
+const LOOKS: usize = 10;
+
+/// A half-space `normal . x <= offset` that the water fills, or a part of it \[m\].
+type Bound = ([f64; 3], f64);
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The faces that bound the water of a case.
+fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
+    let (mut low, mut high) = ([0.0; 3], grid.size);
+    let mut all = Vec::new();
+    if let Some(Fluid::Darcy(darcy)) = &case.fluid {
+        if let Some(own) = &darcy.grid {
+            (low, high) = (own.from.to_array(), own.to.to_array());
+        }
+        if let Enclosure::Planes(planes) = &darcy.enclosure {
+            for plane in planes {
+                let normal = plane.normal.to_array();
+                let length = dot(normal, normal).sqrt();
+                let outward = normal.map(|x| -x / length);
+                all.push((outward, dot(outward, plane.point.to_array())));
+            }
+        }
+    }
+    for a in 0..grid.dimension {
+        let mut up = [0.0; 3];
+        up[a] = 1.0;
+        all.push((up, high[a]));
+        all.push((up.map(|x: f64| -x), -low[a]));
+    }
+    all
+}
+
+/// Where water is present, walls are for grains only. Those with water on both sides are named.
+pub(crate) fn walls_in_water(
+    case: &Case,
+    grid: &Grid,
+    walls: &[Wall],
+    (structures, fixed): (&[Structure], &[&Solid]),
+    findings: &mut Findings,
+) {
+    if case.fluid.is_none() {
+        return;
+    }
+    let bounds = bounds(case, grid);
+    let near = 1e-6
+        * grid.size[..grid.dimension]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max);
+    // A surface that lies in a face of the water, or beyond it, bounds the water.
+    let outside = |surface: &Surface| {
+        bounds.iter().any(|(normal, offset)| {
+            (0..surface.len())
+                .flat_map(|facet| surface.corners(facet))
+                .all(|at| dot(*normal, at.into()) > offset - near)
+        })
+    };
+    let half_spaces: Vec<_> = fixed.iter().map(|solid| solid.half_spaces()).collect();
+    let solid = |at: [f64; 3]| {
+        let wet = structures.iter().filter(|s| s.stops.water());
+        wet.into_iter().any(|s| s.solid.distance(at) < 0.0)
+            || half_spaces.iter().any(|block| {
+                (block.iter()).all(|face| face.normal.dot(&Vector3::from(at)) <= face.offset)
+            })
+    };
+    let deep = JOINT * grid.spacing;
+    let behind = |wall: &Wall| {
+        let by = |a: usize| if a < grid.dimension { LOOKS } else { 1 };
+        (0..by(0) * by(1) * by(2)).any(|n| {
+            let place = [n % LOOKS, n / LOOKS % LOOKS, n / (LOOKS * LOOKS)];
+            let at: [f64; 3] = std::array::from_fn(|a| {
+                if a < grid.dimension {
+                    grid.size[a] * (real(place[a]) + 0.5) / real(LOOKS)
+                } else {
+                    0.0
+                }
+            });
+            let height = dot(wall.normal, at) - dot(wall.normal, wall.point);
+            let wet = bounds
+                .iter()
+                .all(|(normal, offset)| dot(*normal, at) < *offset);
+            height < -deep && wet && !solid(at)
+        })
+    };
+    for (n, written) in case.walls.iter().enumerate() {
+        let resolved = walls.iter().find(|wall| wall.name == written.name);
+        let in_water = |wall: &&Wall| {
+            !wall.temporary
+                && wall.structure.is_none()
+                && match &wall.surface {
+                    Some(surface) => !outside(surface),
+                    None => behind(wall),
+                }
+        };
+        let Some(wall) = resolved.filter(in_water) else {
+            continue;
+        };
+        findings.warn(
+            &format!("walls[{n}]"),
+            format!(
+                "the wall `{}` is for grains only: water passes through it",
+                wall.name
+            ),
+            "use `structures` for a solid that water meets too",
+        );
+    }
+}

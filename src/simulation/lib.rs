@@ -1,0 +1,367 @@
+//! The state of a run; steps and runs.
+//!
+//! One step is one fluid step and the solid steps within it. [`Simulation::step`] is the algorithm.
+//!
+//! | file | content |
+//! |---|---|
+//! | `run` | launch of runs; `run/start` the state before the first step, `run/runner` the loop, `run/summary` |
+//! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; fluid with its coupling |
+//! | `preparation` | the sample of grains, its reports and checkpoints |
+//! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
+//! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
+//! | `schedule` | the events that are due after a step |
+//! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
+//! | `erosion`, `collapse` | records of erosion and of ground collapse |
+//! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
+//! | `means`, `settled` | means over time of probes; how far probes are from settled |
+//! | `blocks`, `energy`, `versions` | parts of `summary.json` |
+//! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
+//! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of phases |
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+mod affinity;
+pub mod agreement;
+mod balance;
+pub mod blocks;
+pub mod calibration;
+pub mod collapse;
+pub mod coupled;
+pub mod energy;
+pub mod erosion;
+mod escape;
+pub mod folder;
+mod gates;
+pub mod guards;
+mod means;
+pub mod phases;
+pub mod preparation;
+pub mod progress;
+mod recorders;
+pub mod removal;
+mod resume;
+pub mod run;
+mod schedule;
+mod settled;
+pub mod setup;
+mod table;
+pub mod versions;
+pub mod watch;
+
+use base::error::Error;
+use collapse::CollapseRecorder;
+use coupling::lattice::LatticeFlow;
+use coupling::seepage::Seepage;
+use coupling::water::Water;
+use coupling::{Flow, FluidView};
+use decomposition::Domain;
+use dem::Dem;
+use dem::particles::Particles;
+use dem::space::Space;
+use erosion::ErosionRecorder;
+use gates::Gates;
+use guards::Guards;
+use output::Outputs;
+use output::averages::Averages;
+use output::checkpoint::{Saved, State};
+pub use output::view;
+use phases::{Phase, Phases};
+use plan::Plan;
+use removal::{Departed, Removal};
+use schedule::Schedule;
+use view::View;
+
+/// What is simulated, as it is now.
+struct Present<Sp: Space, S: Saved> {
+    plan: Plan,
+    domain: Domain,
+    flow: Option<Water<Sp, S>>,
+    dem: Option<Dem<Sp>>,
+    particles: Particles<Sp>,
+    /// Sums over time, if requested.
+    averages: Option<Averages>,
+    /// Fluid steps done.
+    step: u64,
+}
+
+impl<Sp: Space, S: Saved> Present<Sp, S> {
+    fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
+        self.flow.as_ref().and_then(Water::lattice)
+    }
+
+    fn seepage(&self) -> Option<&Seepage<Sp>> {
+        self.flow.as_ref().and_then(Water::seepage)
+    }
+
+    /// Physical time [s].
+    fn time(&self) -> f64 {
+        base::number::real(self.step) * self.plan.clock.time_step
+    }
+
+    fn view(&self) -> View<'_, Sp> {
+        View {
+            plan: &self.plan,
+            domain: &self.domain,
+            fluid: self.lattice().map(|flow| flow as &dyn FluidView),
+            seepage: self.seepage(),
+            averages: self.averages.as_ref(),
+            particles: &self.particles,
+            dem: self.dem.as_ref(),
+            step: self.step,
+            time: self.time(),
+        }
+    }
+
+    fn state(&self) -> State<'_, Sp, S> {
+        State {
+            fluid: self.lattice().map(LatticeFlow::fluid),
+            averages: self.averages.as_ref(),
+            seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
+            particles: &self.particles,
+            dem: self.dem.as_ref(),
+            earlier: None,
+        }
+    }
+}
+
+/// A run in progress: the simulated state and its recorders.
+pub struct Simulation<Sp: Space, S: Saved> {
+    now: Present<Sp, S>,
+    removal: Removal,
+    gates: Gates,
+    recorder: ErosionRecorder,
+    collapse: CollapseRecorder,
+    outputs: Outputs,
+    guards: Guards,
+    phases: Phases,
+}
+
+impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+    /// The present state.
+    #[must_use]
+    pub fn view(&self) -> View<'_, Sp> {
+        self.now.view()
+    }
+
+    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective for
+    /// numerical errors, which all ranks know; others may be of one rank alone.
+    fn cause_of(&mut self, error: Error, steps: u64) -> Error {
+        let now = &self.now;
+        if !matches!(error, Error::Numerical(_)) {
+            return guards::of_solids(error, &now.plan);
+        }
+        let state = (now.lattice(), &now.particles);
+        match self
+            .guards
+            .failed_water((now.step + steps, &error), state, &now.plan, &now.domain)
+        {
+            Some(water) => water,
+            None => guards::of_solids(error, &now.plan),
+        }
+    }
+
+    /// Advances by one step, or by several of the fluid alone where no event lies between them. Collective.
+    ///
+    /// # Errors
+    /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
+    pub fn step(&mut self) -> Result<(), Error> {
+        let due = Schedule::of(self);
+        self.advance_water(due)?;
+        self.advance_solids(due)?;
+        self.now.step += due.steps;
+        let removed = self.change_solids(due)?;
+        let now = &mut self.now;
+        if let Some(flow) = &mut now.flow {
+            flow.update_bodies(&mut now.particles, &now.domain)?;
+        }
+        self.phases.done(Phase::Mapping);
+        self.record(&removed)?;
+        if due.output {
+            self.outputs.write_due(&self.now.view())?;
+        }
+        self.phases.done(Phase::Output);
+        self.check()
+    }
+
+    /// Advances the water, and balances its mass and momentum where that is due: before the solids move, because their
+    /// positions in this step define the forces. Collective.
+    fn advance_water(&mut self, due: Schedule) -> Result<(), Error> {
+        let now = &mut self.now;
+        if let Some(flow) = &mut now.flow
+            && due.balance
+        {
+            flow.fetch()?;
+        }
+        self.guards.before(now.step, now.lattice(), &now.domain);
+        if let Some(flow) = &mut now.flow {
+            if due.steps > 1 {
+                flow.advance_many(due.steps)?;
+            } else {
+                flow.advance(&mut now.particles, &now.domain)?;
+            }
+            if due.populations {
+                flow.fetch()?;
+            }
+        }
+        self.phases.done(Phase::Fluid);
+        self.guards.after(now.lattice(), &now.domain);
+        self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    fn advance_solids(&mut self, due: Schedule) -> Result<(), Error> {
+        let now = &mut self.now;
+        if let Some(dem) = &mut now.dem {
+            let each = u64::from(now.plan.clock.solid_steps_per_step);
+            let moved = dem.advance_many(&mut now.particles, &now.domain, each);
+            if let Err(error) = moved {
+                return Err(self.cause_of(error, due.steps));
+            }
+        }
+        self.phases.done(Phase::Grains);
+        Ok(())
+    }
+
+    /// Moves the gates, removes and generates grains, and returns those removed. Collective.
+    fn change_solids(&mut self, due: Schedule) -> Result<Vec<Departed>, Error> {
+        let now = &mut self.now;
+        let time = now.time();
+        let mut changed = false;
+        if let Some(dem) = &mut now.dem {
+            let when = (now.step, &now.plan);
+            changed = self.gates.act(when, dem, &mut now.particles, &now.domain)?;
+        }
+        let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
+        let removed = (self.removal).leaving(particles, plan, domain, now.step, time)?;
+        let appeared = self.removal.appearing(particles, plan, domain, time)?;
+        changed |= !removed.is_empty() || appeared > 0;
+        if let Some(dem) = &mut now.dem {
+            // Known to all ranks without a message.
+            if changed {
+                dem.prepare(particles, domain)?;
+            }
+            if changed || due.ghosts {
+                particles.refresh_ghosts(domain)?;
+            }
+        }
+        self.phases.done(Phase::Removal);
+        Ok(removed)
+    }
+
+    /// Adds the state to the averages and the rows that are due to the records. Collective.
+    fn record(&mut self, removed: &[Departed]) -> Result<(), Error> {
+        let now = &mut self.now;
+        let flow = now.flow.as_ref().and_then(Water::lattice);
+        if let (Some(averages), Some(flow)) = (&mut now.averages, flow) {
+            averages.sample(now.step, flow);
+        }
+        let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
+        let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
+        let view = now.view();
+        (self.recorder).record_due(&view, removed, breaks, mass_error)?;
+        if self.guards.looks_at(view.step) {
+            // The checks may end the run.
+            self.recorder.flush(view.domain)?;
+        }
+        self.guards.also_seen(self.recorder.take_speed());
+        self.collapse.record_due(&view, removed)?;
+        self.phases.done(Phase::Analysis);
+        Ok(())
+    }
+
+    /// Checks the state where a check is due. Collective.
+    fn check(&mut self) -> Result<(), Error> {
+        let now = &self.now;
+        let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
+        self.guards
+            .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
+        if self.guards.take_unfetched() {
+            self.look()?;
+        }
+        self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    /// Brings the state of the water back from where it is computed. Collective.
+    ///
+    /// # Errors
+    /// When a GPU fails.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.now.flow.as_mut().map_or(Ok(()), Water::fetch)
+    }
+
+    /// Looks at the state as it is, unless the guards have done so. Collective.
+    ///
+    /// # Errors
+    /// When the numbers fail.
+    fn look(&mut self) -> Result<(), Error> {
+        self.fetch()?;
+        let now = &self.now;
+        let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
+        self.guards
+            .finish(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
+        self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    /// Writes what the tables lack of a run that failed, where no other rank has to take part.
+    ///
+    /// # Errors
+    /// When a table cannot be written.
+    fn record_failure(&mut self) -> Result<(), Error> {
+        if self.now.domain.communicator().size() > 1 {
+            return Ok(());
+        }
+        let breaks = self
+            .now
+            .dem
+            .as_mut()
+            .map(Dem::take_breaks)
+            .unwrap_or_default();
+        let view = self.now.view();
+        self.recorder.note_breaks(&view, breaks);
+        self.recorder.flush(view.domain)
+    }
+
+    /// The last rows and outputs: the state at the end of the run, where it was not written at this step. Collective.
+    ///
+    /// # Errors
+    /// When a file cannot be written; the same on all ranks.
+    fn record_end(&mut self) -> Result<(), Error> {
+        let now = &mut self.now;
+        if now.dem.is_some() {
+            now.particles.refresh_ghosts(&now.domain)?;
+        }
+        let view = self.now.view();
+        self.outputs.write_all_now(&view)?;
+        let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
+        self.recorder.record_end(&view, mass_error)?;
+        self.collapse.record_end(&view)
+    }
+
+    /// Drops what was written at the present step because a run ended there. Call it where a resumed run
+    /// goes on. Collective.
+    ///
+    /// # Errors
+    /// When a file cannot be written; the same on all ranks.
+    fn drop_end(&mut self) -> Result<(), Error> {
+        let (step, domain) = (self.now.step, &self.now.domain);
+        self.outputs.drop_end(step, domain)?;
+        self.recorder.drop_end(step, domain)?;
+        self.collapse.drop_end(step, domain)
+    }
+}

@@ -1,0 +1,468 @@
+//! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
+//!
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
+//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the
+//! first half has eroded as well. Loose
+//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the
+//! difference of head between the inlet and the lowest outlet, over the distance of their centres. The
+//! report
+//! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
+//! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
+//!
+//! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
+
+use analysis::erosion_law::{RemovedGrain, read_rows};
+use base::error::{Error, Problem, Severity, Verdict};
+use case::Document;
+use darcy::Condition;
+use decomposition::Communicator;
+use plan::Plan;
+use plan::scene::observe::{Action, Region};
+use plan::scene::seepage::{Patch, Seepage};
+use serde::Serialize;
+use serde_json::Value;
+use simulation::agreement;
+use simulation::progress::Progress;
+use simulation::run::{self, Bounds};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Options of a search.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// The case file.
+    pub case: PathBuf,
+    /// Changes of its fields.
+    pub set: Vec<String>,
+    /// The driving boundary; none for the one with the highest head.
+    pub boundary: Option<String>,
+    /// A value that does not erode, in the unit of the boundary's condition.
+    pub from: f64,
+    /// A value that erodes.
+    pub to: f64,
+    /// Width of the final interval over its upper end.
+    pub tolerance: f64,
+    /// Smallest number of grains that leave in a run and count as erosion.
+    pub grains: u64,
+    /// Folder of the runs.
+    pub output: PathBuf,
+    /// Threads of each rank; none for the cores of the machine over its ranks.
+    pub threads: Option<usize>,
+    /// Start of the program; the search stops after the wall time and can be continued.
+    pub begun: Instant,
+    /// See above.
+    pub max_walltime: Option<Duration>,
+    /// Runs a case that is unstable.
+    pub allow_unstable: bool,
+}
+
+/// A run of the search.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// The drive, in the unit of the boundary's condition.
+    pub drive: f64,
+    /// Hydraulic gradient; none where inlet or outlet have no head.
+    pub gradient: Option<f64>,
+    /// Grains that left in the first half.
+    pub early: u64,
+    /// In the second half.
+    pub late: u64,
+    /// Mean porosity where there are grains, at the end.
+    pub porosity: f64,
+    /// Whether the run eroded.
+    pub erodes: bool,
+}
+
+/// The result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Critical {
+    /// The driving boundary.
+    pub boundary: String,
+    /// Its quantity, with unit.
+    pub quantity: String,
+    /// The highest drive that did not erode.
+    pub holds: f64,
+    /// The lowest that did.
+    pub erodes: f64,
+    /// The gradients of the two.
+    pub gradient: Option<[f64; 2]>,
+    /// `(1 - n)(G_s - 1)`.
+    pub terzaghi: f64,
+    /// All runs in their order.
+    pub trials: Vec<Trial>,
+}
+
+/// Runs the search; the first rank prints. Collective.
+///
+/// # Errors
+/// Problems of the case or the bounds, and the failure of a run.
+pub fn command(search: &Search, json: bool) -> Result<String, Error> {
+    let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
+        .map_err(|e| Error::Io(e.to_string()))?;
+    let plan = planned(&text, search, &[])?;
+    let inlet = Inlet::of(&plan, search)?;
+    let found = run::on_world(search.threads, |communicator, threads| {
+        Searching {
+            search,
+            text: &text,
+            inlet: &inlet,
+            communicator,
+            threads,
+            speaker: Progress::new(communicator.rank() == 0 && !json, 0),
+            sample: None,
+            trials: Vec::new(),
+        }
+        .find()
+    })?;
+    if json {
+        return serde_json::to_string_pretty(&found).map_err(|e| Error::Internal(e.to_string()));
+    }
+    let mut lines = vec![format!(
+        "{}: holds at {} and erodes at {} {}",
+        found.boundary, found.holds, found.erodes, found.quantity
+    )];
+    if let Some([low, high]) = found.gradient {
+        lines.push(format!("critical gradient between {low:.4} and {high:.4}"));
+    }
+    lines.push(format!("Terzaghi, upward flow: {:.4}", found.terzaghi));
+    Ok(lines.join("\n"))
+}
+
+/// The case with more changes.
+fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
+    let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
+    let directory = search.case.parent().unwrap_or(Path::new(""));
+    let plan = Document::read(text, &set, directory)
+        .and_then(Plan::prepare)
+        .map_err(Error::Case)?;
+    if Verdict::of(&plan.warnings).runs(search.allow_unstable) {
+        Ok(plan)
+    } else {
+        Err(Error::Case(plan.warnings))
+    }
+}
+
+/// What drives the water.
+struct Inlet {
+    name: String,
+    /// Path of its number in the case.
+    path: String,
+    quantity: &'static str,
+    /// Head per drive and head without drive \[m\]; none for a flux.
+    head: Option<[f64; 2]>,
+    /// Lowest head of an outlet \[m\], and the distance of its centre \[m\].
+    outlet: Option<[f64; 2]>,
+    liquid: f64,
+    solid: f64,
+}
+
+/// Returns an error of a case.
+fn refusal(path: &str, value: String, reason: &str, remedy: &str) -> Error {
+    Error::Case(vec![Problem {
+        path: path.into(),
+        value,
+        reason: reason.into(),
+        remedy: remedy.into(),
+        severity: Severity::Error,
+    }])
+}
+
+/// Hydraulic heads at the boundaries.
+struct Heads<'a> {
+    seepage: &'a Seepage,
+    gravity: [f64; 3],
+    strength: f64,
+    /// Metres of head of one pascal; without gravity the "head" is that of the earth's.
+    per_pascal: f64,
+}
+
+impl<'a> Heads<'a> {
+    fn of(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let per_volume = if strength > 0.0 { strength } else { 9.80665 };
+        Self {
+            seepage,
+            gravity,
+            strength,
+            per_pascal: 1.0 / (seepage.written.density * per_volume),
+        }
+    }
+
+    fn elevation(&self, at: [f64; 3]) -> f64 {
+        if self.strength > 0.0 {
+            -(0..3).map(|a| at[a] * self.gravity[a]).sum::<f64>() / self.strength
+        } else {
+            0.0
+        }
+    }
+
+    /// Returns the imposed head; none where another quantity is imposed.
+    fn of_patch(&self, patch: &Patch) -> Option<f64> {
+        match patch.condition {
+            Condition::Pressure { value } => {
+                let elevation = self.elevation(self.seepage.centre(patch));
+                Some(value * self.per_pascal + elevation)
+            }
+            Condition::Head { value } => Some(value),
+            _ => None,
+        }
+    }
+}
+
+/// Returns the boundary that drives the water: that of this name, or the one with the highest head.
+fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a Patch), Error> {
+    let patches = heads.seepage.patches.iter().enumerate();
+    let chosen = patches.filter(|(_, patch)| {
+        name.map_or_else(
+            || heads.of_patch(patch).is_some(),
+            |name| *name == patch.name,
+        )
+    });
+    let value = |patch| heads.of_patch(patch).unwrap_or(f64::NEG_INFINITY);
+    let chosen = chosen.max_by(|(_, a), (_, b)| value(a).total_cmp(&value(b)));
+    chosen.ok_or_else(|| {
+        refusal(
+            "--boundary",
+            name.cloned().unwrap_or_else(|| "missing".into()),
+            "there is no boundary of this name that drives the water",
+            "name one of fluid.darcy.boundaries",
+        )
+    })
+}
+
+impl Inlet {
+    fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
+        let Some(seepage) = &plan.scene.seepage else {
+            return Err(if plan.scene.flow.is_some() {
+                refusal(
+                    "fluid.lattice_boltzmann",
+                    "a flow on a lattice".into(),
+                    "this command searches the head, pressure or flux of a seepage, not the velocity of a stream",
+                    "vary the velocity with `solver sweep`, and read where grains start to move",
+                )
+            } else {
+                refusal(
+                    "fluid.darcy",
+                    "missing".into(),
+                    "a critical gradient requires seepage, and this case has no water",
+                    "add `fluid.darcy` to the case",
+                )
+            });
+        };
+        if !(search.from.is_finite() && search.to.is_finite() && search.from < search.to) {
+            return Err(Error::Usage(format!(
+                "--from {} must be below --to {}; give a value that does not erode and one that erodes",
+                search.from, search.to
+            )));
+        }
+        let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
+        if !plan.scene.regions.iter().any(removes) {
+            return Err(refusal(
+                "regions",
+                "no region that removes".into(),
+                "erosion is measured by the number of grains that leave",
+                "add a region with the action `remove` below the openings",
+            ));
+        }
+        let heads = Heads::of(plan.scene.gravity, seepage);
+        let (n, patch) = driving(&heads, search.boundary.as_ref())?;
+        let (field, quantity, own) = match patch.condition {
+            Condition::Pressure { .. } => (
+                "pressure.value",
+                "Pa",
+                Some([heads.per_pascal, heads.elevation(seepage.centre(patch))]),
+            ),
+            Condition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
+            Condition::Flux { .. } => ("flux.value", "m/s", None),
+            Condition::Rain { .. } => ("rain.rate", "m/s", None),
+            Condition::NoFlow {} => {
+                return Err(refusal(
+                    "--boundary",
+                    patch.name.clone(),
+                    "nothing flows through this boundary",
+                    "name one with a pressure, head, flux or rain",
+                ));
+            }
+        };
+        let material = plan.scene.grains.as_ref().map(|grains| grains.material);
+        let liquid = seepage.written.density;
+        Ok(Self {
+            name: patch.name.clone(),
+            path: format!("fluid.darcy.boundaries[{n}].condition.{field}"),
+            quantity,
+            head: own,
+            outlet: lowest(seepage, n, |patch| heads.of_patch(patch)),
+            liquid,
+            solid: material
+                .and_then(|material| plan.scene.materials[material].density)
+                .unwrap_or(liquid),
+        })
+    }
+
+    fn gradient(&self, drive: f64) -> Option<f64> {
+        let ([slope, rest], [outlet, distance]) = (self.head?, self.outlet?);
+        Some((slope * drive + rest - outlet) / distance)
+    }
+}
+
+/// Lowest head of another boundary, and how far its centre is from that of the inlet.
+fn lowest(
+    seepage: &Seepage,
+    inlet: usize,
+    head: impl Fn(&Patch) -> Option<f64>,
+) -> Option<[f64; 2]> {
+    let from = seepage.centre(&seepage.patches[inlet]);
+    let others = seepage
+        .patches
+        .iter()
+        .enumerate()
+        .filter(|(n, _)| *n != inlet);
+    let outlets = others.filter_map(|(_, patch)| {
+        let to = seepage.centre(patch);
+        let squared: f64 = (0..3).map(|a| (to[a] - from[a]).powi(2)).sum();
+        head(patch).map(|head| [head, squared.sqrt()])
+    });
+    outlets.min_by(|a, b| a[0].total_cmp(&b[0]))
+}
+
+struct Searching<'a> {
+    search: &'a Search,
+    text: &'a str,
+    inlet: &'a Inlet,
+    communicator: &'a Communicator,
+    threads: usize,
+    speaker: Progress,
+    /// The sample that the first run prepared.
+    sample: Option<PathBuf>,
+    trials: Vec<Trial>,
+}
+
+impl Searching<'_> {
+    fn find(mut self) -> Result<Critical, Error> {
+        let (mut low, mut high) = (self.search.from, self.search.to);
+        if self.erodes(low)? {
+            let left: u64 = self
+                .trials
+                .iter()
+                .map(|trial| trial.early + trial.late)
+                .sum();
+            return Err(Error::Usage(format!(
+                "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above \
+                 {left} if these lay loose in an opening",
+                self.inlet.name, self.inlet.quantity
+            )));
+        }
+        if !self.erodes(high)? {
+            return Err(Error::Usage(format!(
+                "{} does not erode at {high} {}; use a higher --to, or a longer run (time.end)",
+                self.inlet.name, self.inlet.quantity
+            )));
+        }
+        while high - low > self.search.tolerance * high.abs() {
+            let middle = 0.5 * (low + high);
+            if self.erodes(middle)? {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        let whole = self.trials.iter().rfind(|trial| !trial.erodes);
+        let porosity = whole.map_or(f64::NAN, |trial| trial.porosity);
+        let gradient = |drive| self.inlet.gradient(drive);
+        Ok(Critical {
+            boundary: self.inlet.name.clone(),
+            quantity: self.inlet.quantity.into(),
+            holds: low,
+            erodes: high,
+            gradient: gradient(low).zip(gradient(high)).map(|(a, b)| [a, b]),
+            terzaghi: (1.0 - porosity) * (self.inlet.solid / self.inlet.liquid - 1.0),
+            trials: self.trials,
+        })
+    }
+
+    /// Runs once. Collective.
+    fn erodes(&mut self, drive: f64) -> Result<bool, Error> {
+        let folder = self
+            .search
+            .output
+            .join(format!("run_{:02}", self.trials.len() + 1));
+        let mut more = vec![
+            format!("{}={drive:e}", self.inlet.path),
+            "output={}".to_owned(),
+            "probes=[]".to_owned(),
+            "analysis={}".to_owned(),
+        ];
+        match &self.sample {
+            Some(sample) => {
+                let path = Value::from(sample.display().to_string());
+                more.push(format!("grains.initial={{\"file\": {{\"path\": {path}}}}}"));
+                more.push("grains.save=null".to_owned());
+            }
+            None => more.push("grains.save=sample.csv".to_owned()),
+        }
+        let plan = planned(self.text, self.search, &more)?;
+        let half = plan.clock.steps / 2;
+        let bounds = Bounds {
+            folder: self.search.output.clone(),
+            begun: self.search.begun,
+            limit: self.search.max_walltime,
+        };
+        if !run::is_done(self.communicator, &plan, &folder)? {
+            run::trial(self.communicator, self.threads, plan, &folder, &bounds)?;
+        }
+        if self.sample.is_none() {
+            let sample = folder.join("sample.csv");
+            self.sample = Some(std::path::absolute(&sample).unwrap_or(sample));
+        }
+        let found = agreement::on_first(self.communicator, || read(&folder, half))?;
+        let words = [found.0, found.1, found.2.to_bits()];
+        let mut bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        self.communicator.broadcast_bytes(0, &mut bytes);
+        let (words, _) = bytes.as_chunks::<8>();
+        let [early, late, porosity] = *words else {
+            return Err(Error::Internal(
+                "a message between ranks has the wrong length".into(),
+            ));
+        };
+        let (early, late) = (u64::from_le_bytes(early), u64::from_le_bytes(late));
+        let erodes = early + late >= self.search.grains;
+        let gradient = self.inlet.gradient(drive);
+        self.speaker.note(&format!(
+            "{drive:.6e} {}{}: {early} grains left in the first half, {late} in the second: {}",
+            self.inlet.quantity,
+            gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),
+            if erodes { "erodes" } else { "holds" }
+        ));
+        self.trials.push(Trial {
+            drive,
+            gradient,
+            early,
+            late,
+            porosity: f64::from_le_bytes(porosity),
+            erodes,
+        });
+        Ok(erodes)
+    }
+}
+
+/// Grains that left up to a step and after it, and the mean porosity at the end.
+fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
+    let removed = folder.join("removed.csv");
+    let (mut early, mut late) = (0, 0);
+    if removed.exists() {
+        for grain in read_rows(&removed, |grain: &RemovedGrain| grain.id)? {
+            *(if grain.step > half {
+                &mut late
+            } else {
+                &mut early
+            }) += 1;
+        }
+    }
+    let path = folder.join("summary.json");
+    let wrong = |e: String| Error::Io(format!("{}: {e}", path.display()));
+    let text =
+        io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| Error::Io(e.to_string()))?;
+    let summary: Value = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let porosity = summary["seepage"]["mean_porosity"].as_f64();
+    Ok((early, late, porosity.unwrap_or(f64::NAN)))
+}

@@ -1,0 +1,21 @@
+//! Studies: many runs of one case, and what they say together.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod critical_gradient;
+pub mod sweep;
+pub mod uncertainty;

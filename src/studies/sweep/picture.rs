@@ -1,0 +1,415 @@
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without a reference, each
+//! output over the first field that is varied by numbers. `map.svg`: the outcome of the
+//! members over two varied fields, with the prediction of the plan.
+
+use super::members::Member;
+use super::record::Outcome;
+use super::study::{Cost, Study};
+use super::table::{Row, Table};
+use base::error::Verdict;
+use base::number::real;
+use figures::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
+use io::csv::push_line;
+use std::fmt::Write as _;
+
+/// Largest number of outputs in a picture of answers.
+const ANSWERS: usize = 6;
+
+/// Returns each output over the first field that is varied by numbers, or over the number of the member.
+fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
+    let varied = study.vary.0.iter().position(|(_, v)| v.is_numeric());
+    let x = varied.map_or_else(
+        || Axis::linear("member", ""),
+        |n| Axis::linear(&study.vary.0[n].0, ""),
+    );
+    // Members that differ in another field are a line of their own.
+    let group = |member: &Member| {
+        let others = member.labels.iter().enumerate();
+        let others = others.filter(|(n, _)| Some(*n) != varied);
+        let labels: Vec<&str> = others.filter_map(|(_, label)| label.as_deref()).collect();
+        labels.join(", ")
+    };
+    let outputs = study.outputs.0.iter().enumerate();
+    let numbers = outputs.filter(|(_, (_, output))| output.over.is_none());
+    let panel = |(n, name): (usize, &String)| {
+        let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for (k, (member, row)) in members.iter().zip(&table.rows).enumerate() {
+            let at = varied.map_or(Some(real(k + 1)), |varied| member.value(varied));
+            let Some(point) = at.zip(row.outputs.get(n).copied().flatten()) else {
+                continue;
+            };
+            let label = group(member);
+            match lines.iter_mut().find(|(known, _)| *known == label) {
+                Some((_, points)) => points.push(point),
+                None => lines.push((label, vec![point])),
+            }
+        }
+        let mut layers = Vec::new();
+        for (k, (label, mut points)) in lines.into_iter().enumerate() {
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let colour = CATEGORY[k % CATEGORY.len()];
+            let marks = points.iter().map(|(x, y)| Mark::at(*x, *y)).collect();
+            let style = Style::Filled;
+            layers.push(Layer::new(Shape::Marks { marks, style }, colour, &label));
+            let dashed = true;
+            layers.push(Layer::new(Shape::Line { points, dashed }, colour, ""));
+        }
+        Panel {
+            title: name.clone(),
+            x: x.clone(),
+            y: Axis::linear(name, ""),
+            layers,
+            legend: Legend::Right,
+            legend_title: String::new(),
+        }
+    };
+    let named = numbers.map(|(n, (name, _))| (n, name)).take(ANSWERS);
+    Figure {
+        panels: named.map(panel).collect(),
+    }
+}
+
+/// Returns error against cost, with a panel for each cost; the answers if no error is known.
+#[must_use]
+pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
+    if table.rows.iter().all(|row| row.error.is_none()) {
+        return answers(study, members, table);
+    }
+    let front = Front {
+        study,
+        members,
+        table,
+    };
+    Figure {
+        panels: vec![
+            front.panel(
+                &study.title,
+                match study.cost {
+                    Cost::CoreSeconds => Axis::log("time of the steps", "core-seconds"),
+                    Cost::ProcessorTime => Axis::log("processor time", "s"),
+                },
+                |row| row.cost,
+                |row| row.pareto_time,
+            ),
+            front.panel(
+                "",
+                Axis::log("peak memory", "MB"),
+                |row| row.memory.map(|bytes| 1e-6 * bytes),
+                |row| row.pareto_memory,
+            ),
+        ],
+    }
+}
+
+struct Front<'a> {
+    study: &'a Study,
+    members: &'a [Member],
+    table: &'a Table,
+}
+
+impl Front<'_> {
+    fn panel(
+        &self,
+        title: &str,
+        x: Axis,
+        cost: impl Fn(&Row) -> Option<f64>,
+        in_set: impl Fn(&Row) -> bool,
+    ) -> Panel {
+        let point = |row: &Row| cost(row).zip(row.error);
+        let mut layers = Vec::new();
+        for (colour, label, chosen) in self.groups() {
+            let marks = chosen.iter().filter_map(|&n| point(&self.table.rows[n]));
+            let marks: Vec<Mark> = marks.map(|(x, y)| Mark::at(x, y)).collect();
+            if !marks.is_empty() {
+                let style = Style::Filled;
+                layers.push(Layer::new(Shape::Marks { marks, style }, &colour, &label));
+            }
+        }
+        let rows = self.members.iter().zip(&self.table.rows);
+        let mut best: Vec<(&str, (f64, f64))> = rows
+            .filter(|(_, row)| in_set(row))
+            .filter_map(|(member, row)| Some((member.name.as_str(), point(row)?)))
+            .collect();
+        best.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let points: Vec<(f64, f64)> = best.iter().map(|(_, point)| *point).collect();
+        let line = Shape::Line {
+            points: points.clone(),
+            dashed: true,
+        };
+        layers.push(Layer::new(line, CATEGORY[0], "Pareto set"));
+        for (n, (name, (x, y))) in best.iter().enumerate() {
+            let marks = vec![Mark::at(*x, *y)];
+            let style = Style::Ring;
+            let label = format!("{} {name}", n + 1);
+            layers.push(Layer::new(
+                Shape::Marks { marks, style },
+                CATEGORY[0],
+                &label,
+            ));
+        }
+        let words = points.iter().enumerate();
+        let words = words
+            .map(|(n, (x, y))| (*x, *y, (n + 1).to_string()))
+            .collect();
+        layers.push(Layer::new(Shape::Words { words }, CATEGORY[0], ""));
+        let error = self.study.error.as_ref();
+        Panel {
+            title: title.to_owned(),
+            x,
+            y: Axis::log(
+                &error.map_or("error".to_owned(), |name| format!("error of {name}")),
+                "",
+            ),
+            layers,
+            legend: Legend::Right,
+            legend_title: self
+                .study
+                .vary
+                .0
+                .first()
+                .map_or(String::new(), |(name, _)| name.clone()),
+        }
+    }
+
+    /// Colour, label and members by the value of the first variation; without variations each listed member is a group.
+    fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
+        let labels: Vec<String> = match self.study.vary.0.first() {
+            Some((_, variation)) => variation.labels(),
+            None => self
+                .members
+                .iter()
+                .map(|member| member.name.clone())
+                .collect(),
+        };
+        let numeric = self
+            .study
+            .vary
+            .0
+            .first()
+            .is_some_and(|(_, v)| v.is_numeric());
+        let mut groups: Vec<(String, String, Vec<usize>)> = Vec::new();
+        for (n, label) in labels.iter().enumerate() {
+            let of_kind = CATEGORY.get(n + 1).filter(|_| !numeric);
+            let colour = of_kind.map_or_else(|| sequential(n, labels.len()), |c| (*c).to_owned());
+            groups.push((colour, label.clone(), Vec::new()));
+        }
+        for (n, member) in self.members.iter().enumerate() {
+            let own = member.labels.first().cloned().flatten();
+            let own = own.unwrap_or_else(|| member.name.clone());
+            match groups.iter_mut().find(|(_, label, _)| *label == own) {
+                Some((.., chosen)) => chosen.push(n),
+                None => groups.push(("#999999".to_owned(), own, vec![n])),
+            }
+        }
+        groups
+    }
+}
+
+/// The prediction of the plan and the outcome of a member.
+#[derive(Clone, Debug)]
+struct Place {
+    name: String,
+    x: f64,
+    y: f64,
+    /// What else is varied.
+    rest: String,
+    verdict: Verdict,
+    outcome: Outcome,
+}
+
+/// Which members finish, over two varied fields.
+#[derive(Clone, Debug)]
+pub struct Map {
+    axes: [String; 2],
+    places: Vec<Place>,
+}
+
+/// Kinds of outcomes: prediction of the plan, whether the member finished, colour, style, and text of the legend.
+const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
+    (Verdict::Valid, true, "#009E73", Style::Square, "finished"),
+    (
+        Verdict::Unstable,
+        true,
+        "#E69F00",
+        Style::Square,
+        "unstable, finished",
+    ),
+    (
+        Verdict::Refused,
+        true,
+        "#D55E00",
+        Style::OpenSquare,
+        "refused, but finished",
+    ),
+    (
+        Verdict::Refused,
+        false,
+        "#D55E00",
+        Style::Square,
+        "refused, did not finish",
+    ),
+    (
+        Verdict::Unstable,
+        false,
+        "#222222",
+        Style::OpenSquare,
+        "unstable, did not finish",
+    ),
+    (
+        Verdict::Valid,
+        false,
+        "#222222",
+        Style::Square,
+        "did not finish, no finding",
+    ),
+];
+
+impl Map {
+    /// The members that have a number on both axes and have been looked at.
+    #[must_use]
+    pub fn of(axes: &[String; 2], study: &Study, members: &[Member], table: &Table) -> Self {
+        let [x, y] = axes
+            .each_ref()
+            .map(|name| study.vary.find(name).map(|(n, _)| n));
+        let (Some(x), Some(y)) = (x, y) else {
+            return Self {
+                axes: axes.clone(),
+                places: Vec::new(),
+            };
+        };
+        let place = |(member, row): (&Member, &Row)| {
+            let others = study.vary.0.iter().zip(&member.labels).enumerate();
+            let others = others.filter(|(n, _)| *n != x && *n != y);
+            let rest: Vec<&str> = others
+                .filter_map(|(_, (_, label))| label.as_deref())
+                .collect();
+            Some(Place {
+                name: member.name.clone(),
+                x: member.value(x)?,
+                y: member.value(y)?,
+                rest: rest.join(", "),
+                verdict: member.verdict,
+                outcome: row.outcome,
+            })
+        };
+        let looked_at = |place: &Place| {
+            !matches!(
+                place.outcome,
+                Outcome::Missing | Outcome::Running | Outcome::Stopped
+            )
+        };
+        let places = members
+            .iter()
+            .zip(&table.rows)
+            .filter_map(place)
+            .filter(looked_at);
+        Self {
+            axes: axes.clone(),
+            places: places.collect(),
+        }
+    }
+
+    /// A panel for every combination of what else is varied.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let mut rests: Vec<&str> = Vec::new();
+        for place in &self.places {
+            if !rests.contains(&place.rest.as_str()) {
+                rests.push(&place.rest);
+            }
+        }
+        let last = rests.len().saturating_sub(1);
+        let panels = rests
+            .iter()
+            .enumerate()
+            .map(|(n, rest)| self.panel(rest, n == last));
+        Figure {
+            panels: panels.collect(),
+        }
+    }
+
+    fn panel(&self, rest: &str, last: bool) -> Panel {
+        let layers = KINDS
+            .iter()
+            .map(|(verdict, finished, colour, style, words)| {
+                let of_kind = |place: &&Place| place.is_of(*verdict, *finished);
+                let all = self.places.iter().filter(of_kind).count();
+                let here = self
+                    .places
+                    .iter()
+                    .filter(of_kind)
+                    .filter(|place| place.rest == rest);
+                let marks = here.map(|place| Mark::at(place.x, place.y)).collect();
+                let style = *style;
+                Layer::new(
+                    Shape::Marks { marks, style },
+                    colour,
+                    &format!("{words}: {all}"),
+                )
+            });
+        let positive =
+            |value: fn(&Place) -> f64| self.places.iter().all(|place| value(place) > 0.0);
+        let axis = |name: &str, log: bool| {
+            if log {
+                Axis::log(name, "")
+            } else {
+                Axis::linear(name, "")
+            }
+        };
+        Panel {
+            title: rest.to_owned(),
+            x: axis(&self.axes[0], positive(|place| place.x)),
+            y: axis(&self.axes[1], positive(|place| place.y)),
+            layers: layers.collect(),
+            legend: if last { Legend::Right } else { Legend::None },
+            legend_title: "plan and run".to_owned(),
+        }
+    }
+
+    /// A row for each member.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut text = String::new();
+        let [x, y] = &self.axes;
+        push_line(&mut text, ["member", x.as_str(), y, "plan", "outcome"]);
+        for place in &self.places {
+            let (x, y) = (format!("{:e}", place.x), format!("{:e}", place.y));
+            let (verdict, outcome) = (place.verdict.name(), place.outcome.name());
+            push_line(&mut text, [&*place.name, &x, &y, verdict, outcome]);
+        }
+        text
+    }
+
+    /// How often the plan and the runs agree.
+    #[must_use]
+    pub fn confusion(&self) -> String {
+        let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");
+        for verdict in [Verdict::Valid, Verdict::Unstable, Verdict::Refused] {
+            let count = |finished| {
+                self.places
+                    .iter()
+                    .filter(|p| p.is_of(verdict, finished))
+                    .count()
+            };
+            let _ = write!(
+                text,
+                "\n{:<10} {:>10} {:>15}",
+                verdict.name(),
+                count(true),
+                count(false)
+            );
+        }
+        text
+    }
+}
+
+impl Place {
+    fn is_of(&self, verdict: Verdict, finished: bool) -> bool {
+        // Warnings do not predict a failure.
+        let own = match self.verdict {
+            Verdict::ValidWithWarnings => Verdict::Valid,
+            other => other,
+        };
+        own == verdict && (self.outcome == Outcome::Finished) == finished
+    }
+}

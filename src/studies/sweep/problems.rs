@@ -1,0 +1,30 @@
+//! Problems of a study.
+
+use base::error::{Problem, Severity};
+use case::check;
+
+/// A name that stands for nothing.
+pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
+    let remedy = match check::nearest(name, known) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => "leave it out".into(),
+        None => format!("use one of: {}", known.join(", ")),
+    };
+    problem(
+        path,
+        &format!("{name:?}"),
+        format!("there is no {kind} of this name"),
+        &remedy,
+    )
+}
+
+/// A problem that ends the study.
+pub(crate) fn problem(path: &str, value: &str, reason: String, remedy: &str) -> Problem {
+    Problem {
+        path: path.into(),
+        value: value.into(),
+        reason,
+        remedy: remedy.into(),
+        severity: Severity::Error,
+    }
+}

@@ -1,0 +1,142 @@
+//! Outcome and cost of a member: `member.json` in its folder.
+
+use super::members::Member;
+use base::error::Error;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How a member ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It got to its end.
+    Finished,
+    /// It got to its end with numbers that cannot be right: not what the study calls sound.
+    Unsound,
+    /// The plan, or the run itself, refused the case (exit code 3).
+    Refused,
+    /// The numbers failed (exit code 4).
+    NumericalRefusal,
+    /// Anything else, such as a full disk or a signal.
+    Failed,
+    /// It was given up.
+    TimeLimit,
+    /// It was stopped from outside and is to go on.
+    Stopped,
+    /// It is under way, or whoever ran it was ended by force.
+    Running,
+    /// It has not been run.
+    Missing,
+}
+
+impl Outcome {
+    /// The outcome of an exit code.
+    #[must_use]
+    pub fn of_code(code: Option<i32>) -> Self {
+        match code {
+            Some(0) => Self::Finished,
+            Some(3) => Self::Refused,
+            Some(4) => Self::NumericalRefusal,
+            Some(75) => Self::Stopped,
+            _ => Self::Failed,
+        }
+    }
+
+    /// As in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::Unsound => "unsound",
+            Self::Refused => "refused",
+            Self::NumericalRefusal => "numerical refusal",
+            Self::Failed => "failed",
+            Self::TimeLimit => "time limit",
+            Self::Stopped => "stopped",
+            Self::Running => "running",
+            Self::Missing => "missing",
+        }
+    }
+
+    /// Whether running it again would show nothing new.
+    fn is_final(self) -> bool {
+        matches!(
+            self,
+            Self::Finished | Self::Refused | Self::NumericalRefusal | Self::TimeLimit
+        )
+    }
+}
+
+/// How a member ended and what all its attempts cost together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Its last message, if it did not finish.
+    pub message: String,
+    /// Hash of its case.
+    pub case_hash: String,
+    /// Version of the program.
+    pub solver: String,
+    /// The limit it ran under \[s\].
+    pub time_limit: Option<f64>,
+    /// Wall time of the steps \[s\].
+    pub loop_seconds: f64,
+    /// Wall time in all \[s\].
+    pub wall_seconds: f64,
+    /// Processor time of all ranks on this machine \[s\].
+    pub processor_seconds: f64,
+    /// Whether the times are those of all attempts; not where one was ended by force.
+    pub timed: bool,
+}
+
+impl Record {
+    /// Before the first attempt.
+    #[must_use]
+    pub fn new(case_hash: &str, solver: &str, time_limit: Option<f64>) -> Self {
+        Self {
+            outcome: Outcome::Running,
+            message: String::new(),
+            case_hash: case_hash.to_owned(),
+            solver: solver.to_owned(),
+            time_limit,
+            loop_seconds: 0.0,
+            wall_seconds: 0.0,
+            processor_seconds: 0.0,
+            timed: true,
+        }
+    }
+
+    /// The record in a folder; none where there is none that can be read.
+    #[must_use]
+    pub fn read(folder: &Path) -> Option<Self> {
+        let text = io::plain::text(&folder.join(FILE), io::plain::LONGEST_CASE).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+
+    /// Puts the record into a folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        io::atomic::write_json(&folder.join(FILE), self).map_err(|e| Error::Io(e.to_string()))
+    }
+
+    /// Whether it is about this case under this version of the program.
+    #[must_use]
+    pub fn is_of(&self, member: &Member, solver: &str) -> bool {
+        let prepared = member.prepared.as_ref();
+        prepared.is_some_and(|p| p.hash == self.case_hash) && self.solver == solver
+    }
+
+    /// Whether the member need not be run again.
+    #[must_use]
+    pub fn holds(&self, member: &Member, solver: &str, time_limit: Option<f64>) -> bool {
+        let longer = self.outcome == Outcome::TimeLimit
+            && time_limit.unwrap_or(f64::INFINITY) > self.time_limit.unwrap_or(f64::INFINITY);
+        self.is_of(member, solver) && self.outcome.is_final() && !longer
+    }
+}
+
+/// Its name in the folder of the member.
+pub const FILE: &str = "member.json";

@@ -1,0 +1,526 @@
+//! A study as written: a base case, variations, outputs and references.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets"
+)]
+
+use super::latin_hypercube::{Range, Sample};
+use super::problems::{problem, unknown};
+use analysis::expression;
+use analysis::measure::{Measure, Norm, Take};
+use base::error::Problem;
+use case::{check, text};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::Deserialize;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+use std::path::PathBuf;
+
+/// More members than this are a slip.
+pub(super) const MOST_MEMBERS: usize = 10_000;
+
+/// A parameter study: members of one base case, with error and cost of each.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Title of tables and pictures: one line without control characters.
+    #[serde(default)]
+    pub title: String,
+    /// Description of the study.
+    #[serde(default)]
+    pub description: String,
+    /// Base case: the path of a case file, relative to the study, or the case itself.
+    pub case: Value,
+    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the case, evaluated
+    /// last: `"=domain.spacing/2"`.
+    #[serde(default)]
+    pub set: BTreeMap<String, Value>,
+    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name with named choices
+    /// that set several fields each, or a field with a range of numbers for `sample`. The first variation colours the picture.
+    #[serde(default)]
+    pub vary: Ordered<Variation>,
+    /// Draws members from the variations instead of all combinations.
+    #[serde(default)]
+    pub sample: Option<Sample>,
+    /// Members in addition to the combinations.
+    #[serde(default)]
+    pub members: Vec<Listed>,
+    /// Outputs read from the files of each member.
+    pub outputs: Ordered<Output>,
+    /// References of the outputs. Outputs without a reference are only listed.
+    #[serde(default)]
+    pub reference: BTreeMap<String, Reference>,
+    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as failed.
+    #[serde(default)]
+    pub sound: Option<String>,
+    /// Output whose error the picture and the Pareto set use. Default: the largest of all errors.
+    #[serde(default)]
+    pub error: Option<String>,
+    /// Measure of the cost, besides memory.
+    #[serde(default)]
+    pub cost: Cost,
+    /// Treatment of members with the verdict `refused` or `unstable`.
+    #[serde(default)]
+    pub refused: Refused,
+    /// Two variations, along x and y, of a map that compares the outcome of the members with their plans.
+    #[serde(default)]
+    pub map: Option<[String; 2]>,
+    /// Execution of the members.
+    #[serde(default)]
+    pub run: Run,
+}
+
+/// Values of a variation.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Variation {
+    /// Values of the field.
+    Values(Vec<Value>),
+    /// A range of numbers of the field, for `sample`.
+    Range(Range),
+    /// Fields of the case for each named choice.
+    Choices(Ordered<BTreeMap<String, Value>>),
+}
+
+/// A single member.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Listed {
+    /// Name of the member and of its folder.
+    pub name: String,
+    /// Fields of the member, as in `set`.
+    #[serde(default)]
+    pub set: BTreeMap<String, Value>,
+}
+
+/// An output of a member: a number or a profile from a `file`, from the `summary`, or from a formula.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// Formula of earlier outputs and of numbers of the case by path.
+    #[serde(default)]
+    pub is: Option<String>,
+    /// Formula of a coordinate: the output is then the profile of `of` over it at the last time.
+    #[serde(default)]
+    pub over: Option<String>,
+    /// Norm that compares profiles.
+    #[serde(default)]
+    pub norm: Norm,
+    /// Source of the output.
+    #[serde(flatten)]
+    pub measure: Measure,
+}
+
+/// Reference of an output. The error is relative, or absolute if the reference is 0.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Reference {
+    /// A number.
+    Number(f64),
+    /// Formula of numbers of the case by path.
+    Formula(String),
+    /// A reference that is read.
+    Found(FoundReference),
+}
+
+/// A reference that is read.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FoundReference {
+    /// CSV file beside the study with the columns coordinate and value, for profiles.
+    Table(PathBuf),
+    /// The member with this name.
+    Member(String),
+    /// The member with the smallest value of this field among members that are otherwise equal.
+    Finest(String),
+}
+
+/// Measure of the cost of a member.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Cost {
+    /// Wall time of the steps times ranks and threads.
+    #[default]
+    CoreSeconds,
+    /// Processor time of the whole run, including its start; suited to shared machines.
+    ProcessorTime,
+}
+
+/// Treatment of members that the plan refuses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Refused {
+    /// The study stops before any run.
+    #[default]
+    Stop,
+    /// The member is listed but not run.
+    Record,
+    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are exceeded (`guards.limits`
+    /// of the case).
+    Run,
+}
+
+/// Execution of the members.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Run {
+    /// MPI ranks per member.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub ranks: u32,
+    /// Threads per rank.
+    #[schemars(range(min = 1, max = 1024))]
+    pub threads: u32,
+    /// Members that run at the same time. Together they may not need more cores than the machine has.
+    #[schemars(range(min = 1, max = 1024))]
+    pub at_once: u32,
+    /// Wall-clock time after which a member is aborted [s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_limit: Option<f64>,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self {
+            ranks: 1,
+            threads: 1,
+            at_once: 1,
+            time_limit: None,
+        }
+    }
+}
+
+/// An object whose keys keep the order in which they are written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ordered<T>(pub Vec<(String, T)>);
+
+impl<T> Default for Ordered<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> Ordered<T> {
+    /// Place and value of a key.
+    #[must_use]
+    pub fn find(&self, key: &str) -> Option<(usize, &T)> {
+        let mut all = self.0.iter().enumerate();
+        all.find_map(|(n, (name, value))| (name == key).then_some((n, value)))
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Ordered<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Pairs<T>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Pairs<T> {
+            type Value = Ordered<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Ordered<T>, A::Error> {
+                let mut pairs = Vec::new();
+                while let Some(pair) = map.next_entry()? {
+                    pairs.push(pair);
+                }
+                Ok(Ordered(pairs))
+            }
+        }
+        deserializer.deserialize_map(Pairs(PhantomData))
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for Ordered<T> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("Ordered_{}", T::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        BTreeMap::<String, T>::json_schema(generator)
+    }
+}
+
+/// The JSON schema of a study.
+#[must_use]
+pub fn schema() -> Value {
+    check::schema_of::<Study>()
+}
+
+impl Study {
+    /// Reads the text of a study.
+    ///
+    /// # Errors
+    /// All problems that can be found without its case.
+    pub fn read(text: &str) -> Result<Self, Vec<Problem>> {
+        let (tree, mut problems) = text::parse(text);
+        if let Some(mut tree) = tree {
+            problems.extend(check::against(&schema(), &mut tree));
+        }
+        if !problems.is_empty() {
+            for problem in problems.iter_mut().filter(|p| p.path == "the case") {
+                problem.path = "the study".into();
+            }
+            return Err(problems);
+        }
+        // From the text and not from the tree, which does not keep the order of keys.
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let study: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let reason = error.inner().to_string();
+            let remedy = "compare with `solver schema study`";
+            vec![problem(
+                &error.path().to_string(),
+                "not readable",
+                reason,
+                remedy,
+            )]
+        })?;
+        let problems = study.problems();
+        if problems.is_empty() {
+            Ok(study)
+        } else {
+            Err(problems)
+        }
+    }
+
+    /// What names something that is not there, or cannot be read as a formula.
+    fn problems(&self) -> Vec<Problem> {
+        let mut found = Vec::new();
+        if self.vary.0.is_empty() && self.members.is_empty() {
+            let reason = "the study has no member".into();
+            found.push(problem(
+                "vary",
+                "missing",
+                reason,
+                "vary a field, or list members",
+            ));
+        }
+        of_the_sample(self, &mut found);
+        for (name, output) in &self.outputs.0 {
+            output.problems(&format!("outputs.{name}"), &mut found);
+        }
+        let outputs: Vec<&str> = self
+            .outputs
+            .0
+            .iter()
+            .map(|(name, _)| name.as_str())
+            .collect();
+        for (name, reference) in &self.reference {
+            let path = format!("reference.{name}");
+            let Some((_, output)) = self.outputs.find(name) else {
+                found.push(unknown(&path, name, "output", &outputs));
+                continue;
+            };
+            self.reference_problems(&path, reference, output.over.is_some(), &mut found);
+        }
+        if let Some(formula) = &self.sound {
+            readable("sound", formula, &mut found);
+        }
+        if let Some(name) = &self.error
+            && !self.reference.contains_key(name)
+        {
+            let known: Vec<&str> = self.reference.keys().map(String::as_str).collect();
+            found.push(unknown("error", name, "output with a reference", &known));
+        }
+        let varied: Vec<&str> = self.vary.0.iter().map(|(name, _)| name.as_str()).collect();
+        for (n, name) in self.map.iter().flatten().enumerate() {
+            let path = format!("map[{n}]");
+            match self.vary.find(name) {
+                None => found.push(unknown(&path, name, "varied field", &varied)),
+                Some((_, variation)) if !variation.is_numeric() => {
+                    let reason = "the values along an axis of the map must be numbers".into();
+                    let remedy =
+                        "name a field that takes numbers, or choices that are named by numbers";
+                    found.push(problem(&path, name, reason, remedy));
+                }
+                Some(_) => {}
+            }
+        }
+        found
+    }
+
+    fn reference_problems(
+        &self,
+        path: &str,
+        reference: &Reference,
+        profile: bool,
+        found: &mut Vec<Problem>,
+    ) {
+        let of_profiles = !matches!(reference, Reference::Number(_) | Reference::Formula(_));
+        let of_numbers = !matches!(reference, Reference::Found(FoundReference::Table(_)));
+        if profile && !of_profiles {
+            let reason =
+                "the output is a profile, which requires a table or a member as reference".into();
+            let remedy = "write {\"table\": ..}, {\"member\": ..} or {\"finest\": ..}";
+            found.push(problem(path, "a number", reason, remedy));
+        } else if !profile && !of_numbers {
+            let reason = "the output is a number, which cannot be compared with a table".into();
+            found.push(problem(
+                path,
+                "a table",
+                reason,
+                "give the output `over`, or a number here",
+            ));
+        }
+        match reference {
+            Reference::Formula(formula) => readable(path, formula, found),
+            Reference::Found(FoundReference::Finest(name)) => {
+                let varied = self.vary.find(name);
+                if !varied.is_some_and(|(_, variation)| variation.is_numeric()) {
+                    let names = self.vary.0.iter().filter(|(_, v)| v.is_numeric());
+                    let known: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
+                    found.push(unknown(path, name, "varied field with numbers", &known));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Variation {
+    /// The labels of what it takes, in order; none for a range, whose values are drawn.
+    pub(crate) fn labels(&self) -> Vec<String> {
+        match self {
+            Self::Range(_) => Vec::new(),
+            Self::Values(values) => values.iter().map(label).collect(),
+            Self::Choices(choices) => choices.0.iter().map(|(name, _)| name.clone()).collect(),
+        }
+    }
+
+    /// Whether all labels are numbers.
+    pub(crate) fn is_numeric(&self) -> bool {
+        self.labels()
+            .iter()
+            .all(|label| label.parse::<f64>().is_ok())
+    }
+}
+
+/// A value in a table: a text without its quotes, else JSON.
+pub(crate) fn label(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        // As it would be written by hand: 2.5e-5, not 0.000025.
+        Value::Number(number) => match number.as_f64() {
+            Some(x) if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) => format!("{x:e}"),
+            _ => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
+impl Output {
+    fn problems(&self, path: &str, found: &mut Vec<Problem>) {
+        let Measure {
+            summary,
+            file,
+            of,
+            rows,
+            take,
+        } = &self.measure;
+        let ways = [&self.is, summary, file].into_iter().flatten().count();
+        if ways != 1 {
+            let reason = format!(
+                "exactly one of is, summary and file gives the number, but {ways} are here"
+            );
+            found.push(problem(path, "ambiguous", reason, "keep one of them"));
+        }
+        if file.is_some() && of.is_none() && *take != Take::Count {
+            let reason = "the formula of the rows is missing".into();
+            found.push(problem(
+                &format!("{path}.of"),
+                "missing",
+                reason,
+                "add a formula of the columns",
+            ));
+        }
+        if self.over.is_some() && file.is_none() {
+            let reason = "a profile is read from a file".into();
+            found.push(problem(
+                &format!("{path}.over"),
+                "without file",
+                reason,
+                "add `file`",
+            ));
+        }
+        let formulas = [
+            ("is", &self.is),
+            ("of", of),
+            ("where", rows),
+            ("over", &self.over),
+        ];
+        for (field, formula) in formulas {
+            if let Some(formula) = formula {
+                readable(&format!("{path}.{field}"), formula, found);
+            }
+        }
+    }
+}
+
+/// A formula that no names could make readable is a problem.
+fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
+    if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
+        let remedy = "write numbers, names, + - * / ^ and brackets";
+        found.push(problem(path, &expression::excerpt(formula), reason, remedy));
+    }
+}
+
+/// What is wrong with the sample of a study and with its ranges.
+fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
+    for (name, variation) in &study.vary.0 {
+        let Variation::Range(range) = variation else {
+            continue;
+        };
+        let path = format!("vary.{name}");
+        range.problems(&path, found);
+        let crossed = |Sample::LatinHypercube(drawn): &Sample| !drawn.draws(name);
+        if study.sample.as_ref().is_none_or(crossed) {
+            let reason = "a range has no values of its own: they are drawn".into();
+            let remedy = "add `sample` and leave the range out of `crossed`, or write a list";
+            found.push(problem(&path, "a range", reason, remedy));
+        }
+    }
+    let Some(Sample::LatinHypercube(drawn)) = &study.sample else {
+        return;
+    };
+    let names: Vec<&str> = study.vary.0.iter().map(|(name, _)| name.as_str()).collect();
+    for (n, name) in drawn.crossed.iter().enumerate() {
+        if !names.contains(&name.as_str()) {
+            let path = format!("sample.latin_hypercube.crossed[{n}]");
+            found.push(unknown(&path, name, "varied field", &names));
+        }
+    }
+    for (name, variation) in &study.vary.0 {
+        if !matches!(variation, Variation::Range(_)) && variation.labels().is_empty() {
+            let reason = "there is no value to draw".into();
+            let remedy = "add values, or leave the field out";
+            found.push(problem(&format!("vary.{name}"), "empty", reason, remedy));
+        }
+    }
+    if !names.iter().any(|name| drawn.draws(name)) {
+        let reason = "no variation is drawn".into();
+        let remedy = "add a variation that is not in `crossed`, or remove `sample`";
+        found.push(problem("sample", "empty", reason, remedy));
+    }
+    let crossed = study.vary.0.iter().filter(|(name, _)| !drawn.draws(name));
+    let mut counts = crossed.map(|(_, variation)| variation.labels().len().max(1));
+    let all = counts.try_fold(drawn.members as usize, usize::checked_mul);
+    if all.is_none_or(|all| all > MOST_MEMBERS) {
+        let reason = format!("more than {MOST_MEMBERS} members");
+        found.push(problem("sample", "too many", reason, "draw or cross fewer"));
+    }
+    if study.map.is_some() {
+        let reason = "a map compares all combinations of two variations".into();
+        let remedy = "remove `map`, or remove `sample`";
+        found.push(problem("map", "with a sample", reason, remedy));
+    }
+}

@@ -1,0 +1,502 @@
+//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a smaller error
+//! and a smaller cost.
+
+use super::members::Member;
+use super::record::{Outcome, Record};
+use super::study::{Cost, FoundReference, Output, Reference, Study};
+use analysis::expression::evaluate;
+use analysis::measure::Profile;
+use base::error::Severity;
+use io::csv::push_line;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// What the members came to, in their order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// A row for each member.
+    pub rows: Vec<Row>,
+}
+
+/// What a member came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Its outputs, in the order of the study; none for profiles and what could not be read.
+    pub outputs: Vec<Option<f64>>,
+    /// By the names of the references: value and error. A member has no error against itself.
+    pub errors: BTreeMap<String, (Option<f64>, Option<f64>)>,
+    /// The error of the picture.
+    pub error: Option<f64>,
+    /// Core-seconds of the steps; none where they are not known.
+    pub core_seconds: Option<f64>,
+    /// Core-seconds of the whole run.
+    pub run_core_seconds: Option<f64>,
+    /// Processor time \[s\]: less than the core-seconds where the run shared its cores with others.
+    pub processor_seconds: Option<f64>,
+    /// Peak memory of all ranks together \[bytes\].
+    pub memory: Option<f64>,
+    /// Steps.
+    pub steps: Option<u64>,
+    /// Core-seconds or processor time, as selected by the study \[s\].
+    pub cost: Option<f64>,
+    /// In the Pareto set of error against this cost.
+    pub pareto_time: bool,
+    /// In the Pareto set of error against memory.
+    pub pareto_memory: bool,
+    /// Hash of the last state.
+    pub state_hash: String,
+    /// Commit of the program.
+    pub commit: String,
+    /// Remarks.
+    pub note: String,
+}
+
+/// An output of a member.
+#[derive(Clone, Debug)]
+enum Found {
+    Number(f64),
+    Profile(Profile),
+}
+
+impl Table {
+    /// Reads what the members have written below `output`; tables of references lie `beside` the study.
+    #[must_use]
+    pub fn of(study: &Study, members: &[Member], beside: &Path, output: &Path) -> Self {
+        let mut rows = Vec::new();
+        let mut found = Vec::new();
+        for member in members {
+            let mut row = Row::of(study, member, &output.join(&member.name));
+            let outputs = if row.outcome == Outcome::Finished {
+                row.read(study, member, beside, &output.join(&member.name))
+            } else {
+                vec![None; study.outputs.0.len()]
+            };
+            rows.push(row);
+            found.push(outputs);
+        }
+        for at in 0..members.len() {
+            for (name, reference) in &study.reference {
+                let there = Comparison {
+                    study,
+                    members,
+                    beside,
+                    found: &found,
+                    at,
+                };
+                match there.error(name, reference) {
+                    Ok(pair) => {
+                        rows[at].errors.insert(name.clone(), pair);
+                    }
+                    Err(why) => rows[at].add_note(&format!("{name}: {why}")),
+                }
+            }
+            let row = &mut rows[at];
+            row.error = match &study.error {
+                Some(name) => row.errors.get(name).and_then(|(_, error)| *error),
+                None => row.errors.values().filter_map(|(_, e)| *e).reduce(f64::max),
+            };
+        }
+        let marked = |cost: fn(&Row) -> Option<f64>| {
+            let points: Vec<_> = rows.iter().map(|row| cost(row).zip(row.error)).collect();
+            pareto(&points)
+        };
+        let (time, memory) = (marked(|r| r.cost), marked(|r| r.memory));
+        for (row, (time, memory)) in rows.iter_mut().zip(time.into_iter().zip(memory)) {
+            (row.pareto_time, row.pareto_memory) = (time, memory);
+        }
+        Self { rows }
+    }
+
+    /// A row for each member as CSV, with the units in the header.
+    #[must_use]
+    pub fn to_csv(&self, study: &Study, members: &[Member]) -> String {
+        let mut text = format!("# {}, {}\n", study.title.replace('\n', " "), machine());
+        let mut header: Vec<String> = vec!["member".into()];
+        header.extend(study.vary.0.iter().map(|(name, _)| name.clone()));
+        header.extend(["plan", "outcome"].map(String::from));
+        header.extend(
+            study
+                .outputs
+                .0
+                .iter()
+                .filter(|(_, o)| o.over.is_none())
+                .map(|(n, _)| n.clone()),
+        );
+        for name in study.reference.keys() {
+            header.extend([format!("reference of {name}"), format!("error of {name}")]);
+        }
+        header.extend(
+            [
+                "error",
+                "core-seconds of the steps",
+                "core-seconds of the run",
+                "processor time [s]",
+                "peak memory [bytes]",
+                "steps",
+                "pareto error-time",
+                "pareto error-memory",
+                "state_hash",
+                "commit",
+                "note",
+            ]
+            .map(String::from),
+        );
+        push_line(&mut text, &header);
+        for (member, row) in members.iter().zip(&self.rows) {
+            push_line(&mut text, row.cells(study, member));
+        }
+        text
+    }
+
+    /// How many members ended how, and the Pareto set of error and time.
+    #[must_use]
+    pub fn summary(&self, members: &[Member]) -> String {
+        let mut counts: BTreeMap<Outcome, usize> = BTreeMap::new();
+        for row in &self.rows {
+            *counts.entry(row.outcome).or_default() += 1;
+        }
+        let counts: Vec<String> = counts
+            .iter()
+            .map(|(o, n)| format!("{n} {}", o.name()))
+            .collect();
+        let mut text = format!("{} members: {}\n", members.len(), counts.join(", "));
+        let mut best: Vec<(&Member, &Row)> = members
+            .iter()
+            .zip(&self.rows)
+            .filter(|(_, r)| r.pareto_time)
+            .collect();
+        best.sort_by(|a, b| a.1.cost.unwrap_or(0.0).total_cmp(&b.1.cost.unwrap_or(0.0)));
+        let _ = writeln!(
+            text,
+            "{:>10} {:>10} {:>9}  Pareto set of error and time",
+            "error", "core-s", "MB"
+        );
+        for (member, row) in best {
+            let (error, time) = (row.error.unwrap_or(f64::NAN), row.cost.unwrap_or(f64::NAN));
+            let memory = 1e-6 * row.memory.unwrap_or(f64::NAN);
+            let _ = writeln!(
+                text,
+                "{error:10.3e} {time:10.3e} {memory:9.1}  {}",
+                member.name
+            );
+        }
+        for (member, row) in members.iter().zip(&self.rows) {
+            if !row.note.is_empty() && row.outcome == Outcome::Finished {
+                let _ = writeln!(text, "{}: {}", member.name, row.note);
+            }
+        }
+        text.truncate(text.trim_end().len());
+        text
+    }
+}
+
+impl Row {
+    fn of(study: &Study, member: &Member, folder: &Path) -> Self {
+        let mut row = Self {
+            outcome: Outcome::Missing,
+            outputs: Vec::new(),
+            errors: BTreeMap::new(),
+            error: None,
+            core_seconds: None,
+            run_core_seconds: None,
+            processor_seconds: None,
+            cost: None,
+            memory: None,
+            steps: None,
+            pareto_time: false,
+            pareto_memory: false,
+            state_hash: String::new(),
+            commit: String::new(),
+            note: String::new(),
+        };
+        let Some(prepared) = &member.prepared else {
+            row.outcome = Outcome::Refused;
+            let mut errors = member
+                .problems
+                .iter()
+                .filter(|p| p.severity != Severity::Warning);
+            row.note = errors.next().map(ToString::to_string).unwrap_or_default();
+            return row;
+        };
+        let record = Record::read(folder).filter(|record| record.case_hash == prepared.hash);
+        let Some(record) = record else {
+            return row;
+        };
+        row.outcome = record.outcome;
+        row.note.clone_from(&record.message);
+        let cores = f64::from(study.run.ranks) * f64::from(study.run.threads);
+        if record.timed {
+            let finished = record.outcome == Outcome::Finished;
+            row.core_seconds = finished.then_some(record.loop_seconds * cores);
+            row.run_core_seconds = Some(record.wall_seconds * cores);
+            row.processor_seconds = Some(record.processor_seconds);
+            row.cost = match study.cost {
+                Cost::CoreSeconds => row.core_seconds,
+                Cost::ProcessorTime => row.processor_seconds.filter(|_| finished),
+            };
+        }
+        let text = io::plain::text(&folder.join("summary.json"), io::plain::LONGEST_CASE)
+            .unwrap_or_default();
+        let summary: Value = serde_json::from_str(&text).unwrap_or_default();
+        let words = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+        row.memory = summary["peak_rss_bytes_all_ranks"].as_f64();
+        row.steps = summary["steps"].as_u64();
+        row.state_hash = words(&summary["state_hash"]);
+        row.commit = words(&summary["versions"]["commit"]);
+        row
+    }
+
+    fn add_note(&mut self, note: &str) {
+        if !self.note.is_empty() {
+            self.note.push_str("; ");
+        }
+        self.note.push_str(note);
+    }
+
+    /// Reads the outputs of a finished member.
+    fn read(
+        &mut self,
+        study: &Study,
+        member: &Member,
+        beside: &Path,
+        folder: &Path,
+    ) -> Vec<Option<Found>> {
+        let mut named: BTreeMap<&str, f64> = BTreeMap::new();
+        let mut all = Vec::new();
+        for (name, output) in &study.outputs.0 {
+            let known = |word: &str| named.get(word).copied().or_else(|| member.number(word));
+            let found = read_output(output, beside, folder, &known);
+            let found = found
+                .map_err(|why| self.add_note(&format!("{name}: {why}")))
+                .ok();
+            if let Some(Found::Number(number)) = &found {
+                named.insert(name, *number);
+            }
+            self.outputs.push(named.get(name.as_str()).copied());
+            all.push(found);
+        }
+        if let Some(formula) = &study.sound {
+            let known = |word: &str| named.get(word).copied().or_else(|| member.number(word));
+            match evaluate(formula, &known) {
+                Ok(value) if value > 0.0 => {}
+                Ok(_) => self.outcome = Outcome::Unsound,
+                Err(why) => {
+                    self.outcome = Outcome::Unsound;
+                    self.add_note(&format!("sound: {why}"));
+                }
+            }
+        }
+        all
+    }
+
+    fn cells(&self, study: &Study, member: &Member) -> Vec<String> {
+        let number = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:e}"));
+        let seconds = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.4}"));
+        let mut cells = vec![member.name.clone()];
+        cells.extend(
+            member
+                .labels
+                .iter()
+                .map(|label| label.clone().unwrap_or_default()),
+        );
+        cells.extend([
+            member.verdict.name().to_owned(),
+            self.outcome.name().to_owned(),
+        ]);
+        for (n, (_, output)) in study.outputs.0.iter().enumerate() {
+            if output.over.is_none() {
+                cells.push(number(self.outputs.get(n).copied().flatten()));
+            }
+        }
+        for name in study.reference.keys() {
+            let (reference, error) = self.errors.get(name).copied().unwrap_or_default();
+            cells.extend([number(reference), number(error)]);
+        }
+        cells.extend([
+            number(self.error),
+            seconds(self.core_seconds),
+            seconds(self.run_core_seconds),
+            seconds(self.processor_seconds),
+            self.memory
+                .map_or(String::new(), |bytes| format!("{bytes:.0}")),
+            self.steps.map_or(String::new(), |steps| steps.to_string()),
+            yes_or_no(self.pareto_time),
+            yes_or_no(self.pareto_memory),
+            self.state_hash.clone(),
+            self.commit.clone(),
+            self.note.clone(),
+        ]);
+        cells
+    }
+}
+
+fn yes_or_no(yes: bool) -> String {
+    if yes { "yes" } else { "no" }.to_owned()
+}
+
+fn read_output(
+    output: &Output,
+    beside: &Path,
+    folder: &Path,
+    known: &dyn Fn(&str) -> Option<f64>,
+) -> Result<Found, String> {
+    if let Some(formula) = &output.is {
+        return evaluate(formula, known).map(Found::Number);
+    }
+    if let Some(over) = &output.over {
+        return output
+            .measure
+            .profile(folder, over, known)
+            .map(Found::Profile);
+    }
+    output
+        .measure
+        .number(folder, beside, known)
+        .map(Found::Number)
+}
+
+/// A member beside the references.
+struct Comparison<'a> {
+    study: &'a Study,
+    members: &'a [Member],
+    beside: &'a Path,
+    found: &'a [Vec<Option<Found>>],
+    at: usize,
+}
+
+impl Comparison<'_> {
+    /// Reference, where it is a number, and error of an output; none where the member has no such output or is the reference.
+    fn error(
+        &self,
+        name: &str,
+        reference: &Reference,
+    ) -> Result<(Option<f64>, Option<f64>), String> {
+        let Some((n, output)) = self.study.outputs.find(name) else {
+            return Ok((None, None));
+        };
+        let member = &self.members[self.at];
+        let wanted = match reference {
+            Reference::Number(number) => Found::Number(*number),
+            Reference::Formula(formula) => {
+                Found::Number(evaluate(formula, &|word| member.number(word))?)
+            }
+            Reference::Found(FoundReference::Table(path)) => {
+                Found::Profile(Profile::read(&self.beside.join(path))?)
+            }
+            Reference::Found(FoundReference::Member(other)) => {
+                let other = self.members.iter().position(|m| m.name == *other);
+                match self.of_member(other, n)? {
+                    Some(found) => found,
+                    None => return Ok((None, None)),
+                }
+            }
+            Reference::Found(FoundReference::Finest(field)) => {
+                match self.of_member(self.finest(field), n)? {
+                    Some(found) => found,
+                    None => return Ok((None, None)),
+                }
+            }
+        };
+        let mine = self.found[self.at].get(n).cloned().flatten();
+        Ok(match (mine, wanted) {
+            (Some(Found::Number(mine)), Found::Number(wanted)) => {
+                // A reference of exactly 0 requires the absolute error.
+                let size = if wanted == 0.0 { 1.0 } else { wanted.abs() };
+                (Some(wanted), Some((mine - wanted).abs() / size))
+            }
+            (Some(Found::Profile(mine)), Found::Profile(wanted)) => {
+                (None, Some(mine.error(&wanted, output.norm)?))
+            }
+            (_, Found::Number(wanted)) => (Some(wanted), None),
+            _ => (None, None),
+        })
+    }
+
+    /// An output of another member; none for the member itself.
+    fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<Found>, String> {
+        let other = other.filter(|other| *other != self.at);
+        let Some(other) = other else { return Ok(None) };
+        let found = self.found[other].get(output).cloned().flatten();
+        found.map(Some).ok_or_else(|| {
+            format!(
+                "the reference {} has no such output",
+                self.members[other].name
+            )
+        })
+    }
+
+    /// The member with the smallest value of a field among those that are as this one in all else that is varied.
+    fn finest(&self, field: &str) -> Option<usize> {
+        let (varied, _) = self.study.vary.find(field)?;
+        let mine = &self.members[self.at].labels;
+        let alike = self.members.iter().enumerate().filter(|(_, other)| {
+            let pairs = other.labels.iter().zip(mine).enumerate();
+            pairs
+                .filter(|(n, _)| *n != varied)
+                .all(|(_, (a, b))| a == b)
+        });
+        let values = alike.filter_map(|(n, other)| other.value(varied).map(|value| (n, value)));
+        values.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(n, _)| n)
+    }
+}
+
+/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that differs.
+const SAME_ERROR: f64 = 1e-3;
+
+/// Which points (cost, error) no other point beats in one without being worse in the other.
+#[must_use]
+pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
+    let beats = |a: (f64, f64), b: (f64, f64)| {
+        a.0 <= b.0 && a.1 <= b.1 * (1.0 + SAME_ERROR) && (a.0 < b.0 || a.1 < b.1)
+    };
+    points
+        .iter()
+        .map(|point| {
+            let counts = point.filter(|(cost, error)| cost.is_finite() && error.is_finite());
+            counts.is_some_and(|point| !points.iter().flatten().any(|other| beats(*other, point)))
+        })
+        .collect()
+}
+
+/// The name of the processor; `unknown` if the system does not report it.
+#[must_use]
+pub fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    let name = line.and_then(|line| line.split_once(':'));
+    name.map_or("unknown", |(_, name)| name.trim()).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pareto_set_is_what_nothing_beats() {
+        let points = [
+            Some((1.0, 0.5)),
+            Some((2.0, 0.1)),
+            Some((2.0, 0.2)),
+            Some((3.0, 0.099_95)),
+            Some((0.5, f64::NAN)),
+            None,
+            Some((4.0, 0.01)),
+            Some((4.0, 0.01)),
+        ];
+        let expected = [true, true, false, false, false, false, true, true];
+        assert_eq!(pareto(&points), expected);
+    }
+
+    #[test]
+    fn cells_with_commas_and_quotes_are_quoted() {
+        let mut text = String::new();
+        push_line(&mut text, ["a,b", "say \"x\"", "c"]);
+        assert_eq!(text, "\"a,b\",\"say \"\"x\"\"\",c\n");
+    }
+}

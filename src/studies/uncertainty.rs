@@ -1,0 +1,482 @@
+//! `solver estimate`: the numerical uncertainty of the answers of a case, measured by running it on several grids.
+//!
+//! | step | module |
+//! |---|---|
+//! | coarser or finer cells, the case on them | [`grids`] |
+//! | settings of models that cells do not refine | [`settings`] |
+//! | runs as members of a study: [`crate::sweep::runner`] | [`Members`] |
+//! | the answers of a run | [`answers`] |
+//! | order, extrapolated value, uncertainty | [`convergence`] |
+//! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
+//!
+//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place: the coarsest cells
+//! between those that failed and those that ran, at last finer cells than those of the case. With two grids that have answers the estimate has its
+//! wider factor, with one there is none.
+//!
+//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is not run again.
+//! Settings of models are compared on the next coarser grid, where there is one.
+//!
+//! An estimate is a command and no field of a case: a case describes one run, which may be one of many ranks, and an
+//! estimate is several. `accuracy` remains the target of the automatic choices.
+
+pub mod answers;
+pub mod convergence;
+pub mod grids;
+pub mod pilot;
+pub mod settings;
+pub mod table;
+
+use crate::sweep::members::{Member, Prepared};
+use crate::sweep::record::{Outcome, Record};
+use crate::sweep::runner::{Runner, solver_version};
+use crate::sweep::study::Run;
+use crate::sweep::{Report, enough_cores};
+use base::error::{Error, Problem, Severity, Verdict};
+use case::Document;
+use case::fluid::Precision;
+use grids::Scaling;
+use plan::Plan;
+use plan::estimate::Machine;
+use serde_json::{Value, json};
+use settings::Setting;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use table::{Grid, Noise, Table};
+
+/// Options of an estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Output folder.
+    pub output: PathBuf,
+    /// Whether one grid is finer than that of the case.
+    pub finer: bool,
+    /// Whether settings of models are varied too.
+    pub settings: bool,
+    /// Ranks, threads and runs at once.
+    pub run: Run,
+    /// Wall-clock time after which the runs are stopped.
+    pub max_walltime: Option<Duration>,
+    /// Runs an unstable case.
+    pub allow_unstable: bool,
+}
+
+/// The runs of an estimate.
+#[derive(Clone, Debug)]
+pub struct Members {
+    /// Each with its case, the case itself first.
+    pub list: Vec<Member>,
+    /// Cells over those of the case of each grid, from fine to coarse, and its place in the list.
+    pub grids: Vec<(f64, usize)>,
+    /// Settings and their places in the list.
+    pub settings: Vec<(Setting, usize)>,
+    /// The run that settings are compared with.
+    pub beside: usize,
+    /// How the time step changes.
+    pub scaling: Scaling,
+}
+
+impl Members {
+    /// The runs of the estimate of a case.
+    ///
+    /// # Errors
+    /// [`Error::Case`] where no other grid can run.
+    pub fn of(
+        plan: &Plan,
+        finer: bool,
+        with_settings: bool,
+        unstable: bool,
+    ) -> Result<Self, Error> {
+        let stated = grids::stated(plan)?;
+        let seepage = grids::refinable_seepage(&plan.scene).is_some();
+        let mut ratios = Vec::new();
+        if plan.scene.flow.is_some() || seepage {
+            ratios = grids::ratios(&plan.scene, finer);
+        }
+        if plan.scene.flow.is_some() {
+            grids::check(&stated)?;
+        }
+        let has_grid = plan.scene.flow.is_some() || !ratios.is_empty();
+        let wanted = ratios.len() + 1;
+        // The rule by which all grids can run, else the one by which most can.
+        let rules = if seepage {
+            vec![Scaling::Steady]
+        } else {
+            vec![Scaling::Diffusive, Scaling::Acoustic]
+        };
+        let scaled = |rule| Self::scaled(plan, &stated, &ratios, rule, unstable);
+        let mut each: Vec<Self> = rules.into_iter().map(scaled).collect();
+        let all = each.iter().position(|members| members.usable() == wanted);
+        let rule = all.unwrap_or_else(|| {
+            for members in &mut each {
+                while members.usable() < wanted && members.add_grid(plan, &stated, unstable, &[]) {}
+            }
+            let best = each.iter().map(Self::usable).max();
+            let found = each
+                .iter()
+                .position(|members| Some(members.usable()) == best);
+            found.unwrap_or(0)
+        });
+        let mut members = each.into_iter().nth(rule).ok_or_else(|| {
+            Error::Internal("an estimate without a rule for the time step".into())
+        })?;
+        if has_grid && members.usable() < 2 {
+            return Err(Error::Case(members.refusals()));
+        }
+        if with_settings {
+            members.add_settings(plan, &stated);
+        }
+        Ok(members)
+    }
+
+    /// The grids by one rule of the time step; those that a plan refuses are there without a case that can be run.
+    fn scaled(
+        plan: &Plan,
+        stated: &Value,
+        ratios: &[f64],
+        scaling: Scaling,
+        unstable: bool,
+    ) -> Self {
+        let mut members = Self {
+            list: vec![Member {
+                name: "1-case".into(),
+                labels: Vec::new(),
+                case: Value::Null,
+                verdict: Verdict::of(&plan.warnings),
+                problems: plan.warnings.clone(),
+                prepared: Some(prepared(plan)),
+            }],
+            grids: vec![(1.0, 0)],
+            settings: Vec::new(),
+            beside: 0,
+            scaling,
+        };
+        for ratio in ratios {
+            members.push_grid(plan, stated, *ratio, unstable);
+        }
+        members
+    }
+
+    fn push_grid(&mut self, plan: &Plan, stated: &Value, ratio: f64, unstable: bool) {
+        let name = format!("{}-grid-{ratio:.3}", self.list.len() + 1);
+        let case = grids::on_cells(stated, plan, ratio, self.scaling);
+        self.grids.push((ratio, self.list.len()));
+        self.list
+            .push(member(name, case, plan.estimate.machine, unstable));
+        self.grids.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if self.settings.is_empty() {
+            let coarser = self
+                .grids
+                .iter()
+                .find(|(ratio, place)| *ratio > 1.0 && self.list[*place].prepared.is_some());
+            self.beside = coarser.map_or(0, |(_, place)| *place);
+        }
+    }
+
+    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its place in the list.
+    /// Whether there was one left to add.
+    fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
+        let (mut usable, mut lost) = (Vec::new(), Vec::new());
+        for (ratio, place) in &self.grids {
+            if self.list[*place].prepared.is_none() || failed.contains(place) {
+                lost.push(*ratio);
+            } else {
+                usable.push(*ratio);
+            }
+        }
+        let other = grids::another(&plan.scene, &usable, &lost);
+        if let Some(ratio) = other {
+            self.push_grid(plan, stated, ratio, unstable);
+        }
+        other.is_some()
+    }
+
+    /// How many grids the plan allows.
+    fn usable(&self) -> usize {
+        let allowed = |(_, place): &&(f64, usize)| self.list[*place].prepared.is_some();
+        self.grids.iter().filter(allowed).count()
+    }
+
+    /// Why grids are refused.
+    fn refusals(&self) -> Vec<Problem> {
+        let mut all = Vec::new();
+        for (ratio, place) in &self.grids {
+            let member = &self.list[*place];
+            let problems = member.problems.iter();
+            let heavy = problems.filter(|problem| problem.severity != Severity::Warning);
+            if member.prepared.is_none() {
+                all.extend(heavy.cloned().map(|mut problem| {
+                    problem.path = format!("cells of {ratio:.3} times the size: {}", problem.path);
+                    problem
+                }));
+            }
+        }
+        all
+    }
+
+    fn add_settings(&mut self, plan: &Plan, stated: &Value) {
+        let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
+        let case = match beside {
+            Some((ratio, place)) if *place > 0 => {
+                grids::on_cells(stated, plan, *ratio, self.scaling)
+            }
+            _ => stated.clone(),
+        };
+        for setting in settings::of(&case, plan, self.scaling) {
+            let name = format!("{}-{}", self.list.len() + 1, setting.folder);
+            let member = member(name, setting.case.clone(), plan.estimate.machine, true);
+            self.settings.push((setting, self.list.len()));
+            self.list.push(member);
+        }
+    }
+
+    /// Planned time of each run on one core \[s\], and of all.
+    #[must_use]
+    pub fn costs(&self) -> (Vec<(&str, f64)>, f64) {
+        let seconds = |member: &Member| member.prepared.as_ref().map_or(0.0, |p| p.seconds);
+        let costs: Vec<(&str, f64)> = self
+            .list
+            .iter()
+            .map(|member| (member.name.as_str(), seconds(member)))
+            .collect();
+        let sum = costs.iter().map(|(_, seconds)| seconds).sum();
+        (costs, sum)
+    }
+
+    /// The costs as lines of a plan.
+    #[must_use]
+    pub fn cost_lines(&self) -> String {
+        let (costs, sum) = self.costs();
+        let own = costs.first().map_or(0.0, |(_, seconds)| *seconds);
+        let mut text = String::from("\ncosts of `solver estimate` (estimate)\n");
+        for (member, (name, seconds)) in self.list.iter().zip(&costs) {
+            text += &match &member.prepared {
+                Some(_) => format!("  {name:24} {seconds:10.3} core-s\n"),
+                None => format!("  {name:24} not possible: {}\n", refusal(member)),
+            };
+        }
+        text + &format!(
+            "  {:24} {sum:10.3} core-s, {:.2} times the run of the case; {}",
+            "all",
+            sum / own.max(f64::MIN_POSITIVE),
+            self.meaning()
+        )
+    }
+
+    /// What the grids mean.
+    fn meaning(&self) -> &'static str {
+        if self.grids.len() > 1 {
+            self.scaling.meaning()
+        } else {
+            "one grid: a seepage through grains and dry grains have no cells that can be refined alone"
+        }
+    }
+
+    /// The costs for a plan as JSON.
+    #[must_use]
+    pub fn cost_json(&self) -> Value {
+        let (costs, sum) = self.costs();
+        json!({
+            "scaling": self.scaling,
+            "runs": costs.iter().map(|(name, seconds)| json!({"name": name, "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
+            "seconds_on_one_core": sum,
+        })
+    }
+}
+
+/// Why a run is not possible: the first reason that is no warning.
+fn refusal(member: &Member) -> String {
+    let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
+    let first = member.problems.iter().find(heavy);
+    first.map_or_else(|| "not run".to_owned(), ToString::to_string)
+}
+
+fn prepared(plan: &Plan) -> Prepared {
+    Prepared {
+        text: plan.case_text.clone(),
+        hash: plan.case_hash.clone(),
+        seconds: plan.estimate.seconds_on_one_core,
+        memory: plan.estimate.memory_bytes,
+    }
+}
+
+/// A run of a changed case on a machine of this speed; its input files have absolute paths already.
+fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
+    let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
+    if let Ok(plan) = &mut planned {
+        plan.on_machine(machine);
+    }
+    let problems = match &planned {
+        Ok(plan) => plan.warnings.clone(),
+        Err(problems) => problems.clone(),
+    };
+    let verdict = Verdict::of(&problems);
+    let planned = planned.ok().filter(|_| verdict.runs(unstable));
+    Member {
+        name,
+        labels: Vec::new(),
+        prepared: planned.as_ref().map(prepared),
+        case,
+        verdict,
+        problems,
+    }
+}
+
+/// Runs what is missing and writes the results; `report` takes lines for the reader. Returns the table.
+///
+/// # Errors
+/// Problems of the case, [`Error::Stopped`] where the runs were stopped, and the failure of the run of the case itself.
+pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Table, Error> {
+    enough_cores(&options.run)?;
+    let unstable = options.allow_unstable;
+    let mut members = Members::of(plan, options.finer, options.settings, unstable)?;
+    let (_, sum) = members.costs();
+    report(&format!(
+        "{} runs, about {sum:.1} core-seconds as planned, in {}",
+        members.list.len(),
+        options.output.display()
+    ));
+    // Settings are compared even where a plan calls them unstable; the run of the case was judged before.
+    let runner = Runner::new(
+        &options.run,
+        true,
+        &options.output,
+        options.max_walltime,
+        report,
+    )?;
+    runner.run(&members.list)?;
+    let wanted = members.grids.len().min(MOST_GRIDS);
+    loop {
+        // Grids whose runs failed are replaced, as long as there are others.
+        let failed = failures(plan, &members, &options.output);
+        let case_failed = failed.contains(&0);
+        let usable = members.usable() - failed.len();
+        let stated = grids::stated(plan)?;
+        if case_failed || usable >= wanted || !members.add_grid(plan, &stated, unstable, &failed) {
+            break;
+        }
+        if let Some(member) = members.list.last() {
+            let seconds = member.prepared.as_ref().map_or(0.0, |p| p.seconds);
+            report(&format!(
+                "{usable} of {} grids can be used: {} is added, about {seconds:.1} core-seconds",
+                members.grids.len() - 1,
+                member.name
+            ));
+        }
+        runner.run(&members.list)?;
+    }
+    let table = collect(plan, &members, &options.output)?;
+    write(&table, &options.output)?;
+    report(&table.text());
+    report(&format!("estimate.csv in {}", options.output.display()));
+    if members.grids.len() > 1 && table.usable() < 2 {
+        return Err(Error::Numerical(table.conclusion));
+    }
+    crate::sweep::check_ends(&members.list, &options.output)?;
+    Ok(table)
+}
+
+/// Grids that an estimate needs.
+const MOST_GRIDS: usize = 3;
+
+/// The places in the list of the grids that were run and have no answers.
+fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
+    let places = members.grids.iter().map(|(_, place)| *place);
+    let failed = places.filter(|&place| {
+        let member = &members.list[place];
+        member.prepared.is_some() && outcome(plan, member, output).is_err()
+    });
+    failed.collect()
+}
+
+/// The answers of a run, or why there are none.
+fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answers, String> {
+    let folder = output.join(&member.name);
+    let record = Record::read(&folder).filter(|_| member.prepared.is_some());
+    match record {
+        Some(record) if record.outcome == Outcome::Finished => answers::read(plan, &folder),
+        Some(record) => Err(format!("{}: {}", record.outcome.name(), record.message)),
+        None => Err(refusal(member)),
+    }
+}
+
+/// Reads the answers of all runs.
+fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error> {
+    let found: Vec<Result<answers::Answers, String>> = members
+        .list
+        .iter()
+        .map(|member| outcome(plan, member, output))
+        .collect();
+    if let Some(Err(why)) = found.first() {
+        let first = &members.list[0];
+        let record = Record::read(&output.join(&first.name));
+        let failed = record.is_some_and(|record| record.outcome == Outcome::NumericalRefusal);
+        let reason = format!("the run of the case has no answers: {why}");
+        return Err(if failed {
+            Error::Numerical(reason)
+        } else {
+            Error::Io(reason)
+        });
+    }
+    let of = |place: usize| found.get(place).and_then(|answers| answers.as_ref().ok());
+    let core_seconds = |place: usize| {
+        let record = Record::read(&output.join(&members.list[place].name));
+        record.map_or(0.0, |record| record.processor_seconds)
+    };
+    let edge = grids::refinable_seepage(&plan.scene).map_or(plan.scene.grid.spacing, |seepage| {
+        seepage.smallest_edge(plan.scene.grid.dimension)
+    });
+    let grids: Vec<Grid> = members
+        .grids
+        .iter()
+        .map(|(ratio, place)| Grid {
+            folder: members.list[*place].name.clone(),
+            spacing: edge * ratio,
+            ratio: *ratio,
+            core_seconds: core_seconds(*place),
+            failure: found[*place].as_ref().err().cloned(),
+            answers: of(*place).cloned(),
+        })
+        .collect();
+    let at = members.grids.iter().position(|(_, place)| *place == 0);
+    let formal_order = grids::formal_order(&plan.scene);
+    let flow = plan.scene.flow.as_ref();
+    let noise = Noise {
+        units: plan.units,
+        single: flow.is_some_and(|flow| flow.storage == Precision::F32),
+    };
+    let settings = members.settings.iter().map(|(setting, place)| {
+        let folder = members.list[*place].name.as_str();
+        let beside = members.list[members.beside].name.as_str();
+        let missing = match (&found[*place], &found[members.beside]) {
+            (Ok(_), Ok(_)) => String::new(),
+            (Err(why), _) => why.clone(),
+            (_, Err(why)) => format!("{beside}, which it is compared with, {why}"),
+        };
+        let answers = [of(members.beside), of(*place)];
+        table::sensitivity(setting, [folder, beside], answers, &missing, noise)
+    });
+    Ok(Table {
+        scaling: members.meaning().to_owned(),
+        formal_order,
+        conclusion: table::conclusion(&grids),
+        answers: table::rows(&grids, at.unwrap_or(0), formal_order, noise),
+        settings: settings.collect(),
+        grids,
+        version: solver_version()?,
+    })
+}
+
+/// Writes `estimate.csv` and the block in the summary of the case.
+fn write(table: &Table, output: &Path) -> Result<(), Error> {
+    let fail = |e: io::Error| Error::Io(e.to_string());
+    io::atomic::write(&output.join("estimate.csv"), table.csv().as_bytes()).map_err(fail)?;
+    let path = output.join("1-case").join("summary.json");
+    let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(fail)?;
+    let mut summary: Value =
+        serde_json::from_str(&text).map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
+    summary["estimate"] = table.json();
+    io::atomic::write_json(&path, &summary).map_err(fail)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,454 @@
+//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on them.
+//!
+//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step changes by one of two
+//! rules, the same for all grids:
+//!
+//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors of the method, that of
+//!   compressibility included, then fall with h², and the estimate contains them.
+//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would exceed the
+//!   limits of the lattice velocity or of the compression. The error of compressibility is then the same on all grids: the estimate
+//!   does not contain it, and a run with half the lattice velocity measures it.
+//!
+//! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
+//!
+//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as its openings end between
+//! cells. A seepage through grains has cells of the size of grains and is not refined.
+
+use base::error::{Error, Problem, Severity};
+use base::number::{common_divisor, real, to_u32, whole};
+use case::coupling::{Coupling, Scheme};
+use case::fluid::Initial;
+use plan::Plan;
+use plan::scene::Scene;
+use plan::scene::flow::Lattice;
+use plan::scene::seepage::Seepage;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost goes
+/// with the fourth or fifth power.
+const RATIO: [f64; 2] = [1.8, 1.6];
+/// Refinement ratio of a finer grid.
+const FINER_RATIO: f64 = 1.5;
+/// Smallest ratio of neighbouring grids (Celik et al. 2008).
+const LEAST_RATIO: f64 = 1.3;
+/// Smallest ratio of a grid to one that failed.
+const LEAST_STEP: f64 = 1.05;
+/// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
+const LEAST_CELLS: f64 = 4.0;
+
+/// How the time step changes with the cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scaling {
+    /// With h²: the relaxation time stays.
+    Diffusive,
+    /// With h: the lattice velocity stays.
+    Acoustic,
+    /// Not at all: a steady seepage.
+    Steady,
+}
+
+impl Scaling {
+    /// What it keeps and what that means.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Diffusive => {
+                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is part of the uncertainty"
+            }
+            Self::Acoustic => {
+                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
+            }
+            Self::Steady => "cells of the seepage; a steady flow has no time step",
+        }
+    }
+
+    /// The factor of the time step where cells are `ratio` times as large.
+    fn of_time(self, ratio: f64) -> f64 {
+        match self {
+            Self::Diffusive => ratio * ratio,
+            Self::Acoustic => ratio,
+            Self::Steady => 1.0,
+        }
+    }
+}
+
+/// The most cells of a seepage that an estimate makes.
+const MOST_SEEPAGE_CELLS: usize = 8_000_000;
+
+/// The seepage of a scene whose cells can be refined: one without grains.
+#[must_use]
+pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
+    scene.seepage.as_ref().filter(|_| !scene.has_solids())
+}
+
+/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it, else half as large.
+fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
+    let divides = |number: usize| {
+        let even = |cells: &usize| cells.is_multiple_of(number);
+        seepage.cells[..dimension]
+            .iter()
+            .all(|cells| even(cells) && cells / number >= 2)
+            && seepage.patches.iter().all(|patch| {
+                let ends = patch.from.iter().zip(&patch.to).take(dimension);
+                let mut ends = ends
+                    .enumerate()
+                    .filter(|(axis, _)| *axis != patch.face.axis());
+                ends.all(|(_, (from, to))| even(from) && even(to))
+            })
+    };
+    let cells: usize = seepage.cells[..dimension].iter().product();
+    let fits = |times: usize| cells * times.pow(to_u32(dimension)) <= MOST_SEEPAGE_CELLS;
+    let coarser: Vec<f64> = [2, 4]
+        .into_iter()
+        .take_while(|n| divides(*n))
+        .map(real)
+        .collect();
+    let finest: Vec<f64> = [2, 4]
+        .into_iter()
+        .take_while(|n| fits(*n))
+        .map(|n| 1.0 / real(n))
+        .collect();
+    let from_fine = match (finer, coarser.len()) {
+        (false, 2) => 0,
+        (true, 1..) | (false, 1) => 1,
+        _ => 2,
+    };
+    let from_fine = from_fine.min(finest.len());
+    let mut chosen: Vec<f64> = finest[..from_fine].iter().rev().copied().collect();
+    chosen.extend(coarser.iter().take(2 - from_fine));
+    chosen
+}
+
+/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a
+/// finer one on request or where no coarser cells divide the edges.
+#[must_use]
+pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
+    let grid = &scene.grid;
+    if let Some(seepage) = refinable_seepage(scene) {
+        return ratios_of_seepage(seepage, grid.dimension, finer);
+    }
+    let common = grid.cells[..grid.dimension]
+        .iter()
+        .fold(0, |a, b| common_divisor(a, *b));
+    let wanted = RATIO[usize::from(grid.dimension == 3)];
+    let allowed =
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+    let mut chosen = Vec::new();
+    let coarser = pick(common, wanted, allowed, if finer { 1 } else { 2 });
+    // Where no coarser cells divide the edges, finer ones do.
+    if finer || coarser.is_empty() {
+        let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
+        chosen.push(real(common) / real(cells));
+    }
+    chosen.extend(coarser);
+    chosen
+}
+
+/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that failed. Cells that are too
+/// coarse fail: it has finer cells than all coarser grids that failed, and is as near as possible to the middle between these and the next finer
+/// ones that ran. Where no coarser grid failed, it is coarser than all that ran. The last to try is finer than the case.
+#[must_use]
+pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
+    let grid = &scene.grid;
+    if scene.seepage.is_some() {
+        return None;
+    }
+    let common = grid.cells[..grid.dimension]
+        .iter()
+        .fold(0, |a, b| common_divisor(a, *b));
+    let wanted = RATIO[usize::from(grid.dimension == 3)];
+    let allowed =
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+    other(common, wanted, allowed, usable, failed)
+}
+
+/// [`another`] of cells of `common` along the common divisor of the edges.
+fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
+    let apart = |a: f64, b: f64| (a / b).max(b / a);
+    let new = |ratio: f64| {
+        usable
+            .iter()
+            .all(|known| apart(ratio, *known) >= LEAST_RATIO - 1e-9)
+            && failed
+                .iter()
+                .all(|known| apart(ratio, *known) >= LEAST_STEP)
+    };
+    let lowest = failed.iter().copied().filter(|ratio| *ratio > 1.0);
+    let lowest = lowest.fold(f64::INFINITY, f64::min);
+    let last = usable.iter().copied().filter(|ratio| *ratio < lowest);
+    let last = last.fold(1.0, f64::max);
+    let target = if lowest.is_finite() {
+        (last * LEAST_RATIO * lowest).sqrt()
+    } else {
+        last * wanted
+    };
+    let coarser = (1..common)
+        .map(|cells| real(common) / real(cells))
+        .filter(|&ratio| ratio < lowest && ratio <= allowed + 1e-9 && new(ratio))
+        .min_by(|a, b| apart(*a, target).total_cmp(&apart(*b, target)));
+    let finer = || {
+        let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
+        let tried = usable.iter().chain(failed).any(|ratio| *ratio < 1.0);
+        Some(real(common) / real(cells)).filter(|ratio| !tried && new(*ratio))
+    };
+    coarser.or_else(finer)
+}
+
+/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
+/// `allowed` times as large.
+fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
+    let steps = f64::from(number);
+    let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
+    let mut before = common;
+    let mut chosen = Vec::new();
+    for left in (0..number).rev() {
+        let away = |cells: &usize| (real(before) / real(*cells) / wanted).ln().abs();
+        let near = |limit: f64| {
+            let fits = |cells: &usize| {
+                real(before) / real(*cells) >= LEAST_RATIO - 1e-9
+                    && real(common) / real(*cells) <= limit + 1e-9
+            };
+            (1..before)
+                .filter(fits)
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+        };
+        // The first grid leaves room for the second, where there is room for two.
+        let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
+        let Some(best) = best else { break };
+        chosen.push(real(common) / real(best));
+        before = best;
+    }
+    chosen
+}
+
+/// Diameter of the smallest disc or sphere in the water \[m\].
+fn smallest_diameter(scene: &Scene) -> Option<f64> {
+    let bodies = scene.bodies.iter().map(|body| body.radius);
+    let grains = scene.grains.iter().filter_map(|g| g.radii).map(|r| r.0);
+    let smallest = bodies.chain(grains).fold(f64::INFINITY, f64::min);
+    smallest.is_finite().then_some(2.0 * smallest)
+}
+
+/// Returns the order of the method: second, and first where surfaces of bodies are staircases or partly covered cells,
+/// and where water flows or seeps round edges of structures, at which its stress or velocity has no bound.
+#[must_use]
+pub fn formal_order(scene: &Scene) -> f64 {
+    if let Some(seepage) = &scene.seepage {
+        return if seepage.solids.is_empty() { 2.0 } else { 1.0 };
+    }
+    let stairs = match &scene.coupling {
+        Some(Coupling::BounceBack(links)) => links.scheme == Scheme::HalfWay,
+        Some(Coupling::PartiallySaturated(_)) => true,
+        None => false,
+    };
+    let edges = scene.structures.iter().any(|s| s.stops.water());
+    if stairs && scene.has_solids() || edges {
+        1.0
+    } else {
+        2.0
+    }
+}
+
+/// The case with everything stated that the program chose for it, and without fields for ParaView.
+///
+/// # Errors
+/// [`Error::Internal`] where the plan is not that of a case.
+pub fn stated(plan: &Plan) -> Result<Value, Error> {
+    let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
+    let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
+    let scene = &plan.scene;
+    let Some(case) = tree.as_object_mut() else {
+        return Err(Error::Internal("the case is no object".into()));
+    };
+    case.remove("accuracy");
+    case.insert("output".into(), json!({}));
+    if let Some(law) = &scene.chosen.law {
+        case.insert("contact".into(), serde_json::to_value(law).map_err(wrong)?);
+    }
+    if let Some(coupling) = &scene.coupling {
+        let mut coupling = coupling.clone();
+        if let (Coupling::PartiallySaturated(cells), Some(flow)) = (&mut coupling, &scene.flow) {
+            cells.solid_operator = Some(flow.solid_operator(cells));
+        }
+        let coupling = serde_json::to_value(coupling).map_err(wrong)?;
+        case.insert("coupling".into(), coupling);
+    }
+    tree["domain"]["spacing"] = scene.grid.spacing.into();
+    if let Some(size) = &scene.chosen.size {
+        tree["domain"]["size"] = json!(size);
+    }
+    if let Some(domain) = tree["domain"].as_object_mut() {
+        domain.remove("slab_bounds");
+    }
+    if let Some(flow) = &scene.flow {
+        let lbm = &mut tree["fluid"]["lattice_boltzmann"];
+        lbm["collision"] = serde_json::to_value(flow.collision).map_err(wrong)?;
+        lbm["lattice"] = match flow.lattice {
+            Lattice::D2Q9 => "d2q9",
+            Lattice::D3Q19 => "d3q19",
+            Lattice::D3Q27 => "d3q27",
+        }
+        .into();
+        lbm["turbulence"] = match flow.turbulence {
+            Some(model) => serde_json::to_value(model).map_err(wrong)?,
+            None => "none".into(),
+        };
+        lbm["storage"] = serde_json::to_value(flow.storage).map_err(wrong)?;
+        if flow.fixed_by == "accuracy" {
+            lbm["relaxation_time"] = flow.relaxation_time.into();
+        }
+    }
+    if scene.seepage.is_some() {
+        let interval = plan.clock.solid_steps_per_step;
+        tree["fluid"]["darcy"]["coupling_interval"] = interval.into();
+    }
+    Ok(tree)
+}
+
+/// The stated case on cells that are `ratio` times as large.
+#[must_use]
+pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Value {
+    let mut tree = stated.clone();
+    let (clock, scene) = (&plan.clock, &plan.scene);
+    if let Some(seepage) = refinable_seepage(scene) {
+        tree["fluid"]["darcy"]["grid"] = seepage_grid(seepage, scene.grid.dimension, ratio);
+        return tree;
+    }
+    tree["domain"]["spacing"] = (scene.grid.spacing * ratio).into();
+    let factor = scaling.of_time(ratio);
+    with_time_step(&mut tree, plan, factor);
+    if let Some(change) = tree.pointer_mut("/time/warm_up/fluid_only/relative_change")
+        && let Some(number) = change.as_f64()
+    {
+        // It is a change in a hundred steps.
+        *change = (number * factor).min(0.5).into();
+    }
+    if let Some(steps) = tree.pointer_mut("/time/solid_steps_per_fluid_step")
+        && steps.is_number()
+    {
+        // The solid time step stays.
+        let number = f64::from(clock.solid_steps_per_step) * factor;
+        *steps = whole(number.ceil().max(1.0)).into();
+    }
+    tree
+}
+
+/// The grid of a seepage with cells that are `ratio` times as large, as a case has it.
+pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
+    let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
+    let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
+    let cells: Vec<usize> = (0..dimension)
+        .map(|a| whole((real(seepage.cells[a]) / ratio).round()))
+        .collect();
+    json!({"from": numbers(&|a| seepage.origin[a]), "to": numbers(&to), "cells": cells})
+}
+
+/// Sets a time step that is about `factor` times that of the plan and divides the same end.
+pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
+    let clock = &plan.clock;
+    let steps = real(clock.steps);
+    let number = (steps / factor).round().max(1.0);
+    let lbm = &mut tree["fluid"]["lattice_boltzmann"];
+    if let Some(lbm) = lbm.as_object_mut() {
+        for field in ["relaxation_time", "reference_velocity", "lattice_velocity"] {
+            lbm.remove(field);
+        }
+    }
+    lbm["time_step"] = (clock.time_step * (steps / number)).into();
+    tree["time"]["end"] = (clock.time_step * steps).into();
+}
+
+/// What keeps the case from being run on other cells.
+///
+/// # Errors
+/// The field and a remedy.
+pub fn check(stated: &Value) -> Result<(), Error> {
+    let one = |path: &str, value: String, reason: &str, remedy: &str| {
+        Error::Case(vec![Problem {
+            path: path.into(),
+            value,
+            reason: reason.into(),
+            remedy: remedy.into(),
+            severity: Severity::Error,
+        }])
+    };
+    let path = "fluid.lattice_boltzmann.initial";
+    let initial = &stated["fluid"]["lattice_boltzmann"]["initial"];
+    if let Ok(Initial::File { .. }) = serde_json::from_value(initial.clone()) {
+        return Err(one(
+            path,
+            initial.to_string(),
+            "a field from a file has one spacing, and an estimate requires several",
+            "start from another initial state, or warm up the fluid",
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_leave_whole_cells_and_are_near_the_wanted_ones() {
+        for (cells, number) in [
+            (40, 2),
+            (100, 2),
+            (24, 2),
+            (6, 2),
+            (4, 2),
+            (3, 2),
+            (2, 1),
+            (1, 0),
+        ] {
+            let found = pick(cells, 1.8, f64::INFINITY, 2);
+            assert_eq!(found.len(), number, "{cells}: {found:?}");
+            let mut before = 1.0;
+            for ratio in found {
+                let coarse = real(cells) / ratio;
+                assert!((coarse - coarse.round()).abs() < 1e-9, "{cells} by {ratio}");
+                assert!(ratio / before >= LEAST_RATIO - 1e-9, "{cells}: {ratio}");
+                before = ratio;
+            }
+        }
+        // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
+        let found = pick(40, 1.8, f64::INFINITY, 2);
+        assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
+        // A body of eight cells keeps four of them, one of six cells has room for one grid, one of five for none.
+        let found = pick(40, 1.8, 2.0, 2);
+        assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
+        let found = pick(40, 1.8, 1.5, 2);
+        assert!(found.len() == 1 && found[0] <= 1.5, "{found:?}");
+        assert!(pick(40, 1.8, 1.25, 2).is_empty());
+    }
+
+    #[test]
+    fn a_grid_that_failed_is_replaced_by_one_between() {
+        let none = f64::INFINITY;
+        let near = |found: Option<f64>, cells: f64, of: f64| {
+            assert!((found.unwrap() - of / cells).abs() < 1e-12, "{found:?}");
+        };
+        // 40, 22 and 12 cells of which 12 fail: 2.36 to 3.33 are free, their middle is 2.82, 14 cells are 2.86.
+        let usable = [1.0, 40.0 / 22.0];
+        near(other(40, 1.8, none, &usable, &[40.0 / 12.0]), 14.0, 40.0);
+        // Then 15 cells; 17 are within 1.3 of 22, and 29 are between those that ran. The finer grid is the last.
+        let mut failed = vec![40.0 / 14.0, 40.0 / 12.0];
+        near(other(40, 1.8, none, &usable, &failed), 15.0, 40.0);
+        failed[0] = 40.0 / 16.0;
+        near(other(40, 1.8, none, &usable, &failed), 29.0, 40.0);
+        failed[0] = 40.0 / 29.0;
+        near(other(40, 1.8, none, &usable, &failed), 60.0, 40.0);
+        let usable = [2.0 / 3.0, 1.0, 40.0 / 22.0];
+        assert_eq!(other(40, 1.8, none, &usable, &failed), None);
+        // All coarser ones failed: between 1.3 and 1.82 are 26 cells.
+        let failed = [40.0 / 22.0, 40.0 / 12.0];
+        near(other(40, 1.8, none, &[1.0], &failed), 26.0, 40.0);
+        // The finer one failed: coarser than all.
+        let usable = [1.0, 40.0 / 22.0];
+        near(other(40, 1.8, none, &usable, &[2.0 / 3.0]), 12.0, 40.0);
+        // Where a body needs its cells, one between.
+        near(other(40, 1.8, 2.0, &usable, &[2.0 / 3.0]), 29.0, 40.0);
+    }
+}

@@ -1,0 +1,149 @@
+//! A pilot: the case on coarse cells, for the speed and the pressure of the water where formulas do not reach.
+//!
+//! Speeds and pressures of flow between structures, in turbulence and between openings of several kinds are not known
+//! before a run to better than a factor of two. The pilot runs the case on the coarsest cells of an estimate that can
+//! run, at most [`MOST_COST`] of its cost. The case with these numbers is written beside it; the automatic choices
+//! then take them in place of their estimates, on any number of ranks and after a restart.
+
+use super::grids::{self, Scaling};
+use super::{member, outcome};
+use crate::sweep::members::Member;
+use crate::sweep::runner::Runner;
+use crate::sweep::study::Run;
+use crate::sweep::{Report, enough_cores};
+use base::error::{Error, Problem, Severity};
+use case::fluid::Pilot;
+use plan::Plan;
+use plan::scene::findings::number;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// Largest cost of a pilot over that of its case.
+pub const MOST_COST: f64 = 0.1;
+/// Name of the run, and of its folder.
+const NAME: &str = "pilot";
+
+/// Runs a pilot in `output`; returns what it found, and the case with it.
+///
+/// # Errors
+/// [`Error::Case`] where no coarser cells can run at this cost, and the failure of the run.
+pub fn command(
+    plan: &Plan,
+    output: &Path,
+    run: &Run,
+    report: Report<'_>,
+) -> Result<(Pilot, Value), Error> {
+    enough_cores(run)?;
+    if plan.scene.flow.is_none() {
+        return Err(Error::Case(vec![Problem {
+            path: "fluid".into(),
+            value: String::new(),
+            reason: "a pilot measures the water of a lattice, and the case has none".into(),
+            remedy: "run the case itself".into(),
+            severity: Severity::Error,
+        }]));
+    }
+    let (chosen, ratio) = coarse(plan)?;
+    let planned = chosen.prepared.as_ref().map_or(0.0, |p| p.seconds);
+    report(&format!(
+        "a pilot on cells of {ratio:.2} times the size, about {planned:.1} core-seconds, {:.1} % of the run, in {}",
+        100.0 * planned / plan.estimate.seconds_on_one_core,
+        output.display()
+    ));
+    let runner = Runner::new(run, true, output, None, report)?;
+    runner.run(std::slice::from_ref(&chosen))?;
+    if let Err(reason) = outcome(plan, &chosen, output) {
+        return Err(Error::Numerical(format!(
+            "the pilot did not end ({reason}): its cells are too coarse for this flow; the estimates of the plan remain"
+        )));
+    }
+    let found = read(plan, &chosen, output)?;
+    let mut case: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
+    case["fluid"]["lattice_boltzmann"]["pilot"] = serde_json::to_value(&found).map_err(wrong)?;
+    Ok((found, case))
+}
+
+fn wrong(e: serde_json::Error) -> Error {
+    Error::Internal(format!("the case of a pilot: {e}"))
+}
+
+/// Returns the case on the coarsest cells that can run, and their size over that of the case.
+fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
+    let stated = grids::stated(plan)?;
+    let ratios = grids::ratios(&plan.scene, false);
+    let most = MOST_COST * plan.estimate.seconds_on_one_core;
+    let (mut problems, mut costly) = (Vec::new(), false);
+    let coarser = || ratios.iter().rev().filter(|ratio| **ratio > 1.0);
+    // What is unstable by estimates may run: the pilot is there because they are rough.
+    for (unstable, ratio) in [false, true]
+        .into_iter()
+        .flat_map(|u| coarser().map(move |r| (u, *r)))
+    {
+        for rule in [Scaling::Acoustic, Scaling::Diffusive] {
+            let case = grids::on_cells(&stated, plan, ratio, rule);
+            let found = member(NAME.into(), case, plan.estimate.machine, unstable);
+            match &found.prepared {
+                Some(prepared) if prepared.seconds <= most => return Ok((found, ratio)),
+                Some(_) => costly = true,
+                None => problems.extend(found.problems),
+            }
+        }
+    }
+    problems.retain(|problem| problem.severity != Severity::Warning);
+    problems.truncate(1);
+    if costly || problems.is_empty() {
+        problems = vec![Problem {
+            path: "domain.spacing".into(),
+            value: plan.scene.grid.spacing.to_string(),
+            reason: format!(
+                "no coarser cells cost at most {} % of the run",
+                100.0 * MOST_COST
+            ),
+            remedy: "run the case itself".into(),
+            severity: Severity::Error,
+        }];
+    }
+    Err(Error::Case(problems))
+}
+
+/// Returns the largest speed and pressure of a pilot that has ended.
+fn read(plan: &Plan, pilot: &Member, output: &Path) -> Result<Pilot, Error> {
+    let path = output.join(&pilot.name).join("summary.json");
+    let fail = |what: &str| Error::Io(format!("{}: {what}", path.display()));
+    let text = fs::read_to_string(&path).map_err(|e| fail(&e.to_string()))?;
+    let summary: Value = serde_json::from_str(&text).map_err(|e| fail(&e.to_string()))?;
+    let value = |name: &str| {
+        summary[name]
+            .as_f64()
+            .ok_or_else(|| fail(&format!("no {name}")))
+    };
+    let spacing = pilot.case["domain"]["spacing"].as_f64();
+    let spacing = spacing.ok_or_else(|| Error::Internal("a pilot without a spacing".into()))?;
+    let sound = spacing / (3.0_f64.sqrt() * value("time")? / value("steps")?);
+    let density = plan.scene.flow.as_ref().map_or(0.0, |flow| flow.density);
+    Ok(Pilot {
+        speed: value("lattice_velocity")? * 3.0_f64.sqrt() * sound,
+        pressure: value("compression")? * density * sound * sound,
+        of: plan::hash_without_pilot(&plan.case_text)
+            .ok_or_else(|| Error::Internal("a case that is no JSON".into()))?,
+    })
+}
+
+/// Returns what a pilot found in words.
+#[must_use]
+pub fn told(pilot: &Pilot) -> String {
+    format!(
+        "the water reached {} m/s and {} Pa",
+        number(pilot.speed),
+        number(pilot.pressure)
+    )
+}
+
+/// Writes the case with its pilot.
+///
+/// # Errors
+/// [`Error::Io`] for the file.
+pub fn write(case: &Value, path: &Path) -> Result<(), Error> {
+    io::atomic::write_json(path, case).map_err(|e| Error::Io(format!("{}: {e}", path.display())))
+}

@@ -1,0 +1,747 @@
+//! The result of an estimate as a table for the terminal, as CSV and as JSON.
+
+use super::answers::{Answer, Answers};
+use super::convergence::{Behaviour, Estimate, Series};
+use super::settings::Setting;
+use crate::sweep::table::machine;
+use base::units::LatticeUnits;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Drift above which an answer has not settled.
+const SETTLED: f64 = 1e-3;
+/// Differences up to this part of the scale of an answer are rounding, for populations in f64 and f32.
+const ROUNDING: [f64; 2] = [1e-9, 1e-5];
+/// As much of a unit of the lattice is rounding, too: of pressure, force and so on.
+const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
+/// Components below this part of their vector are zero.
+const ZERO: f64 = 1e-9;
+
+/// How large rounding is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// The scales of the lattice, if there is one.
+    pub units: Option<LatticeUnits>,
+    /// Whether populations are stored in f32.
+    pub single: bool,
+}
+
+impl Noise {
+    /// Rounding of a quantity by its unit, whatever its size.
+    fn of_unit(self, unit: &str) -> f64 {
+        let scale = self.units.map_or(0.0, |units| match unit {
+            "Pa" => units.pressure_scale(),
+            "N" | "N/m" => units.force_scale(),
+            "N m" | "N m/m" => units.torque_to_si(1.0),
+            "m/s" => units.velocity_scale(),
+            "m2/s" => units.velocity_scale() * units.spacing,
+            "m3/s" => units.velocity_scale() * units.spacing.powi(2),
+            "rad/s" => 1.0 / units.time_step,
+            _ => 0.0,
+        });
+        scale * OF_UNIT[usize::from(self.single)]
+    }
+
+    /// Whether values are zero but for rounding.
+    fn is_zero(self, mut values: impl Iterator<Item = f64>, answer: &Answer) -> bool {
+        let limit = (ZERO * answer.scale).max(self.of_unit(&answer.unit));
+        values.all(|value| value.abs() <= limit)
+    }
+
+    /// Differences that are rounding.
+    fn of(self, answer: &Answer) -> f64 {
+        (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
+    }
+}
+
+/// What is known of a grid.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Grid {
+    /// Its folder.
+    pub folder: String,
+    /// Its spacing \[m\].
+    pub spacing: f64,
+    /// Over that of the case.
+    pub ratio: f64,
+    /// Processor time of its run \[s\].
+    pub core_seconds: f64,
+    /// Why it has no answers; none where it has.
+    pub failure: Option<String>,
+    /// What it answers; none where its run failed.
+    #[serde(skip)]
+    pub answers: Option<Answers>,
+}
+
+/// A row: an answer with its uncertainty.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The answer.
+    pub answer: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its value in the run of the case.
+    pub value: f64,
+    /// Its values on all grids, from fine to coarse.
+    pub values: Vec<f64>,
+    /// What the grids say.
+    #[serde(flatten)]
+    pub estimate: Estimate,
+    /// Change in time between the last two tenths of the run.
+    pub drift: Option<f64>,
+    /// Whether it has settled; none where that was not measured.
+    pub settled: Option<bool>,
+    #[serde(skip)]
+    scale: f64,
+}
+
+/// Changes of the answers under another setting.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sensitivity {
+    /// The setting.
+    pub setting: String,
+    /// From what to what.
+    pub change: String,
+    /// The folder of the run.
+    pub folder: String,
+    /// The folder of the run that it is compared with.
+    pub beside: String,
+    /// Why there are no changes; empty where there are.
+    pub missing: String,
+    /// Answer, value before and after, relative change.
+    pub changes: Vec<Change>,
+}
+
+/// The change of an answer.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The answer.
+    pub answer: String,
+    /// Under the setting of the case.
+    pub before: f64,
+    /// Under the next better one.
+    pub after: f64,
+    /// Difference over the size of the answer.
+    pub relative: f64,
+}
+
+/// All that an estimate found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Table {
+    /// How the time step changes with the cells, and what that means.
+    pub scaling: String,
+    /// Order of the method.
+    pub formal_order: f64,
+    /// What the number of grids with answers means; empty where all have answers.
+    pub conclusion: String,
+    /// The grids, from fine to coarse.
+    pub grids: Vec<Grid>,
+    /// Answers with their uncertainties.
+    pub answers: Vec<Row>,
+    /// Settings that cells do not refine.
+    pub settings: Vec<Sensitivity>,
+    /// Version of the program.
+    pub version: String,
+}
+
+/// What the number of grids with answers means, where not all have answers.
+#[must_use]
+pub fn conclusion(grids: &[Grid]) -> String {
+    let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
+        return String::new();
+    };
+    let number = grids.iter().filter(|grid| grid.answers.is_some()).count();
+    let of = grids.len();
+    match number {
+        0 | 1 => format!(
+            "no estimate exists: {number} of {of} grids has answers, and an estimate requires two; {}: {why}",
+            grid.folder
+        ),
+        2 => format!(
+            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of safety is 3"
+        ),
+        _ => format!("{number} of {of} grids have answers: the estimate uses these"),
+    }
+}
+
+/// The rows of the grids; `at` is the one of the case.
+#[must_use]
+pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
+    let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
+        return Vec::new();
+    };
+    let row = |(name, answer): (&String, &Answer)| {
+        let known = grids.iter().enumerate().filter_map(|(n, grid)| {
+            let value = grid.answers.as_ref()?.get(name)?.value;
+            Some((n, (grid.spacing, value)))
+        });
+        let (places, values): (Vec<usize>, Vec<(f64, f64)>) = known.unzip();
+        let same = |v: &(f64, f64)| v.1.to_bits() == answer.value.to_bits();
+        // The same bits on all grids are given, not computed; what symmetry makes zero is rounding.
+        let given = values.len() > 1 && values.iter().all(same);
+        let zero = noise.is_zero(values.iter().map(|v| v.1), answer);
+        if given || zero {
+            return None;
+        }
+        let series = Series {
+            at: places.iter().position(|place| *place == at)?,
+            formal,
+            rounding: noise.of(answer),
+            values,
+        };
+        Some(Row {
+            answer: name.clone(),
+            unit: answer.unit.clone(),
+            value: answer.value,
+            values: series.values.iter().map(|v| v.1).collect(),
+            estimate: series.estimate(),
+            drift: answer.drift,
+            settled: answer.drift.map(|drift| drift <= SETTLED),
+            scale: answer.scale,
+        })
+    };
+    own.iter().filter_map(row).collect()
+}
+
+/// What a setting changes.
+#[must_use]
+pub fn sensitivity(
+    setting: &Setting,
+    [folder, beside]: [&str; 2],
+    [before, after]: [Option<&Answers>; 2],
+    missing: &str,
+    noise: Noise,
+) -> Sensitivity {
+    let mut changes = Vec::new();
+    for (before, after) in before.into_iter().zip(after) {
+        for (name, old) in before {
+            let Some(new) = after.get(name) else { continue };
+            let zero = noise.is_zero([old.value, new.value].into_iter(), old);
+            let relative = (new.value - old.value) / old.scale.max(f64::MIN_POSITIVE);
+            if !zero && relative.is_finite() {
+                changes.push(Change {
+                    answer: name.clone(),
+                    before: old.value,
+                    after: new.value,
+                    relative,
+                });
+            }
+        }
+    }
+    changes.sort_by(|a, b| b.relative.abs().total_cmp(&a.relative.abs()));
+    Sensitivity {
+        setting: setting.name.to_owned(),
+        change: setting.change.clone(),
+        folder: folder.to_owned(),
+        beside: beside.to_owned(),
+        missing: missing.to_owned(),
+        changes,
+    }
+}
+
+impl Row {
+    /// The uncertainty over the value.
+    #[must_use]
+    pub fn relative(&self) -> Option<f64> {
+        let relative = self.estimate.uncertainty? / self.value.abs();
+        Some(relative).filter(|r| r.is_finite())
+    }
+
+    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower interval.
+    #[must_use]
+    pub fn why_wide(&self) -> Option<String> {
+        self.relative().filter(|half| *half > WIDE)?;
+        let mut causes: Vec<String> = Vec::new();
+        if self.value.abs() < SMALL * self.scale {
+            causes.push(format!(
+                "the value is {} of the scale of its kind, {:.3e}: a small difference of large terms",
+                percent(Some(self.value.abs() / self.scale)),
+                self.scale
+            ));
+        }
+        if self.settled == Some(false) {
+            causes.push(format!(
+                "it still changes by {} in a tenth of the run: run longer",
+                percent(self.drift.map(f64::abs))
+            ));
+        }
+        causes.push(match self.estimate.behaviour {
+            Behaviour::TwoGrids => "two grids show no order, so that the factor is 3 at first order: a third grid narrows it".to_owned(),
+            Behaviour::Oscillating => "its values rise and fall from grid to grid: gaps or borders are not resolved on the coarser grids".to_owned(),
+            Behaviour::Monotone => format!(
+                "the order {} is below the formal one: the cells are too coarse for it",
+                self.estimate.observed_order.map_or_else(String::new, |p| format!("{p:.2}"))
+            ),
+            Behaviour::Fast => "its order is above that of the method, so that the factor is 3".to_owned(),
+            _ => "it differs this much from grid to grid: the cells are too coarse for it".to_owned(),
+        });
+        Some(causes.join("; "))
+    }
+
+    /// Whether it has settled, in words.
+    #[must_use]
+    pub fn rest(&self) -> String {
+        match (self.settled, self.drift) {
+            (Some(true), _) => "settled".into(),
+            (_, Some(drift)) => format!("not settled, drift {:.2} %", 100.0 * drift),
+            _ => "drift not measured (too few samples)".into(),
+        }
+    }
+}
+
+/// A number with five digits, or a dash.
+fn short(number: Option<f64>) -> String {
+    number.map_or_else(|| "-".to_owned(), |x| format!("{x:.5e}"))
+}
+
+fn percent(number: Option<f64>) -> String {
+    number.map_or_else(|| "-".to_owned(), |x| format!("{:.2} %", 100.0 * x))
+}
+
+/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the line.
+fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
+    let mut shown: Vec<(&Row, usize)> = Vec::new();
+    let family = |row: &Row| {
+        row.answer
+            .split_once(", point ")
+            .map(|(stem, _)| stem.to_owned())
+    };
+    let size = |row: &Row| {
+        row.estimate
+            .uncertainty
+            .map_or(f64::INFINITY, |u| u / row.scale)
+    };
+    for row in rows {
+        let own = family(row);
+        let same = shown
+            .iter_mut()
+            .find(|(other, _)| own.is_some() && family(other) == own);
+        match same {
+            Some((worst, number)) => {
+                *number += 1;
+                if size(row) > size(worst) {
+                    *worst = row;
+                }
+            }
+            None => shown.push((row, 1)),
+        }
+    }
+    shown
+}
+
+impl Table {
+    /// How many grids have answers.
+    #[must_use]
+    pub fn usable(&self) -> usize {
+        self.grids.iter().filter(|g| g.answers.is_some()).count()
+    }
+
+    /// Returns the lines for the terminal.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut lines = self.grid_lines();
+        lines.push(String::new());
+        lines.extend(self.answer_lines());
+        let mut used: Vec<Behaviour> = Vec::new();
+        for row in &self.answers {
+            if !used.contains(&row.estimate.behaviour) {
+                used.push(row.estimate.behaviour);
+            }
+        }
+        if !used.is_empty() {
+            lines.push(String::new());
+        }
+        lines.extend(used.iter().map(|b| format!("{}: {}", b.name(), b.method())));
+        lines.extend(self.wide_lines());
+        if !self.settings.is_empty() {
+            lines.push(String::new());
+            lines.push("sensitivity to settings of models, not part of the uncertainty".into());
+            lines.extend(self.setting_lines());
+        }
+        lines.join("\n")
+    }
+
+    /// Returns a line for each wide interval among the answers that the terminal shows.
+    fn wide_lines(&self) -> impl Iterator<Item = String> + '_ {
+        shown(&self.answers).into_iter().filter_map(|(row, _)| {
+            let why = row.why_wide()?;
+            Some(format!("wide interval of {}: {why}", row.answer))
+        })
+    }
+
+    /// Returns lines on the grids and the conclusion.
+    fn grid_lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        if self.grids.len() > 1 {
+            lines.push(format!("scaling: {}", self.scaling));
+            lines.push(format!("formal order: {}", self.formal_order));
+        }
+        for grid in &self.grids {
+            let failed = grid
+                .failure
+                .as_ref()
+                .map_or_else(String::new, |why| format!(", no answers: {why}"));
+            lines.push(format!(
+                "grid {}: {:.4e} m, {:.3} of the case, {:.1} core-s{failed}",
+                grid.folder, grid.spacing, grid.ratio, grid.core_seconds
+            ));
+        }
+        if !self.conclusion.is_empty() {
+            lines.push(self.conclusion.clone());
+        }
+        lines
+    }
+
+    /// Returns the answers as aligned lines.
+    fn answer_lines(&self) -> Vec<String> {
+        let head = [
+            "answer",
+            "value",
+            "uncertainty",
+            "",
+            "extrapolated",
+            "order",
+            "series",
+            "in time",
+        ];
+        let mut cells = vec![head.map(str::to_owned)];
+        for (row, number) in shown(&self.answers) {
+            let estimate = &row.estimate;
+            let others = if number > 1 {
+                format!(" (worst of {number})")
+            } else {
+                String::new()
+            };
+            let unit = if row.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" {}", row.unit)
+            };
+            cells.push([
+                format!("{}{others}", row.answer),
+                format!("{}{unit}", short(Some(row.value))),
+                match estimate.uncertainty {
+                    Some(_) => short(estimate.uncertainty),
+                    None => "not promised".to_owned(),
+                },
+                percent(row.relative()),
+                short(estimate.extrapolated),
+                estimate
+                    .observed_order
+                    .map_or_else(|| "-".to_owned(), |p| format!("{p:.2}")),
+                estimate.behaviour.name().to_owned(),
+                row.rest(),
+            ]);
+        }
+        aligned(&cells)
+    }
+
+    /// Returns the sensitivities to settings as aligned lines.
+    fn setting_lines(&self) -> Vec<String> {
+        let head = ["setting", "change", "answer", "before", "after", "relative"];
+        let mut cells = vec![head.map(str::to_owned)];
+        for setting in &self.settings {
+            let row = |answer: &str, [a, b, c]: [String; 3]| {
+                let (name, change) = (setting.setting.clone(), setting.change.clone());
+                [name, change, answer.to_owned(), a, b, c]
+            };
+            let seen: Vec<&Change> = setting
+                .changes
+                .iter()
+                .filter(|change| change.relative.abs() >= LEAST_CHANGE)
+                .collect();
+            if seen.is_empty() {
+                let none = format!("no change of {}", percent(Some(LEAST_CHANGE)));
+                let text = if setting.missing.is_empty() {
+                    &none
+                } else {
+                    &setting.missing
+                };
+                cells.push(row(text, Default::default()));
+            }
+            for change in seen.iter().take(MOST_CHANGES) {
+                let numbers = [
+                    short(Some(change.before)),
+                    short(Some(change.after)),
+                    percent(Some(change.relative)),
+                ];
+                cells.push(row(&change.answer, numbers));
+            }
+            if seen.len() > MOST_CHANGES {
+                let more = format!("{} more in estimate.csv", seen.len() - MOST_CHANGES);
+                cells.push(row(&more, Default::default()));
+            }
+        }
+        aligned(&cells)
+    }
+
+    /// All rows as CSV.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let mut text = format!("# {}, {}\n# {}\n", self.version, machine(), self.scaling);
+        for grid in &self.grids {
+            let failed = grid.failure.as_ref().map_or_else(String::new, |why| {
+                format!(", no answers: {}", why.replace(['\n', '\r'], " "))
+            });
+            text += &format!(
+                "# {}: {:e} m, ratio {}, {:.2} core-s{failed}\n",
+                grid.folder, grid.spacing, grid.ratio, grid.core_seconds
+            );
+        }
+        if !self.conclusion.is_empty() {
+            text += &format!("# {}\n", self.conclusion.replace(['\n', '\r'], " "));
+        }
+        let head = [
+            "kind",
+            "answer",
+            "unit",
+            "value",
+            "uncertainty",
+            "relative",
+            "extrapolated",
+            "observed order",
+            "order used",
+            "factor",
+            "series",
+            "drift",
+            "in time",
+            "values from fine to coarse",
+        ];
+        io::csv::push_line(&mut text, head);
+        let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
+        for row in &self.answers {
+            let estimate = &row.estimate;
+            let values: Vec<String> = row.values.iter().map(|v| format!("{v:e}")).collect();
+            io::csv::push_line(
+                &mut text,
+                [
+                    "cells".to_owned(),
+                    row.answer.clone(),
+                    row.unit.clone(),
+                    number(Some(row.value)),
+                    number(estimate.uncertainty),
+                    number(row.relative()),
+                    number(estimate.extrapolated),
+                    number(estimate.observed_order),
+                    number(estimate.order),
+                    number(estimate.factor),
+                    estimate.behaviour.name().to_owned(),
+                    number(row.drift),
+                    row.rest(),
+                    values.join(" "),
+                ],
+            );
+        }
+        for setting in &self.settings {
+            for change in &setting.changes {
+                let mut cells = vec![String::new(); head.len()];
+                cells[0] = format!("{} {}", setting.setting, setting.change);
+                cells[1].clone_from(&change.answer);
+                cells[3] = number(Some(change.before));
+                cells[5] = number(Some(change.relative));
+                cells[13] = format!("{:e} {:e}", change.before, change.after);
+                io::csv::push_line(&mut text, cells);
+            }
+        }
+        text
+    }
+
+    /// The block of `summary.json`: as the table, with the reason of each method.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let mut tree = json!(self);
+        if let Some(rows) = tree["answers"].as_array_mut() {
+            for (row, known) in rows.iter_mut().zip(&self.answers) {
+                row["method"] = known.estimate.behaviour.method().into();
+                row["relative"] = known.relative().into();
+                row["in_time"] = known.rest().into();
+                row["why_wide"] = known.why_wide().into();
+            }
+        }
+        tree
+    }
+}
+
+/// Changes of one setting that the terminal shows, the largest first.
+const MOST_CHANGES: usize = 6;
+
+/// Smaller changes only stand in the files.
+const LEAST_CHANGE: f64 = 1e-4;
+
+/// Half width over the value above which an interval is called wide.
+const WIDE: f64 = 0.2;
+
+/// Value over the scale of its kind below which rounding and staircases of larger terms decide its relative width.
+const SMALL: f64 = 0.1;
+
+/// Rows with columns of equal width.
+fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
+    let width: [usize; N] = std::array::from_fn(|n| {
+        let cells = rows.iter().map(|row| row[n].chars().count());
+        cells.max().unwrap_or(0)
+    });
+    let line = |row: &[String; N]| {
+        let cells = row
+            .iter()
+            .zip(width)
+            .map(|(cell, width)| format!("{cell:width$}"));
+        let line: Vec<String> = cells.collect();
+        line.join("  ").trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(ratio: f64, values: &[(&str, f64, f64)]) -> Grid {
+        let answer = |(name, value, drift): &(&str, f64, f64)| {
+            let answer = Answer {
+                unit: "N".into(),
+                value: *value,
+                scale: 1.0,
+                drift: Some(*drift),
+            };
+            ((*name).to_owned(), answer)
+        };
+        Grid {
+            folder: format!("grid-{ratio}"),
+            spacing: 0.1 * ratio,
+            ratio,
+            core_seconds: 1.0,
+            failure: None,
+            answers: Some(values.iter().map(answer).collect()),
+        }
+    }
+
+    fn table() -> Table {
+        let of = |h: f64| {
+            [
+                ("drag", 1.0 + 0.1 * h * h, 0.0),
+                ("given", 7.0, 0.0),
+                ("lift", 1e-17 * h, 0.0),
+                ("line: u, point 1", 2.0 + h.ln(), 0.034),
+                ("line: u, point 2", 2.0 + 0.01 * h * h, 0.0),
+            ]
+        };
+        let grids = [1.0, 2.0, 4.0].map(|h| grid(h, &of(h)));
+        let setting = Setting {
+            name: "contact stiffness",
+            folder: "stiffness",
+            change: "x 4".into(),
+            case: Value::Null,
+        };
+        let answers = [&grids[1].answers, &grids[0].answers].map(Option::as_ref);
+        Table {
+            scaling: "diffusive".into(),
+            formal_order: 2.0,
+            conclusion: String::new(),
+            answers: rows(&grids, 0, 2.0, Noise::default()),
+            settings: vec![sensitivity(
+                &setting,
+                ["4-stiffness", "2"],
+                answers,
+                "",
+                Noise::default(),
+            )],
+            grids: grids.into(),
+            version: "solver".into(),
+        }
+    }
+
+    #[test]
+    fn given_values_and_zeros_are_no_answers_and_drift_is_said() {
+        let table = table();
+        let names: Vec<&str> = table.answers.iter().map(|r| r.answer.as_str()).collect();
+        assert_eq!(names, ["drag", "line: u, point 1", "line: u, point 2"]);
+        let drag = &table.answers[0];
+        approx::assert_relative_eq!(
+            drag.estimate.extrapolated.unwrap(),
+            1.0,
+            max_relative = 1e-9
+        );
+        let text = table.text();
+        assert!(text.contains("line: u, point 1 (worst of 2)"), "{text}");
+        assert!(
+            text.contains("not promised") && text.contains("diverging: no number is promised"),
+            "{text}"
+        );
+        assert!(text.contains("not settled, drift 3.40 %"), "{text}");
+        assert!(text.contains("contact stiffness  x 4"), "{text}");
+    }
+
+    #[test]
+    fn a_wide_interval_names_its_causes() {
+        let of = |h: f64| {
+            [
+                ("coarse", 1.0 + 0.5 * h, 0.03),
+                ("fine", 1.0 + 0.01 * h * h, 0.0),
+                ("small", 0.01 * h, 0.0),
+            ]
+        };
+        let grids = [1.0, 2.0].map(|h| grid(h, &of(h)));
+        let rows = rows(&grids, 0, 2.0, Noise::default());
+        let why: Vec<_> = rows
+            .iter()
+            .map(|row| row.why_wide().unwrap_or_default())
+            .collect();
+        assert!(
+            why[0].starts_with("it still changes by 3.00 %") && why[0].contains("a third grid"),
+            "{}",
+            why[0]
+        );
+        assert_eq!(why[1], "");
+        assert!(
+            why[2].starts_with("the value is 1.00 % of the scale"),
+            "{}",
+            why[2]
+        );
+    }
+
+    #[test]
+    fn grids_without_answers_are_told_with_their_reason() {
+        let mut table = table();
+        assert_eq!(conclusion(&table.grids), "");
+        for (place, expected) in [(2, "an estimate of two grids"), (1, "no estimate exists")] {
+            table.grids[place].answers = None;
+            table.grids[place].failure = Some("numerical refusal: too\nfast".into());
+            table.conclusion = conclusion(&table.grids);
+            assert!(
+                table.conclusion.starts_with(expected),
+                "{}",
+                table.conclusion
+            );
+        }
+        assert!(table.conclusion.contains("too\nfast"));
+        let text = table.text();
+        assert!(text.contains("no answers: numerical refusal"), "{text}");
+        let csv = table.csv();
+        assert!(
+            csv.contains("# grid-4: ") && csv.contains("too fast"),
+            "{csv}"
+        );
+        assert!(table.json()["grids"][1]["failure"].is_string());
+    }
+
+    #[test]
+    fn csv_and_json_hold_all_rows() {
+        let table = table();
+        let csv = table.csv();
+        let reader = io::csv::Reader::new(&csv);
+        assert!(reader.is_some());
+        assert!(csv.contains("cells,\"line: u, point 2\",N,"), "{csv}");
+        let block = table.json();
+        assert_eq!(block["answers"][0]["behaviour"], "asymptotic");
+        assert!(
+            block["answers"][0]["method"]
+                .as_str()
+                .unwrap()
+                .contains("F = 1.25")
+        );
+        assert_eq!(block["answers"][1]["settled"], false);
+        assert_eq!(
+            block["settings"][0]["changes"][0]["answer"],
+            "line: u, point 1"
+        );
+    }
+}
