@@ -1,4 +1,4 @@
-"""Rows of src/scene/auto/measured.csv from the tables of the studies in this folder.
+"""Rows of src/plan/scene/auto/measured.csv from the tables of the studies in this folder.
 
     python3 benches/accuracy/rows.py >rows.csv
 

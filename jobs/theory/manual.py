@@ -15,9 +15,9 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PHYSICS = ROOT / "src" / "physics"
+SOURCES = ROOT / "src"
 
-# Chapters: title, families in the table of papers, and files below src/physics or src; `*` takes the models of a folder
+# Chapters: title, families in the table of papers, and files below src; `*` takes the models of a folder
 # in the order of the table.
 CHAPTERS = [
     ("Lattice", ["lattice"], ["lbm/lattice.rs", "lbm/populations.rs", "lbm/initial.rs"]),
@@ -55,7 +55,7 @@ CHAPTERS = [
         "Seepage",
         ["seepage", "resistance", "drag", "porosity"],
         [
-            "darcy.rs",
+            "darcy/lib.rs",
             "darcy/pressure.rs",
             "darcy/multigrid.rs",
             "darcy/permeability.rs",
@@ -90,8 +90,8 @@ CHAPTERS = [
             "dem/polyhedron/linear_program.rs",
         ],
     ),
-    ("Motion of grains", [], ["dem.rs", "dem/integrate.rs", "dem/neighbors.rs"]),
-    ("Structures and walls", ["structure", "walls"], ["structure.rs", "structure/mesh.rs", "dem/surface.rs"]),
+    ("Motion of grains", [], ["dem/lib.rs", "dem/integrate.rs", "dem/neighbors.rs"]),
+    ("Structures and walls", ["structure", "walls"], ["structure/lib.rs", "structure/mesh.rs", "dem/surface.rs"]),
     (
         "Initial flow, probes and analyses",
         ["initial", "probe", "analysis"],
@@ -302,11 +302,11 @@ def files_of(patterns, families, table):
     for pattern in patterns:
         if pattern.endswith("/*"):
             models = [model for family in families for model in table[family]]
-            found = [PHYSICS / pattern[:-1] / f"{model}.rs" for model in models]
+            found = [SOURCES / pattern[:-1] / f"{model}.rs" for model in models]
             files += [path for path in found if path.is_file() and path not in files]
         else:
-            path = PHYSICS / pattern
-            files.append(path if path.is_file() else ROOT / "src" / pattern)
+            path = SOURCES / pattern
+            files.append(path)
     return files
 
 

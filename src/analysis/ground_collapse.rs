@@ -9,7 +9,7 @@
 //! | [`stages`] | times at which hole, arch, sinkhole and extension begin |
 //! | [`clusters`] | clusters of bonded grains that come loose |
 //! | [`record`] | records of a run |
-//! | [`figures`] | figures |
+//! | `figures` | figures |
 //!
 //! # Quantities
 //!

@@ -19,18 +19,22 @@ pub use core::{
 pub use here::{ceil, floor, mul_add, sqrt};
 #[cfg(not(target_arch = "nvptx64"))]
 mod here {
+    /// Returns the smallest whole number that is not below `x`.
     #[inline(always)]
     pub fn ceil(x: f64) -> f64 {
         x.ceil()
     }
+    /// Returns the largest whole number that is not above `x`.
     #[inline(always)]
     pub fn floor(x: f64) -> f64 {
         x.floor()
     }
+    /// Returns `x a + b`, rounded once.
     #[inline(always)]
     pub fn mul_add(x: f64, a: f64, b: f64) -> f64 {
         x.mul_add(a, b)
     }
+    /// Returns the square root.
     #[inline(always)]
     pub fn sqrt(x: f64) -> f64 {
         x.sqrt()

@@ -11,7 +11,7 @@
 //!
 //! Moving grains and their water keep their volume together. The flux through a cell is a linear
 //! function of the gradient
-//! ([`Medium`]; [`coupling::seepage`] derives it):
+//! ([`Medium`]; `coupling::seepage` derives it):
 //!
 //! ```text
 //! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity

@@ -26,10 +26,6 @@
 //! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor follows when somebody
 //! looks. Of other bodies the processor finds the cells and sends them.
 
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "the host runs what a kernel does only to test it")
-)]
 pub mod balls;
 pub mod cell;
 pub mod copies;

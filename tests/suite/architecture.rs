@@ -1,6 +1,7 @@
 //! Reads the sources and checks who may use whom, and where dangerous code may stand.
 //!
-//! `src/ARCHITECTURE.md` draws the dependencies (section Modules); the table [`ROOMS`] states each of them.
+//! `src/ARCHITECTURE.md` draws the dependencies (section Modules). The compiler holds those between packages; the table [`PACKAGES`] states
+//! each of them, so that a new one is a decision, and [`MODULES`] those between the rooms of one package.
 //!
 //! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
 
@@ -10,203 +11,110 @@ use std::path::Path;
 /// The longest a file may be, its tests apart [lines].
 const LONGEST: usize = 950;
 
-/// Modules that every room may use.
-const EVERYBODYS: &[&str] = &["error", "family", "number"];
-
-/// A room of the house: the modules and the crates beside std it may name.
-const ROOMS: &[(&str, &[&str], &[&str])] = &[
+/// The packages, and which packages of this repository each depends on; tests may use others.
+const PACKAGES: &[(&str, &[&str])] = &[
+    ("base", &[]),
+    ("structure", &["base"]),
+    ("dem", &["base", "decomposition"]),
+    ("darcy", &["base", "decomposition", "structure"]),
+    ("lbm", &["base", "decomposition"]),
     (
-        "main",
-        &["allocator", "cli", "environment", "provenance"],
-        &[],
+        "coupling",
+        &["base", "darcy", "decomposition", "dem", "lbm", "structure"],
+    ),
+    // The parameters of a model stand beside its formula.
+    ("case", &["base", "darcy", "dem", "lbm", "structure"]),
+    ("analysis", &["base", "io"]),
+    ("figures", &["analysis", "base", "io"]),
+    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
+    (
+        "plan",
+        &["base", "case", "darcy", "dem", "io", "lbm", "structure"],
     ),
     (
-        "cli",
+        "output",
         &[
+            "base",
             "case",
-            "critical_gradient",
-            "figures",
-            "output",
+            "coupling",
+            "darcy",
+            "decomposition",
+            "dem",
+            "io",
+            "lbm",
             "plan",
-            "provenance",
-            "simulation",
-            "sweep",
-            "uncertainty",
         ],
-        &["io"],
     ),
+    // Packings and depositions are made by the engine of the grains.
     (
-        "critical_gradient",
-        &["analysis", "case", "darcy", "plan", "scene", "simulation"],
-        &["decomposition", "io"],
-    ),
-    (
-        "sweep",
-        &[
-            "analysis", "case", "figures", "output", "plan", "random", "scene",
-        ],
-        &["io"],
-    ),
-    // The models that an estimate varies are named by their types.
-    (
-        "uncertainty",
-        &["case", "darcy", "plan", "scene", "sweep", "units"],
-        &["io"],
+        "preparation",
+        &["base", "case", "decomposition", "dem", "io", "plan"],
     ),
     (
         "simulation",
         &[
             "analysis",
+            "base",
             "case",
-            "checkpoint",
             "coupling",
             "darcy",
+            "decomposition",
             "dem",
             "figures",
+            "io",
             "lbm",
             "output",
             "plan",
             "preparation",
-            "provenance",
-            "random",
-            "scene",
             "structure",
-            "units",
         ],
-        &["decomposition", "io"],
     ),
+    // The models that an estimate varies are named by their types.
     (
-        "output",
+        "studies",
         &[
-            "case", "coupling", "darcy", "dem", "lbm", "plan", "scene", "units",
-        ],
-        &["decomposition", "io"],
-    ),
-    (
-        "checkpoint",
-        &["darcy", "dem", "lbm", "output"],
-        &["decomposition", "io"],
-    ),
-    ("figures", &["analysis"], &["io"]),
-    ("analysis", &["random"], &["io"]),
-    // Packings and depositions are made by the engine of the grains.
-    (
-        "preparation",
-        &["case", "dem", "plan", "random", "scene"],
-        &["decomposition", "io"],
-    ),
-    // Shapes of walls and blocks are those of the engine of the grains; models judge their own parameters.
-    (
-        "scene",
-        &[
+            "analysis",
+            "base",
             "case",
-            "coupling",
             "darcy",
-            "dem",
-            "geometry",
-            "lbm",
-            "random",
-            "structure",
-            "units",
+            "decomposition",
+            "figures",
+            "io",
+            "output",
+            "plan",
+            "simulation",
         ],
-        &["io"],
     ),
-    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
     (
-        "plan",
-        &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
-        &[],
-    ),
-    // The kernels of GPUs: the root of a crate of its own, made of files of the lattice.
-    ("gpu", &["ball", "lbm"], &[]),
-    // The parameters of a model stand beside its formula.
-    (
-        "case",
+        "cli",
         &[
-            "coupling",
-            "darcy",
-            "dem",
-            "geometry",
-            "lbm",
-            "structure",
-            "units",
+            "base",
+            "case",
+            "figures",
+            "io",
+            "output",
+            "plan",
+            "simulation",
+            "studies",
         ],
-        &[],
     ),
-    (
-        "coupling",
-        &[
-            "ball",
-            "thread_pool",
-            "darcy",
-            "dem",
-            "lbm",
-            "structure",
-            "units",
-        ],
-        &["decomposition"],
-    ),
-    // Boundaries and fluctuations convert their own parameters.
-    (
-        "lbm",
-        &[
-            "allocator",
-            "ball",
-            "thread_pool",
-            "geometry",
-            "random",
-            "units",
-        ],
-        &["decomposition"],
-    ),
-    ("dem", &["thread_pool", "random"], &["decomposition"]),
-    (
-        "darcy",
-        &["ball", "random", "structure"],
-        &["decomposition"],
-    ),
-    // A shape holds its own parameters.
-    ("structure", &["geometry", "random"], &[]),
-    ("ball", &[], &[]),
-    ("geometry", &[], &[]),
-    ("provenance", &[], &[]),
-    ("units", &[], &[]),
-    ("random", &[], &[]),
-    ("thread_pool", &[], &[]),
-    ("allocator", &[], &[]),
-    ("environment", &[], &[]),
-    ("error", &[], &[]),
-    ("family", &[], &[]),
-    ("number", &[], &[]),
-    // The functions of the models that are compiled with them.
-    ("instances", &["coupling", "dem", "lbm"], &[]),
-    ("lib", &[], &[]),
-    // The build script speaks to cargo on its standard output.
-    ("build", &[], &[]),
-    // The other crates, each one room.
-    ("decomposition", &[], &["mpi"]),
-    ("io", &[], &["hdf5", "hdf5_sys", "mpi_sys"]),
 ];
 
-/// Crates of the workspace and what lies beneath them: who names one must be allowed to.
-const CRATES: &[&str] = &[
-    "decomposition",
-    "io",
-    "mpi",
-    "mpi_sys",
-    "hdf5",
-    "hdf5_sys",
-    "solver",
+/// Modules of packages that hold two rooms, and the modules of their package that they may use.
+const MODULES: &[(&str, &[&str])] = &[
+    ("src/plan/scene", &["scene"]),
+    ("src/studies/sweep", &["sweep"]),
+    ("src/studies/uncertainty", &["sweep", "uncertainty"]),
+    ("src/studies/critical_gradient", &["critical_gradient"]),
 ];
 
-/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads share.
+/// Places with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, data that threads share.
 const UNSAFE: &[&str] = &[
-    "allocator",
-    "decomposition",
-    "gpu",
-    "io",
-    "lbm",
-    "thread_pool",
+    "src/base/allocator.rs",
+    "src/base/thread_pool.rs",
+    "decomposition/",
+    "io/",
+    "src/lbm/",
 ];
 
 /// Comments and strings blanked out, tests cut off; line breaks stay.
@@ -309,7 +217,7 @@ fn modules_named(code: &str) -> BTreeSet<String> {
                 fresh = false;
             }
         } else if let Some((_, word, _)) = words(path).next() {
-            // A function or type at the root has no room.
+            // A function or type at the root of a package has no module.
             if path.starts_with(word) {
                 named.insert(word.to_owned());
             }
@@ -318,72 +226,34 @@ fn modules_named(code: &str) -> BTreeSet<String> {
     named
 }
 
-/// The crates of the workspace named as `x::`, wherever they start a path.
-fn crates_named(code: &str) -> BTreeSet<String> {
-    words(code)
-        .filter(|(before, word, after)| {
-            CRATES.contains(word) && after.starts_with("::") && !before.ends_with("::")
-        })
-        .map(|(_, word, _)| word.to_owned())
-        .collect()
-}
-
-/// The room of a file below the root of the workspace. The models are a package of their own, but their rooms are named as the others.
-fn room_of(path: &str) -> &str {
-    match path.split_once('/') {
-        Some(("src", rest)) => {
-            let rest = rest.strip_prefix("physics/").unwrap_or(rest);
-            let name = rest.split('/').next().unwrap_or(rest);
-            name.strip_suffix(".rs").unwrap_or(name)
-        }
-        Some((krate, _)) => krate,
-        None => path,
-    }
-}
-
-/// What is wrong with one file.
+/// Returns the faults of one file.
 fn complaints(path: &str, text: &str) -> Vec<String> {
-    let room = room_of(path);
     let mut wrong = Vec::new();
-    let Some((_, modules, crates)) = ROOMS.iter().find(|(name, ..)| *name == room) else {
-        return vec![format!(
-            "{path}: the room {room} is not in the table of rooms"
-        )];
-    };
     let code = code_of(text);
     let lines = code.lines().count();
     if lines > LONGEST {
         wrong.push(format!("{path}: {lines} lines, more than {LONGEST}"));
     }
-    // The crates beside `src` are one room each.
-    if path.starts_with("src/") {
-        let rooms: BTreeSet<&str> = ROOMS.iter().map(|(name, ..)| *name).collect();
+    let within = |place: &&(&str, &[&str])| {
+        let below = path.strip_prefix(place.0);
+        below.is_some_and(|below| below.starts_with(['/', '.']))
+    };
+    if let Some((_, modules)) = MODULES.iter().find(within) {
         for module in modules_named(&code) {
-            let known = rooms.contains(module.as_str());
-            let may = module == room
-                || EVERYBODYS.contains(&module.as_str())
-                || modules.contains(&module.as_str());
-            if known && !may {
-                wrong.push(format!("{path}: {room} may not use {module}"));
+            if !modules.contains(&module.as_str()) {
+                wrong.push(format!("{path}: may not use the module {module}"));
             }
         }
     }
-    for krate in crates_named(&code) {
-        let own = krate == room || (room == "main" && krate == "solver");
-        if !own && !crates.contains(&krate.as_str()) {
-            wrong.push(format!("{path}: {room} may not name the crate {krate}"));
-        }
-    }
+    let speaks = path.starts_with("src/cli/") || path.contains("/bin/") || path == "src/build.rs";
     for (before, word, after) in words(&code) {
         let line = || before.lines().count().max(1);
         match word {
-            "unsafe" if !UNSAFE.contains(&room) => {
-                wrong.push(format!("{path}:{}: unsafe in {room}", line()));
+            "unsafe" if !UNSAFE.iter().any(|place| path.starts_with(place)) => {
+                wrong.push(format!("{path}:{}: unsafe outside its places", line()));
             }
             "println" | "eprintln" | "print" | "eprint" | "dbg"
-                if after.starts_with('!')
-                    && !["cli", "build"].contains(&room)
-                    && !path.contains("/bin/") =>
+                if after.starts_with('!') && !speaks =>
             {
                 wrong.push(format!("{path}:{}: {word}! outside cli", line()));
             }
@@ -394,6 +264,16 @@ fn complaints(path: &str, text: &str) -> Vec<String> {
         }
     }
     wrong
+}
+
+/// Returns the packages of this repository among the dependencies of a manifest, in alphabetical order.
+fn dependencies(manifest: &str) -> Vec<&str> {
+    let section = manifest.split("[dependencies]").nth(1).unwrap_or_default();
+    let lines = section.lines().take_while(|line| !line.starts_with('['));
+    let here = lines.filter(|line| line.contains("path = "));
+    let mut names: Vec<&str> = here.filter_map(|line| line.split(" = ").next()).collect();
+    names.sort_unstable();
+    names
 }
 
 /// All sources below a folder, tests left out.
@@ -413,7 +293,33 @@ pub(crate) fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>
 }
 
 #[test]
-fn the_arrows_hold() {
+fn packages_depend_on_those_of_the_table_alone() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = |folder: &str| {
+        let path = root.join(folder).join("Cargo.toml");
+        std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+    };
+    for (package, known) in PACKAGES {
+        let text = manifest(&format!("src/{package}"));
+        assert_eq!(dependencies(&text), *known, "src/{package}/Cargo.toml");
+    }
+    for package in ["decomposition", "io"] {
+        assert_eq!(dependencies(&manifest(package)), [""; 0], "{package}");
+    }
+    // No folder is forgotten.
+    for entry in std::fs::read_dir(root.join("src")).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        let folder = entry.file_type().unwrap().is_dir();
+        assert!(
+            !folder || PACKAGES.iter().any(|(package, _)| *package == name),
+            "src/{name} is not in the table of packages"
+        );
+    }
+}
+
+#[test]
+fn sources_keep_the_rules_of_the_house() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut all = Vec::new();
     for folder in ["src", "decomposition/src", "io/src"] {
@@ -428,68 +334,36 @@ fn the_arrows_hold() {
 }
 
 #[test]
-fn what_is_forbidden_is_found() {
+fn faults_are_found() {
     let long = "\n".repeat(LONGEST + 1);
     for (path, text, found) in [
         (
-            "src/lbm/kernel.rs",
-            "use crate::dem::Particles;",
-            "lbm may not use dem",
+            "src/plan/scene/speed.rs",
+            "use crate::envelope::margins;",
+            "may not use the module envelope",
         ),
         (
-            "src/dem/lib.rs",
-            "use crate::{error::Error, lbm::{fluid, halo}};",
-            "dem may not use lbm",
+            "src/plan/scene.rs",
+            "use crate::{scene::grid, models::{a, b}};",
+            "may not use the module models",
         ),
         (
-            "src/dem/lib.rs",
-            "fn f() { crate::scene::grid::count(1); }",
-            "dem may not use scene",
-        ),
-        (
-            "src/output/x.rs",
-            "use crate::simulation::Simulation;",
-            "output may not use simulation",
-        ),
-        (
-            "src/case.rs",
-            "use crate::{\n    units::X,\n    plan::Plan,\n};",
-            "case may not use plan",
-        ),
-        (
-            "src/lbm/lib.rs",
-            "use mpi::traits::*;",
-            "may not name the crate mpi",
-        ),
-        (
-            "src/simulation/run.rs",
-            "let f = hdf5::File::open(p);",
-            "may not name the crate hdf5",
-        ),
-        (
-            "io/src/hdf.rs",
-            "use decomposition::Domain;",
-            "io may not name the crate decomposition",
-        ),
-        (
-            "io/src/hdf.rs",
-            "use mpi::Comm;",
-            "io may not name the crate mpi",
-        ),
-        (
-            "decomposition/src/slab.rs",
-            "use solver::lbm;",
-            "may not name the crate solver",
+            "src/studies/sweep/runner.rs",
+            "fn f() { crate::uncertainty::grids(); }",
+            "may not use the module uncertainty",
         ),
         (
             "src/dem/engine.rs",
             "\nlet x = unsafe { *p };",
-            "src/dem/engine.rs:2: unsafe in dem",
+            "src/dem/engine.rs:2: unsafe",
         ),
-        ("src/plan.rs", "println!(\"a\");", "println! outside cli"),
-        ("src/plan.rs", "fn f() { todo!() }", "todo!"),
-        ("src/attic/a.rs", "", "attic is not in the table"),
-        ("src/plan.rs", &long, "more than"),
+        (
+            "src/plan/lib.rs",
+            "println!(\"a\");",
+            "println! outside cli",
+        ),
+        ("src/plan/lib.rs", "fn f() { todo!() }", "todo!"),
+        ("src/plan/lib.rs", &long, "more than"),
     ] {
         let wrong = complaints(path, text);
         assert!(
@@ -497,34 +371,31 @@ fn what_is_forbidden_is_found() {
             "{path}: {text:?} gave {wrong:?}, not {found:?}"
         );
     }
+    let manifest = "[dependencies]\nlbm = { path = \"../lbm\" }\nlog = \"0.4\"\nbase = { path = \"../base\" }\n\n\
+        [dev-dependencies]\ndem = { path = \"../dem\" }\n";
+    assert_eq!(dependencies(manifest), ["base", "lbm"]);
 }
 
 #[test]
-fn what_is_allowed_is_not() {
+fn sound_code_has_no_faults() {
     for (path, text) in [
         (
-            "src/lbm/kernel.rs",
-            "// crate::dem is another room\nuse crate::lbm::lanes;",
+            "src/plan/scene/speed.rs",
+            "// crate::envelope is another room\nuse crate::scene::grid; use case::Case;",
         ),
         (
-            "src/lbm/kernel.rs",
-            "let text = \"crate::dem \\\" println!\"; let c = '\"'; use crate::error::Error;",
+            "src/plan/scene/speed.rs",
+            "let text = \"crate::envelope \\\" println!\"; let c = '\"'; use base::error::Error;",
         ),
         (
             "src/lbm/kernel.rs",
             "unsafe { pass() }; use std::io::Write; fn f<'a>(x: &'a str) {}",
         ),
-        ("src/cli.rs", "println!(\"a\"); use crate::simulation::run;"),
+        ("src/cli/lib.rs", "println!(\"a\"); use simulation::run;"),
         (
-            "src/dem/lib.rs",
-            "#[cfg(test)]\nmod tests { use crate::lbm::Fluid; }",
+            "src/plan/scene/grains.rs",
+            "#[cfg(test)]\nmod tests { use crate::Plan; }",
         ),
-        (
-            "src/coupling/lib.rs",
-            "use crate::{dem::{Dem, plan}, lbm::Fluid};",
-        ),
-        ("io/src/hdf.rs", "use hdf5::File; use crate::group::Group;"),
-        ("decomposition/src/comm.rs", "use mpi::traits::*;"),
         ("src/main.rs", "use solver::cli;"),
     ] {
         assert_eq!(

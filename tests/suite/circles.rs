@@ -73,8 +73,8 @@ fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     }
 }
 
-/// The file of a code in a module.
-fn read(path: &str, code: &str, module: &Module) -> File {
+/// Reads the code of a module; the first `root` words of the module are those of its package.
+fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
     let mut file = File {
         path: path.to_owned(),
         ..File::default()
@@ -140,7 +140,7 @@ fn read(path: &str, code: &str, module: &Module) -> File {
         let mut words = path.iter().peekable();
         match words.peek().map(|word| word.as_str()) {
             Some("crate") => {
-                from.clear();
+                from.truncate(root);
                 words.next();
             }
             Some("self") => {
@@ -163,15 +163,10 @@ fn read(path: &str, code: &str, module: &Module) -> File {
     file
 }
 
-/// The module of a file below the folder of the crate. The library re-exports the rooms of the package `physics` at its own root.
+/// Returns the module of a file below a folder. The first word is the package below `src`.
 fn module_of(path: &str, folder: &str) -> Module {
     let inside = path.strip_prefix(folder).unwrap_or(path);
     let inside = inside.trim_start_matches('/').trim_end_matches(".rs");
-    let inside = match inside.strip_prefix("physics/") {
-        Some("lib") => "physics",
-        Some(room) => room,
-        None => inside,
-    };
     let words = inside.split('/').filter(|word| *word != "lib");
     words.map(str::to_owned).collect()
 }
@@ -182,7 +177,8 @@ fn circles(sources: &[(String, String)], folder: &str) -> Vec<Vec<String>> {
         .iter()
         .map(|(path, text)| {
             let module = module_of(path, folder);
-            let file = read(path, &code_of(text), &module);
+            let root = usize::from(folder == "src");
+            let file = read(path, &code_of(text), &module, root);
             (module, file)
         })
         .collect();
@@ -266,28 +262,28 @@ fn files_use_each_other_in_no_circle() {
 fn a_circle_is_found_through_lists_and_re_exports() {
     let file = |path: &str, text: &str| (path.to_owned(), text.to_owned());
     let all = [
-        file("src/lib.rs", "pub mod a; pub mod b; pub mod c;"),
+        file("src/x/lib.rs", "pub mod a; pub mod b; pub mod c;"),
         file(
-            "src/a.rs",
+            "src/x/a.rs",
             "pub mod deep; pub use deep::{Thing, Other as Another};",
         ),
         file(
-            "src/a/deep.rs",
+            "src/x/a/deep.rs",
             "use crate::c::f; pub struct Thing; pub struct Other;",
         ),
         file(
-            "src/b.rs",
+            "src/x/b.rs",
             "use crate::{a::{Another}, units::X}; pub fn g() {}",
         ),
         file(
-            "src/c.rs",
+            "src/x/c.rs",
             "pub fn f() { crate::b::g() }\n#[cfg(test)] mod tests { use crate::d::h; }",
         ),
-        file("src/d.rs", "use super::c::f; pub fn h() { f() }"),
+        file("src/x/d.rs", "use super::c::f; pub fn h() { f() }"),
     ];
     assert_eq!(
         circles(&all, "src"),
-        [["src/a/deep.rs", "src/b.rs", "src/c.rs"]]
+        [["src/x/a/deep.rs", "src/x/b.rs", "src/x/c.rs"]]
     );
 }
 
@@ -296,10 +292,10 @@ fn a_module_and_its_children_are_no_circle() {
     let file = |path: &str, text: &str| (path.to_owned(), text.to_owned());
     let all = [
         file(
-            "src/a.rs",
+            "src/x/a.rs",
             "mod deep; pub struct Shared; fn f() { deep::g() }",
         ),
-        file("src/a/deep.rs", "use super::Shared; pub fn g() {}"),
+        file("src/x/a/deep.rs", "use super::Shared; pub fn g() {}"),
     ];
     assert_eq!(circles(&all, "src"), Vec::<Vec<String>>::new());
 }

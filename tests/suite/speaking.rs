@@ -41,12 +41,10 @@ fn sinking() -> Value {
 /// How many lines of the log each room wrote.
 fn lines_of(done: &Done, room: &str) -> usize {
     let marks = [
-        format!(" solver::{room}]"),
-        format!(" solver::{room}::"),
-        format!(" physics::{room}]"),
-        format!(" physics::{room}::"),
         format!(" {room}]"),
         format!(" {room}::"),
+        format!("::{room}]"),
+        format!("::{room}::"),
     ];
     let lines = done.stderr.lines();
     lines
@@ -91,7 +89,7 @@ fn every_room_speaks_at_debug_and_none_without_being_asked() {
     let one = run_with(
         2,
         &arguments("one"),
-        &[("RUST_LOG", "solver::checkpoint=info")],
+        &[("RUST_LOG", "output::checkpoint=info")],
     )
     .expect(0);
     assert!(lines_of(&one, "checkpoint") > 0, "{}", one.stderr);

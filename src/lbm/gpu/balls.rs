@@ -1,4 +1,4 @@
-//! The cover of the cells by balls, found on a GPU: what [`coupling::cover_map`] finds on the processor, with the same bits.
+//! The cover of the cells by balls, found on a GPU: what `coupling::cover_map` finds on the processor, with the same bits.
 //!
 //! A ball has a box of cells that it may reach, and a thread has a cell of a box. The closed forms of [`base::ball`] need the edges of a ball,
 //! three arctangents each, which many cells share. They come first.

@@ -17,7 +17,7 @@ use base::number::to_u32;
 
 /// Cells that change their kind in a step; lists that are used again.
 #[derive(Debug, Default)]
-pub struct Work {
+pub(super) struct Work {
     fills: Vec<u32>,
     empties: Vec<u32>,
     entered: Vec<u32>,
