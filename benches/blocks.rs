@@ -2,10 +2,11 @@
 //!
 //! `cargo bench --bench blocks`; words after `--` choose `pairs` or `pile`, with RAYON_NUM_THREADS=1 for one core.
 //!
-//! `pile [BLOCKS] [STEPS] [FILE]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m; after
-//! 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of three runs of 300 steps
-//! with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them. FILE gets the vertices of
-//! each block of the settled pile in space (m), as JSON: `benches/peers/yade_blocks.py` starts from them.
+//! `pile [BLOCKS] [STEPS] [FILE]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3
+//! m; after 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of three
+//! runs of 300 steps with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts
+//! them. FILE gets the vertices of each block of the settled pile in space (m), as JSON: `benches/peers/yade_blocks.py`
+//! starts from them.
 //!
 //! `pairs`: each row is a shape and a model; each column what the pair remembers:
 //!
@@ -14,8 +15,8 @@
 //! - *apart*: a gap of 1 % and the axis that separated them, as most listed pairs are;
 //! - *apart, cold*: the same gap without the axis.
 //!
-//! Contacts are shallow, 1e-4 of the size, in random orientations (boxes also face on face). The figure is the best of ten rounds
-//! over 256 pairs.
+//! Contacts are shallow, 1e-4 of the size, in random orientations (boxes also face on face). The figure is the best of
+//! ten rounds over 256 pairs.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 

@@ -1,9 +1,10 @@
 //! Speed of the seepage solver: seconds to assemble, solve and differentiate from a cold start, beside FiPy (P-9).
 //!
-//! `cargo bench --bench darcy -- [CELLS] [tolerance] [repeats]`, CELLS as `6x20x6` (the fissure paper's 720, the default) or
-//! `60x200x60` (720,000); with RAYON_NUM_THREADS=1 for one core. The box, porosity, permeability, boundary and equations of
-//! `benches/peers/fipy_darcy.py`; as there the grid and the fields are made before the clock starts, and each repeat starts
-//! from a solver that knows no pressure. The flow and the mean pressure show that both solve the same problem.
+//! `cargo bench --bench darcy -- [CELLS] [tolerance] [repeats]`, CELLS as `6x20x6` (the fissure paper's 720, the
+//! default) or `60x200x60` (720,000); with RAYON_NUM_THREADS=1 for one core. The box, porosity, permeability, boundary
+//! and equations of `benches/peers/fipy_darcy.py`; as there the grid and the fields are made before the clock starts,
+//! and each repeat starts from a solver that knows no pressure. The flow and the mean pressure show that both solve the
+//! same problem.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 

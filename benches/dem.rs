@@ -1,12 +1,12 @@
 //! Speed of the grains: particle-steps and contacts per second of one rank.
 //!
-//! Peers on one core of another machine (million particle-steps/s): LAMMPS 5.3-5.9, LIGGGHTS 4.1-7.3 for packed spheres; for a
-//! fair ratio run them beside this. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one core.
+//! Peers on one core of another machine (million particle-steps/s): LAMMPS 5.3-5.9, LIGGGHTS 4.1-7.3 for packed
+//! spheres; for a fair ratio run them beside this. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one core.
 //!
-//! Words after `--` choose scenes: `discs`, `packed spheres`, `falling spheres`, `scaling` (P-12), or the path of a state, a CSV
-//! file with the columns x, y, z, r in m (P-7): a name with `box` is a box of 0.2 m, periodic in x and y, with a floor;
-//! one with `cloud` falls into the V of the fissure, any other rests in it. `--as-written` keeps the order of the file
-//! instead of numbering grains along a curve through space as the preparation does.
+//! Words after `--` choose scenes: `discs`, `packed spheres`, `falling spheres`, `scaling` (P-12), or the path of a
+//! state, a CSV file with the columns x, y, z, r in m (P-7): a name with `box` is a box of 0.2 m, periodic in x and y,
+//! with a floor; one with `cloud` falls into the V of the fissure, any other rests in it. `--as-written` keeps the
+//! order of the file instead of numbering grains along a curve through space as the preparation does.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
@@ -47,8 +47,8 @@ fn report<S: Space>(
     dem.advance_many(particles, &alone(), steps / 5)?;
     let (mut best, mut cpu) = (f64::INFINITY, f64::INFINITY);
     let before = dem.statistics(particles);
-    // The best of many short pieces: what the machine does when nothing else disturbs it. The mean, with all rebuilds of
-    // lists, is what other codes report of themselves.
+    // The best of many short pieces: what the machine does when nothing else disturbs it. The mean, with all rebuilds
+    // of lists, is what other codes report of themselves.
     let (pieces, steps) = (20, steps / 4);
     let whole = Instant::now();
     for _ in 0..pieces {

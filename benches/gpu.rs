@@ -1,8 +1,8 @@
-//! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and whether a thousand steps
-//! leave the bits that the processor leaves.
+//! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and
+//! whether a thousand steps leave the bits that the processor leaves.
 //!
-//! `cargo bench --bench gpu -- [cells] [words]`: a cube of that many cells along an edge (default: 320); only the rows whose name, with the storage
-//! behind, has all of the words. `--speed` leaves out the bits.
+//! `cargo bench --bench gpu -- [cells] [words]`: a cube of that many cells along an edge (default: 320); only the rows
+//! whose name, with the storage behind, has all of the words. `--speed` leaves out the bits.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 

@@ -1,8 +1,8 @@
 //! Speed of the fluid alone: million lattice updates per second (MLUPS) and the fraction of the copy bandwidth
 //! measured in the same run (P-1).
 //!
-//! `cargo bench --bench lbm -- [cells] [steps] [row]`: all rows, or the one of this name, such as `"D2Q9 BGK f64"`, without the
-//! measurement of the bandwidth.
+//! `cargo bench --bench lbm -- [cells] [steps] [row]`: all rows, or the one of this name, such as `"D2Q9 BGK f64"`,
+//! without the measurement of the bandwidth.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 

@@ -1,9 +1,9 @@
-//! The program's search for neighbours beside the bare idea of CGRID (Williams, Perkins and Cook 2004; after its description alone):
-//! one grid in which every body stands in all the cells that its box overlaps.
+//! The program's search for neighbours beside the bare idea of CGRID (Williams, Perkins and Cook 2004; after its
+//! description alone): one grid in which every body stands in all the cells that its box overlaps.
 //!
-//! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding, before any order of
-//! pairs is made; of the second the best of several widths of its cells is shown, which a program would have to guess.
-//! `cargo bench --bench neighbors`, on an idle core.
+//! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding,
+//! before any order of pairs is made; of the second the best of several widths of its cells is shown, which a program
+//! would have to guess. `cargo bench --bench neighbors`, on an idle core.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 #![expect(

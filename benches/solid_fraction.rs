@@ -1,7 +1,7 @@
 //! Solid fractions of cells at a surface: what each method costs and how far it is from the truth.
 //!
-//! Bodies at places that no cell favours: error of ε as root mean square over the cells at the surface, error of the volume, time of a cell.
-//! `cargo bench --bench solid_fraction`, on an idle core.
+//! Bodies at places that no cell favours: error of ε as root mean square over the cells at the surface, error of the
+//! volume, time of a cell. `cargo bench --bench solid_fraction`, on an idle core.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 #![expect(

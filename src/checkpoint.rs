@@ -1,8 +1,8 @@
 //! Conversion of the state to named arrays and back, and the hash of the state.
 //!
-//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming population of
-//! every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run in its manifest. A
-//! continued run gives the same bits as an uninterrupted one.
+//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming
+//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the
+//! run in its manifest. A continued run gives the same bits as an uninterrupted one.
 
 mod check;
 
@@ -34,8 +34,8 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its numbers, where an array in the
-/// order `[z][y][x]` has `per_cell` numbers a cell.
+/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its
+/// numbers, where an array in the order `[z][y][x]` has `per_cell` numbers a cell.
 fn each_cell_of<S: Stored>(
     populations: &Populations<S>,
     per_cell: usize,
@@ -51,7 +51,8 @@ fn each_cell_of<S: Stored>(
     }
 }
 
-/// Incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy would double the memory of a run.
+/// Incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy would double
+/// the memory of a run.
 fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
@@ -85,7 +86,8 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
         .map(|at| (at, populations.cell(at.map(usize::cast_signed))))
 }
 
-/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without turbulence.
+/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without
+/// turbulence.
 fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let field = fluid.velocities()?;
     let populations = fluid.populations();
@@ -102,7 +104,8 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     }))
 }
 
-/// Kind, mass and unshared excess of the cells of a slab below a free surface, in the order `[z][y][x][number]`; none without one.
+/// Kind, mass and unshared excess of the cells of a slab below a free surface, in the order `[z][y][x][number]`; none
+/// without one.
 fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let surface = fluid.surface()?;
     let populations = fluid.populations();
@@ -209,8 +212,8 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub particles: &'a Particles<Sp>,
     /// Contacts, if any.
     pub dem: Option<&'a Dem<Sp>>,
-    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a preparation
-    /// compares; not part of the hash.
+    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a
+    /// preparation compares; not part of the hash.
     pub earlier: Option<&'a [f64]>,
 }
 
@@ -324,7 +327,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let populations = fluid.populations();
             let cells = populations.cells();
             let kinds = fluid.surface().map(Surface::kinds);
-            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as they lie in memory.
+            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as
+            // they lie in memory.
             let [slow, middle, fast] = populations.order();
             let of_plane = |plane: usize| {
                 let mut part = StateHash::new();

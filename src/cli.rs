@@ -1,7 +1,8 @@
-//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as well.
+//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as
+//! well.
 //!
-//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the number of ranks are
-//! found when MPI has started, before the verdict is printed. Only the first rank reports them.
+//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the
+//! number of ranks are found when MPI has started, before the verdict is printed. Only the first rank reports them.
 
 mod cite;
 mod estimate;
@@ -306,8 +307,8 @@ struct Stability {
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
-    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
-    // flag itself is never looked at.
+    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word.
+    // The flag itself is never looked at.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
@@ -483,7 +484,8 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
     if !Verdict::of(&plan.warnings).runs(stability.allow_unstable) {
         return accept(&plan);
     }
-    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are known.
+    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are
+    // known.
     let mut accepted = false;
     let outcome = simulation::run::run(plan, options, |plan| {
         accepted = true;
@@ -772,8 +774,8 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of a shell: there it
-/// counts only with a number of ranks above it.
+/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of
+/// a shell: there it counts only with a number of ranks above it.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
     let ranks: [(&str, &[&str]); 3] = [

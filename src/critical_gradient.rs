@@ -1,13 +1,12 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
-//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the
-//! first half has eroded as well. Loose
-//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the
-//! difference of head between the inlet and the lowest outlet, over the distance of their centres. The
-//! report
-//! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
-//! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the
+//! interval for the smallest drive that erodes. A run erodes if at least so many grains leave, at any time of the run:
+//! a bed that is gone in the first half has eroded as well. Loose grains above an opening count too; a search over such
+//! ground asks for more grains. The gradient is the difference of head between the inlet and the lowest outlet, over
+//! the distance of their centres. The report also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`,
+//! with the porosity n of the run below the critical one and G_s the density of the grains over that of the water (K.
+//! Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
 //! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 

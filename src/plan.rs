@@ -202,7 +202,8 @@ impl Plan {
         self.estimate.on(machine, &self.scene, &self.clock);
     }
 
-    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them over that of one alone.
+    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them
+    /// over that of one alone.
     pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }

@@ -196,8 +196,8 @@ impl Scene {
         }
     }
 
-    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields that both
-    /// leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
+    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields
+    /// that both leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
     pub(crate) fn attempt<'a>(
         case: &'a Case,
         like: Option<&Self>,
@@ -358,7 +358,8 @@ impl Scene {
         })
     }
 
-    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion law.
+    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion
+    /// law.
     #[must_use]
     pub fn marks_start(&self) -> bool {
         self.follows_grains() || self.erosion_law.is_some()
@@ -379,7 +380,8 @@ impl Scene {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then blocks.
+    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then
+    /// blocks.
     pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
             let free = body.mobility == bodies::Mobility::Free;
@@ -610,8 +612,8 @@ pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }
 
-/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else of the first free body,
-/// else of the first body.
+/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else
+/// of the first free body, else of the first body.
 pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);

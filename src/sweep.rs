@@ -1,5 +1,5 @@
-//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of error against
-//! cost with the Pareto set.
+//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of
+//! error against cost with the Pareto set.
 //!
 //! | step | module |
 //! |---|---|
@@ -13,8 +13,8 @@
 //! | `sweep.svg` and `map.svg` | [`picture`] |
 //! | a job array for Slurm | [`slurm`] |
 //!
-//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its folder holds the record
-//! of the same case and the same version of the program.
+//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its
+//! folder holds the record of the same case and the same version of the program.
 
 pub mod latin_hypercube;
 pub mod members;

@@ -9,12 +9,12 @@
 //! | order, extrapolated value, uncertainty | [`convergence`] |
 //! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
 //!
-//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place: the coarsest cells
-//! between those that failed and those that ran, at last finer cells than those of the case. With two grids that have answers the estimate has its
-//! wider factor, with one there is none.
+//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place:
+//! the coarsest cells between those that failed and those that ran, at last finer cells than those of the case. With
+//! two grids that have answers the estimate has its wider factor, with one there is none.
 //!
-//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is not run again.
-//! Settings of models are compared on the next coarser grid, where there is one.
+//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is
+//! not run again. Settings of models are compared on the next coarser grid, where there is one.
 //!
 //! An estimate is a command and no field of a case: a case describes one run, which may be one of many ranks, and an
 //! estimate is several. `accuracy` remains the target of the automatic choices.
@@ -172,8 +172,8 @@ impl Members {
         }
     }
 
-    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its place in the list.
-    /// Whether there was one left to add.
+    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its
+    /// place in the list. Whether there was one left to add.
     fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
         let (mut usable, mut lost) = (Vec::new(), Vec::new());
         for (ratio, place) in &self.grids {

@@ -1,8 +1,8 @@
 //! The step allocates nothing in the steady state: counted by the allocator of this very binary.
 //!
 //! What may allocate is an event: lists made anew (counted by the engine; a bounded number of times each), grains that
-//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without such
-//! an event has to do without the allocator.
+//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without
+//! such an event has to do without the allocator.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

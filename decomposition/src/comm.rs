@@ -350,8 +350,8 @@ impl Communicator {
     }
 
     /// Whether every rank calls this within `patience` of this one. A rank that must leave asks it: where all leave
-    /// they may go in order, where one is alone with its error it has to [`Self::abort`]. After `false` nothing but that
-    /// is allowed.
+    /// they may go in order, where one is alone with its error it has to [`Self::abort`]. After `false` nothing but
+    /// that is allowed.
     #[must_use]
     pub fn all_arrive(&self, patience: Duration) -> bool {
         let Kind::Mpi(context) = &self.kind else {
@@ -412,7 +412,8 @@ impl Communicator {
             self.waits(Wait::Collectives, || {
                 // SAFETY: the constant of a running MPI.
                 let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
-                // SAFETY: both buffers hold `chunk.len()` values of the datatype, do not overlap, and live until the request is done.
+                // SAFETY: both buffers hold `chunk.len()` values of the datatype, do not overlap, and live until the
+                // request is done.
                 unsafe {
                     ffi::MPI_Iallreduce(
                         chunk.as_ptr().cast(),

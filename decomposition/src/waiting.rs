@@ -1,20 +1,21 @@
 //! Time that this process has spent in MPI calls that wait for other ranks, and what it has sent.
 //!
-//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds, and
-//! nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
+//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds,
+//! and nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Polls before the clock is read: some tens of microseconds.
 const POLLS: u32 = 200;
-/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not sleep.
+/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not
+/// sleep.
 const PATIENCE: [u64; 3] = [50_000, 1_000_000, 5_000];
 /// Length of a sleep.
 const NAP: Duration = Duration::from_micros(50);
 
-/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the rank that is waited
-/// for may need the core.
+/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the
+/// rank that is waited for may need the core.
 static PATIENT: AtomicU64 = AtomicU64::new(PATIENCE[1]);
 
 /// Polls until something is done: first without pause, then yielding the core, at last sleeping between polls.

@@ -10,9 +10,9 @@
 //!    checkpoint comes into existence.
 //! 6. Older checkpoints are removed.
 //!
-//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the caller (case hash,
-//! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an older
-//! checkpoint the newest is the one written last, not the one with the highest step.
+//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the
+//! caller (case hash, version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder:
+//! after a restart from an older checkpoint the newest is the one written last, not the one with the highest step.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -865,7 +865,8 @@ impl<'g> Reader<'g> {
         Ok(numbers)
     }
 
-    /// Read a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its numbers.
+    /// Read a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its
+    /// numbers.
     ///
     /// # Errors
     /// As [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.

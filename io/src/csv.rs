@@ -1,7 +1,8 @@
 //! Tables as CSV text: one way to read them and one to write them, by the crate `csv`.
 //!
-//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below the names
-//! holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a cell does not count. Cells in quotes may hold commas.
+//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below
+//! the names holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a
+//! cell does not count. Cells in quotes may hold commas.
 
 use ::csv::{QuoteStyle, ReaderBuilder, StringRecord, Terminator, WriterBuilder};
 use serde::de::DeserializeOwned;

@@ -183,7 +183,8 @@ pub struct Maker<T, F> {
 }
 
 impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
-    /// `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range each time.
+    /// `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range each
+    /// time.
     pub fn new(count: usize, append: F) -> Self {
         Self {
             count,

@@ -1,7 +1,7 @@
 //! Errors of this crate: values that can be sent to the other ranks.
 //!
-//! HDF5 formats its errors lazily, from handles that are gone once MPI is shut down. They are therefore turned into text where
-//! they arise.
+//! HDF5 formats its errors lazily, from handles that are gone once MPI is shut down. They are therefore turned into
+//! text where they arise.
 
 use std::path::Path;
 

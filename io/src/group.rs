@@ -1,7 +1,7 @@
 //! The ranks that write one file together, and their agreement.
 //!
-//! A rank that leaves a joint write alone would leave the others waiting for ever. Every step of a write therefore ends in [`agree`]:
-//! all continue, or all return the error of the first failing rank.
+//! A rank that leaves a joint write alone would leave the others waiting for ever. Every step of a write therefore ends
+//! in [`agree`]: all continue, or all return the error of the first failing rank.
 
 use serde::{Serialize, de::DeserializeOwned};
 

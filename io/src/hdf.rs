@@ -1,12 +1,12 @@
 //! One HDF5 file written by many ranks. Each rank holds a box of every dataset.
 //!
-//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece by piece to
-//! rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer misbehaves. Both
-//! give the same datasets, byte for byte.
+//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece
+//! by piece to rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer
+//! misbehaves. Both give the same datasets, byte for byte.
 //!
-//! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create, groups, datasets,
-//! flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an object in it is open, and
-//! `Drop` hides this. Handles are therefore dropped early and `close` is explicit.
+//! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create,
+//! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an
+//! object in it is open, and `Drop` hides this. Handles are therefore dropped early and `close` is explicit.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
@@ -46,8 +46,8 @@ pub fn version() -> String {
     format!("{major}.{minor}.{patch}")
 }
 
-/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI, without which this
-/// crate does not build, and `threadsafe`.
+/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI,
+/// without which this crate does not build, and `threadsafe`.
 #[must_use]
 pub fn features() -> Vec<&'static str> {
     let mut features = vec!["mpio"];
@@ -808,7 +808,8 @@ pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Resu
         Some(communicator) => File::with_options()
             .with_fapl(|access| access.mpio(communicator, None).all_coll_metadata_ops(true))
             .open(path),
-        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays open.
+        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays
+        // open.
         None => {
             plain::open(path, u64::MAX)?;
             File::with_options()

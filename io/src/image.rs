@@ -1,7 +1,7 @@
 //! A lattice in one file for each output: static VTKHDF ImageData with cell data.
 //!
-//! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is the lower
-//! corner of the first cell. A lattice in two dimensions has one cell in z.
+//! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is
+//! the lower corner of the first cell. A lattice in two dimensions has one cell in z.
 
 use std::path::Path;
 

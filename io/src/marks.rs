@@ -1,7 +1,7 @@
 //! The tables of a run as a checkpoint records them: length and hash of each.
 //!
-//! A run that continues from a checkpoint cuts its tables back to the recorded length. The hash shows whether the remaining bytes are
-//! those that were written. A table that was changed meanwhile is reported and not continued.
+//! A run that continues from a checkpoint cuts its tables back to the recorded length. The hash shows whether the
+//! remaining bytes are those that were written. A table that was changed meanwhile is reported and not continued.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;

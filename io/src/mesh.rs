@@ -1,8 +1,8 @@
 //! Grains, contacts and blocks in one file for each output: static VTKHDF PolyData.
 //!
-//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds, polygons
-//! are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file they stand in the
-//! order of the ranks. Any rank, or all of them, may have none.
+//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds,
+//! polygons are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file
+//! they stand in the order of the ranks. Any rank, or all of them, may have none.
 
 use std::path::Path;
 
@@ -154,8 +154,8 @@ pub fn write(
     hdf::write(path, &content, group, mode)
 }
 
-/// Where polygons lie a second time in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file: the two
-/// formats share everything else.
+/// Where polygons lie a second time in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file: the
+/// two formats share everything else.
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
 /// A dataset of one integer, held by rank 0.

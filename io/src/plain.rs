@@ -1,7 +1,7 @@
 //! Reading files of unknown origin at a bounded cost.
 //!
-//! Only plain files are read. A device, a pipe, a socket or a folder is refused before it is opened, because reading it may never
-//! end. A file longer than the limit of the caller is refused before its bytes are read.
+//! Only plain files are read. A device, a pipe, a socket or a folder is refused before it is opened, because reading it
+//! may never end. A file longer than the limit of the caller is refused before its bytes are read.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Read;

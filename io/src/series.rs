@@ -1,8 +1,8 @@
 //! A series of outputs: data files `fluid_000000100.vtkhdf` and one index `fluid.xmf`.
 //!
-//! A data file is complete and in place before an index names it. The index is rewritten as a whole and renamed into place at every
-//! output: a viewer may reload at any moment. Steps without cells are omitted from the index. There is no index before the first
-//! step with cells.
+//! A data file is complete and in place before an index names it. The index is rewritten as a whole and renamed into
+//! place at every output: a viewer may reload at any moment. Steps without cells are omitted from the index. There is
+//! no index before the first step with cells.
 
 use std::path::{Path, PathBuf};
 

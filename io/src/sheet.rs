@@ -1,9 +1,10 @@
 //! Tables that users write or export: samples, profiles, rasters, sieve curves.
 //!
-//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons, tabs or spaces.
-//! A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The names may stand in a comment line
-//! above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines, comments (`#`, `%`), a line `sep=;` and empty
-//! cells at the end of a line do not count. Rows of another length, decimal commas and a missing line of names are refused.
+//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons,
+//! tabs or spaces. A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The
+//! names may stand in a comment line above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines,
+//! comments (`#`, `%`), a line `sep=;` and empty cells at the end of a line do not count. Rows of another length,
+//! decimal commas and a missing line of names are refused.
 
 use crate::csv;
 use ::csv::{ReaderBuilder, StringRecord};
@@ -106,7 +107,8 @@ impl Unit {
 pub struct Column {
     /// Name in messages and in tables of this program.
     pub name: &'static str,
-    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter stands for a radius.
+    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter
+    /// stands for a radius.
     pub others: &'static [(&'static str, f64)],
     /// Dimension of its numbers.
     pub unit: Unit,
@@ -197,7 +199,8 @@ fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
         .from_reader(text.as_bytes())
 }
 
-/// Returns a name for a message. A file that is no table may hold secrets: what does not look like a name is not quoted.
+/// Returns a name for a message. A file that is no table may hold secrets: what does not look like a name is not
+/// quoted.
 fn quotable(name: &str, at: usize) -> String {
     let plain =
         |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '[' | ']' | '.' | '^');

@@ -1,7 +1,7 @@
 //! Numbers over time as CSV. Each row is written completely before the next step.
 //!
-//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know comments skip
-//! it. Numbers have the fewest digits that read back to the same bits.
+//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know
+//! comments skip it. Numbers have the fewest digits that read back to the same bits.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};

@@ -1,8 +1,8 @@
 //! XDMF: the text file that refers to the arrays of a data file.
 //!
-//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field and step, counts
-//! in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text is made from the data file
-//! itself, so that types and shapes agree.
+//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field and
+//! step, counts in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text
+//! is made from the data file itself, so that types and shapes agree.
 
 use std::fmt::Write;
 use std::path::Path;

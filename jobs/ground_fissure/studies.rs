@@ -1,10 +1,10 @@
 //! `fissure_studies RUNS RESULTS`: tables and figures of error against cost from the members that
 //! `jobs/ground_fissure/studies.sh` has run.
 //!
-//! Per study one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the reference of its
-//! soil (the stiffest contact, one solid step per coupling, exact porosity): of the times of the stages, the largest of those that
-//! both reached; of the eroded mass at the end. The cost is processor time. Members that are missing or gave up
-//! are left out.
+//! Per study one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the reference
+//! of its soil (the stiffest contact, one solid step per coupling, exact porosity): of the times of the stages, the
+//! largest of those that both reached; of the eroded mass at the end. The cost is processor time. Members that are
+//! missing or gave up are left out.
 
 #![expect(
     clippy::print_stderr,
@@ -25,7 +25,8 @@ use std::process::ExitCode;
 
 const SOILS: [&str; 2] = ["sand", "clay"];
 
-/// A study, and its members from the cheapest to the reference. One that comes after the reference is compared with it as well.
+/// A study, and its members from the cheapest to the reference. One that comes after the reference is compared with it
+/// as well.
 struct Study {
     name: &'static str,
     knob: &'static str,
@@ -231,8 +232,8 @@ fn bed(table: &mut String, soil: &str, value: &str, runs: &Path) -> Result<(), E
     Ok(())
 }
 
-/// Porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair: away from the barrier and
-/// from the surface.
+/// Porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair: away from
+/// the barrier and from the surface.
 fn porosity(sample: &str) -> f64 {
     const BETWEEN: [f64; 2] = [0.015, 0.035];
     const LENGTH: f64 = 0.1;

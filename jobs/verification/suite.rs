@@ -1,9 +1,10 @@
-//! Runs of the solver beside published and analytic numbers: what `expected.json` holds and how a run is compared with it.
+//! Runs of the solver beside published and analytic numbers: what `expected.json` holds and how a run is compared with
+//! it.
 //!
-//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one run
-//! or several of the same case under other `--set` values, so that an order of convergence is a quantity like any other.
-//! Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by formulas, and
-//! held against a reference under a tolerance that states its reason.
+//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one
+//! run or several of the same case under other `--set` values, so that an order of convergence is a quantity like any
+//! other. Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by
+//! formulas, and held against a reference under a tolerance that states its reason.
 
 use serde::Deserialize;
 use solver::analysis::expression::evaluate;
@@ -238,8 +239,9 @@ fn run(
     for assignment in set {
         command.arg("--set").arg(assignment);
     }
-    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without a daemon all
-    // such processes share one session folder, and one that ends removes it under another that starts: each has its own.
+    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without
+    // a daemon all such processes share one session folder, and one that ends removes it under another that starts:
+    // each has its own.
     let session = tempfile::tempdir().map_err(|e| format!("session folder: {e}"))?;
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", session.path());

@@ -1,8 +1,9 @@
 //! Arithmetic expressions of `study.json` and `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
 //!
-//! An expression contains numbers, names, `+ - * / ^`, brackets and the functions below. `^` is right-associative and binds more
-//! strongly than a sign. Angles are in radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case:
-//! `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers nest at most 100 deep.
+//! An expression contains numbers, names, `+ - * / ^`, brackets and the functions below. `^` is right-associative and
+//! binds more strongly than a sign. Angles are in radians. A condition is a number: `x > 1` is 1 or 0. A name may be a
+//! path of a case: `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers
+//! nest at most 100 deep.
 
 /// Bytes of a formula at most.
 pub const LONGEST: usize = 10_000;

@@ -1,7 +1,8 @@
 //! A number from the files of a run: from a table (probes, records) or from `summary.json`.
 //!
-//! A formula of the columns selects the rows of a table, a second formula gives the value of each row, and a [`Take`] reduces the
-//! values to one number. A profile is the values at the last time over a coordinate. Two profiles are compared by a [`Norm`].
+//! A formula of the columns selects the rows of a table, a second formula gives the value of each row, and a [`Take`]
+//! reduces the values to one number. A profile is the values at the last time over a coordinate. Two profiles are
+//! compared by a [`Norm`].
 
 #![allow(
     rustdoc::broken_intra_doc_links,

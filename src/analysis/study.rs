@@ -1,12 +1,12 @@
 //! The erosion law across runs: reads run folders and fits the law of each cohesion.
 //!
-//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is used if it
-//! exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read from its `case.json`, and its
-//! masses from the record.
+//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is
+//! used if it exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read
+//! from its `case.json`, and its masses from the record.
 //!
-//! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it is fitted to the
-//! windows of the runs. The report also contains the fits with the other definitions; their differences are the uncertainty
-//! of the definition. `figures::erosion_law` writes tables and figures.
+//! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it
+//! is fitted to the windows of the runs. The report also contains the fits with the other definitions; their
+//! differences are the uncertainty of the definition. `figures::erosion_law` writes tables and figures.
 
 use super::erosion_law::{
     CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, Law, RatePoint, RateWindow,
@@ -37,7 +37,8 @@ pub struct RunReport {
     pub eroded_fraction: f64,
     /// Grains that left.
     pub eroded_grains: u64,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no
+    /// bond broke.
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
     pub bulk_displacement: Option<f64>,
@@ -252,7 +253,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     let mut whole = run_point(&records, jump, about.ramp_end, options);
     let left = records.last().map_or(0, |record| record.eroded_grains);
     if about.cohesion > 0.0 && left > 0 && records.iter().all(|r| r.bonds_broken == 0) {
-        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is whole.
+        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is
+        // whole.
         for window in windows.iter_mut().chain(whole.as_mut()) {
             window.eroding = false;
             window.rate = 0.0;

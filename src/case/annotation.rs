@@ -1,7 +1,7 @@
 //! Values with a note of their source.
 //!
-//! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is `assumed`, `paper`
-//! or any text. [`strip`] leaves the value in place and returns the rest in a table.
+//! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is
+//! `assumed`, `paper` or any text. [`strip`] leaves the value in place and returns the rest in a table.
 
 use super::text::join;
 use serde::Serialize;

@@ -1,5 +1,5 @@
-//! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing, mistyped or
-//! out-of-range field. Ranges are stated beside the fields.
+//! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing,
+//! mistyped or out-of-range field. Ranges are stated beside the fields.
 
 pub mod absent;
 mod controls;
@@ -18,7 +18,8 @@ use serde_json::{Map, Value};
 use std::sync::OnceLock;
 use template::Template;
 
-/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one is known.
+/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one
+/// is known.
 const RENAMED: [(&str, &str); 5] = [
     ("mach", "lattice_velocity"),
     ("max_mach", "max_lattice_velocity"),
@@ -261,7 +262,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports fields and choices under an old name, and goes on as if the new one had been written: one mistake, one problem.
+    /// Reports fields and choices under an old name, and goes on as if the new one had been written: one mistake, one
+    /// problem.
     fn rename(&mut self, map: &mut Map<String, Value>, known: &[&str], path: &str) {
         for (old, new) in RENAMED {
             if known.contains(&old) || !known.contains(&new) {

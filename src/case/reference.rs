@@ -1,7 +1,7 @@
 //! Reference of a case: path, type, unit, default, range, meaning and example of every parameter.
 //!
-//! All texts come from the schema and all values from the example cases, so that the reference agrees with the program. Each page
-//! describes one section of the case. [`markdown`] and [`html`] render the pages.
+//! All texts come from the schema and all values from the example cases, so that the reference agrees with the program.
+//! Each page describes one section of the case. [`markdown`] and [`html`] render the pages.
 
 pub mod html;
 pub mod markdown;

@@ -1,6 +1,7 @@
 //! The changes of a case that a restart allows and refuses, each with its reason.
 //!
-//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields concerned.
+//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields
+//! concerned.
 
 use crate::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
@@ -146,8 +147,8 @@ const KEPT: [(&str, &str); 12] = [
     ("analysis", "its records start with the run"),
 ];
 
-/// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are not equal as
-/// numbers.
+/// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are
+/// not equal as numbers.
 fn differences<'a>(
     old: &'a Value,
     new: &'a Value,
@@ -197,7 +198,8 @@ fn fits(pattern: &str, path: &str) -> bool {
     rest.is_empty() || rest.starts_with('.') || rest.starts_with('[')
 }
 
-/// What differs between two cases, as serialised with all their defaults: paths that may change, and a problem for each that may not.
+/// What differs between two cases, as serialised with all their defaults: paths that may change, and a problem for each
+/// that may not.
 #[must_use]
 pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     let mut found = Vec::new();

@@ -1,7 +1,7 @@
 //! `--set path=value`: changes any field of a case from the command line.
 //!
-//! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing objects on the path
-//! are created. An index one past the end of a list appends.
+//! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing
+//! objects on the path are created. An index one past the end of a list appends.
 
 use super::text::brief;
 use crate::error::{Problem, Severity};

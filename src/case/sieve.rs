@@ -1,7 +1,7 @@
 //! A grading by a sieve curve: the fraction of the mass that passes each sieve.
 //!
-//! Between two sieves of openings a < b the passing mass rises in proportion to the logarithm of the diameter, as drawn on paper. With the
-//! fraction m of the mass between them, the mass and the number of grains per diameter are
+//! Between two sieves of openings a < b the passing mass rises in proportion to the logarithm of the diameter, as drawn
+//! on paper. With the fraction m of the mass between them, the mass and the number of grains per diameter are
 //!
 //! ```text
 //! dm/dd = m/[d ln(b/a)]        dn/dd = m/[d^(D+1) ln(b/a)]        D = 3 for spheres, 2 for discs of the plane
@@ -9,8 +9,8 @@
 //! d(u) = [a^-D - u (a^-D - b^-D)]^(-1/D)                          diameter below which the part u of the number lies
 //! ```
 //!
-//! because the mass of a grain grows as d^D at one density. Percentile diameters and the coefficients of uniformity and curvature are
-//! those of ISO 14688-2: C_u = d60/d10, C_c = d30^2/(d10 d60).
+//! because the mass of a grain grows as d^D at one density. Percentile diameters and the coefficients of uniformity and
+//! curvature are those of ISO 14688-2: C_u = d60/d10, C_c = d30^2/(d10 d60).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -188,8 +188,8 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter of the grain with which the mass
-    /// of all smaller ones reaches it.
+    /// Those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter of the
+    /// grain with which the mass of all smaller ones reaches it.
     #[must_use]
     pub fn of(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
         let mut diameters: Vec<f64> = radii.map(|r| 2.0 * r).collect();

@@ -4,8 +4,8 @@ pub use crate::structure::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another, leave the
-/// domain and cross its periodic faces.
+/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another,
+/// leave the domain and cross its periodic faces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Structure {

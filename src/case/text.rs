@@ -1,5 +1,6 @@
-//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects with more keys than
-//! [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most 127 deep.
+//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects
+//! with more keys than [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most
+//! 127 deep.
 
 mod plain;
 

@@ -1,4 +1,5 @@
-//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
+//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts
+//! after they are read.
 
 use super::{EARLIER, TABLES};
 use crate::darcy::pressure::NUMBERS;
@@ -202,8 +203,9 @@ const SPEED: f64 = 3e8;
 const ROUNDING: f64 = 1e-6;
 
 impl Bounds {
-    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the next
-    /// step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads them.
+    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the
+    /// next step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads
+    /// them.
     ///
     /// # Errors
     /// [`Error::Io`] with the column.

@@ -10,8 +10,8 @@
 //! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows; a published result |
 //! | `erosion_law.json` | the report |
 //!
-//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs. Figures of the
-//! other cohesions have the suffix `_C<value>`.
+//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs.
+//! Figures of the other cohesions have the suffix `_C<value>`.
 
 mod plots;
 mod tables;

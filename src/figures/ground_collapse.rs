@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 /// Times of which the long section shows at most so many: more lines cannot be told apart.
 const SECTIONS: usize = 7;
 
-/// Void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines: `collapse.svg`.
+/// Void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines:
+/// `collapse.svg`.
 #[must_use]
 pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
     type Series<'a> = (&'a str, fn(&CollapseRecord) -> f64);
@@ -86,8 +87,8 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
     }
 }
 
-/// How far the surface has gone down along the long axis, mean over the columns across, at several times: `settlement.svg`. Down is
-/// down, so that two sinkholes beside a middle that stays up make a W.
+/// How far the surface has gone down along the long axis, mean over the columns across, at several times:
+/// `settlement.svg`. Down is down, so that two sinkholes beside a middle that stays up make a W.
 #[must_use]
 pub fn settlement(rows: &[SurfaceRecord]) -> Figure {
     // Per step: its time, and per column along the axis the place, the sum and the number of columns across.

@@ -1,8 +1,9 @@
-//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser: `solver picture`.
+//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser:
+//! `solver picture`.
 //!
-//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
-//! from the upper left, or a section is drawn, which shows the fluid as well. All panels share one colour scale. The raster is a PNG inside the
-//! SVG; text and streamlines are vector graphics.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
+//! side in parallel projection, lit from the upper left, or a section is drawn, which shows the fluid as well. All
+//! panels share one colour scale. The raster is a PNG inside the SVG; text and streamlines are vector graphics.
 
 mod faces;
 mod overlays;
@@ -51,7 +52,8 @@ pub struct PictureOptions {
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
     pub view: View,
-    /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only water].
+    /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only
+    /// water].
     #[arg(long, value_name = "AXIS=METRES")]
     pub section: Option<Section>,
     /// Draw streamlines of the water in the plane or section.
@@ -324,8 +326,8 @@ struct Grains {
 }
 
 impl Grains {
-    /// The grains of an output but those that are drawn with their faces. `colour`: the column, or none for one colour; by default the velocity
-    /// in space.
+    /// The grains of an output but those that are drawn with their faces. `colour`: the column, or none for one colour;
+    /// by default the velocity in space.
     fn read(
         path: &Path,
         colour: Option<Option<&str>>,

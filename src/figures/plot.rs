@@ -1,8 +1,8 @@
 //! Figures as SVG: axes, lines, points with error bars, bands and bounds.
 //!
-//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the same data on any
-//! machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis ([`sequential`]). Both are
-//! distinguishable for colour-blind readers and in grey.
+//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the
+//! same data on any machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis
+//! ([`sequential`]). Both are distinguishable for colour-blind readers and in grey.
 //!
 //! Labels may contain `_{sub}` and `^{super}`.
 

@@ -1,18 +1,18 @@
 //! Time averages of the velocity and of its products in every cell, and their means over planes.
 //!
-//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums: the number of
-//! samples, the density deviation, the velocity and its six products. From these follow
+//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums:
+//! the number of samples, the density deviation, the velocity and its six products. From these follow
 //!
 //! ```text
 //! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
 //! ```
 //!
 //! as fields (`averages`), and, where a `profile` is requested, the same for all cells of each plane across an axis
-//! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the profile are
-//! relative to the mean of the plane. They do not contain eddies smaller than a cell.
+//! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the
+//! profile are relative to the mean of the plane. They do not contain eddies smaller than a cell.
 //!
-//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are part of a
-//! checkpoint and of the hash of the state.
+//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are
+//! part of a checkpoint and of the hash of the state.
 
 use crate::coupling::{BandStates, FluidView, bands, cells_of};
 use crate::error::Error;
@@ -91,11 +91,12 @@ impl Averages {
         Some((first, plan.clock.every(written.sample_every)))
     }
 
-    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so far go on, `false` if
-    /// the averages begin anew.
+    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so
+    /// far go on, `false` if the averages begin anew.
     ///
     /// # Errors
-    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another weight.
+    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another
+    /// weight.
     pub fn continues(old: &Plan, new: &Plan, step: u64) -> Result<bool, &'static str> {
         let (Some((old_first, old_every)), Some((first, every))) =
             (Self::schedule(old), Self::schedule(new))

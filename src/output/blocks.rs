@@ -1,7 +1,8 @@
-//! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of ranks.
+//! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of
+//! ranks.
 //!
-//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the rotation since the start
-//! as a vector: its direction is the axis, its length the angle.
+//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the
+//! rotation since the start as a vector: its direction is the axis, its length the angle.
 
 use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};

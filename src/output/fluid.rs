@@ -1,7 +1,7 @@
 //! Fields of the fluid as an image, one value per cell, in SI.
 //!
-//! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central difference,
-//! one-sided in the cells at a face that is not periodic.
+//! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central
+//! difference, one-sided in the cells at a face that is not periodic.
 
 use super::vorticity::Velocities;
 use crate::case::fluid::Precision;

@@ -1,10 +1,11 @@
-//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of ranks.
+//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of
+//! ranks.
 
 use crate::error::Error;
 use decomposition::{Communicator, exchange};
 
-/// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all ids,
-/// sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
+/// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all
+/// ids, sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
 ///
 /// # Errors
 /// [`Error::Internal`] where a message is no list of rows.

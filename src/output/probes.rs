@@ -18,9 +18,10 @@
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
-//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
-//! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
-//! cells whose centre is in the fluid count, below a free surface by their fill levels. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
+//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
+//! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
+//! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
+//! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
 mod fabric;

@@ -1,7 +1,7 @@
 //! Fields of the seepage as cell data of its coarse grid, in SI.
 //!
-//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the equations as
-//! printed); cells outside the walls have porosity 0.
+//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the
+//! equations as printed); cells outside the walls have porosity 0.
 
 use super::fluid::Number;
 use crate::case::fluid::Precision;

@@ -9,7 +9,8 @@ use crate::dem::space::Space;
 use crate::plan::Plan;
 use decomposition::Domain;
 
-/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains follow.
+/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains
+/// follow.
 #[derive(Clone, Copy)]
 pub struct View<'a, S: Space> {
     /// The plan of the run.

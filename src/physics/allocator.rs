@@ -1,9 +1,10 @@
 //! Memory for everything large: straight from the operating system, in huge pages, and given back at once.
 //!
-//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the lattice walks dozens of rows
-//! at the same time. In pages of 4 KiB the processor then waits for the translation of addresses: 100,000 packed spheres take a third longer, the
-//! mapping of spheres in water half as long again. And what the allocator of the C library took for a moment it keeps: the grids of a search for
-//! neighbours would be a fifth of the memory of a grain.
+//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the
+//! lattice walks dozens of rows at the same time. In pages of 4 KiB the processor then waits for the translation of
+//! addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water half as long again. And what
+//! the allocator of the C library took for a moment it keeps: the grids of a search for neighbours would be a fifth of
+//! the memory of a grain.
 //!
 //! A program takes it by
 //!
@@ -25,7 +26,8 @@ pub const LARGE: usize = 1 << 20;
 /// A huge page of x86 and of most others \[B\].
 const HUGE: usize = 2 << 20;
 
-/// Cache lines by which the starts of blocks differ from one to the next, of [`COLOURS`]: the golden section spreads any number of them evenly.
+/// Cache lines by which the starts of blocks differ from one to the next, of [`COLOURS`]: the golden section spreads
+/// any number of them evenly.
 const STRIDE: usize = 1265;
 /// Sets of a second-level cache: so many cache lines later the same set is meant.
 const COLOURS: usize = 2048;
@@ -34,8 +36,8 @@ const LINE: usize = 64;
 /// How many blocks were taken.
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
 
-/// A block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets of the caches wherever they are read
-/// side by side.
+/// A block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets of the
+/// caches wherever they are read side by side.
 fn take(layout: &Layout) -> *mut u8 {
     let before = if layout.align() > LINE {
         0
@@ -58,8 +60,8 @@ fn before(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
 
-/// Zeroed memory of a whole number of huge pages, at least `bytes`; null where there is none. Pages come when they are first touched, near the
-/// thread that touches them.
+/// Zeroed memory of a whole number of huge pages, at least `bytes`; null where there is none. Pages come when they are
+/// first touched, near the thread that touches them.
 pub(crate) fn map(bytes: usize) -> *mut u8 {
     let Some(room) = bytes.max(1).checked_next_multiple_of(HUGE) else {
         return std::ptr::null_mut();
@@ -132,8 +134,9 @@ fn is_large(layout: &Layout) -> bool {
     layout.size() >= LARGE && layout.align() <= HUGE
 }
 
-// SAFETY: a block is large by its layout alone, so that it goes back to where it came from. `map` gives memory that nobody else has, aligned to
-// `HUGE`, and `take` moves its start by less than that, and by nothing where that would break the alignment; the rest is the promise of `System`.
+// SAFETY: a block is large by its layout alone, so that it goes back to where it came from. `map` gives memory that
+// nobody else has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing where that would
+// break the alignment; the rest is the promise of `System`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {

@@ -4,10 +4,11 @@
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the pressure of the whole
-//! grid, because its grains may be anywhere on it. The linear solver takes most of the time and is therefore parallel. It works on slabs of its
-//! own, cut along the longest axis of the coarse grid, independently of the decomposition of the grains. Sums over grains and cells are exact
-//! or in a fixed order, so that the bits are the same on any number of ranks.
+//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the
+//! pressure of the whole grid, because its grains may be anywhere on it. The linear solver takes most of the time and
+//! is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid, independently of
+//! the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so that the bits are the
+//! same on any number of ranks.
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 

@@ -1,14 +1,14 @@
 //! Discrete elements: grains and blocks, their contacts, forces and motion.
 //!
-//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the histories. One call
-//! of [`Dem::advance`] is one solid step:
+//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the
+//! histories. One call of [`Dem::advance`] is one solid step:
 //!
 //! ```text
 //! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
 //! ```
 //!
-//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact law. The bits
-//! of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
+//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact
+//! law. The bits of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
 //!
 //! | file | content |
 //! |---|---|
@@ -90,9 +90,11 @@ pub struct Settings<S: Space> {
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less often. No result depends on it.
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less
+    /// often. No result depends on it.
     pub skin: f64,
-    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius \[m\].
+    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius
+    /// \[m\].
     pub ghost_margin: f64,
 }
 
@@ -149,7 +151,8 @@ pub struct Contact<S: Space> {
     pub position: S::Vector,
     /// Force of the normal spring \[N\], positive in compression.
     pub normal_force: f64,
-    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is involved.
+    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is
+    /// involved.
     pub shear_force: S::Vector,
     /// Whether it is bonded.
     pub bonded: bool,
@@ -188,8 +191,8 @@ impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
     ///
     /// # Errors
-    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
-    /// and the scene plane.
+    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of
+    /// blocks and the scene plane.
     #[inline(never)]
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         Self::of_family(&law, settings, walls)
@@ -241,7 +244,8 @@ impl<S: Space> Dem<S> {
         self.advance_many(particles, domain, 1)
     }
 
-    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`]. Collective.
+    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`].
+    /// Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -254,8 +258,8 @@ impl<S: Space> Dem<S> {
         self.engine.advance(particles, domain, steps)
     }
 
-    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
-    /// yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are
+    /// known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -263,8 +267,8 @@ impl<S: Space> Dem<S> {
         self.engine.prepare(particles, domain)
     }
 
-    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
-    /// break later do not heal. Returns the number of bonds that this rank reports. Collective.
+    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds
+    /// that break later do not heal. Returns the number of bonds that this rank reports. Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].

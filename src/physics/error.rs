@@ -100,7 +100,8 @@ impl Remedy {
     }
 }
 
-/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that contains them.
+/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that
+/// contains them.
 pub trait Report {
     /// The case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);

@@ -1,8 +1,9 @@
 //! Random numbers.
 //!
-//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use, index), so that it is the same on any rank, in any order, and after a restart.
-//! Source: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11,
-//! doi:10.1145/2063384.2063405; checked against the known-answer vectors of their Random123 library.
+//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use,
+//! index), so that it is the same on any rank, in any order, and after a restart. Source: J. K. Salmon, M. A. Moraes,
+//! R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11, doi:10.1145/2063384.2063405; checked
+//! against the known-answer vectors of their Random123 library.
 
 /// The block function: ten rounds over a counter of four words with a key of two.
 #[must_use]

@@ -6,8 +6,8 @@
 //! - the open parts of the cells and faces of a coarse grid ([`crate::darcy::enclosure`]),
 //! - the surface that grains touch and that is drawn ([`facets`]).
 //!
-//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give ([`Solid`]). To add a
-//! shape, write the file and add one line to the list below.
+//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give
+//! ([`Solid`]). To add a shape, write the file and add one line to the list below.
 //!
 //! | file | holds |
 //! |---|---|

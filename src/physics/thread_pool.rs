@@ -1,15 +1,17 @@
 //! A pool of threads that start work within a few microseconds.
 //!
-//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size. The
-//! workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces therefore use this
-//! pool, for even pieces and for those that threads take when they are free; contacts of blocks and work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`] iterations, yields
-//! for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
+//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size.
+//! The workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces
+//! therefore use this pool, for even pieces and for those that threads take when they are free; contacts of blocks and
+//! work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`]
+//! iterations, yields for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
 //!
-//! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller therefore waits for helpers
-//! that have begun a piece, and not for those that the system has not given a core: on a machine with other work it does all pieces itself.
+//! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
+//! therefore waits for helpers that have begun a piece, and not for those that the system has not given a core: on a
+//! machine with other work it does all pieces itself.
 //!
-//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy with another caller's work
-//! processes its pieces itself.
+//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy
+//! with another caller's work processes its pieces itself.
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
@@ -64,7 +66,8 @@ const fn number(state: u64) -> u64 {
 
 /// Shared by the caller and its helpers.
 struct Board {
-    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that have joined it.
+    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that
+    /// have joined it.
     state: AtomicU64,
     /// Written while the state is not open and no helper has joined.
     work: UnsafeCell<Option<Job>>,
@@ -76,8 +79,8 @@ struct Board {
     caller: Mutex<Option<Thread>>,
 }
 
-// SAFETY: `work` is written by the caller alone and only while no helper has joined and none can join; what it points to is `Sync`
-// and lives until the caller has closed the job and seen the last helper leave.
+// SAFETY: `work` is written by the caller alone and only while no helper has joined and none can join; what it points
+// to is `Sync` and lives until the caller has closed the job and seen the last helper leave.
 unsafe impl Sync for Board {}
 // SAFETY: as above.
 unsafe impl Send for Board {}
@@ -213,7 +216,8 @@ pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Shar
     drop(shared);
 }
 
-/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least `least`.
+/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least
+/// `least`.
 pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &mut T) + Sync) {
     let count = items.len();
     let pieces = threads().min(count / least.max(1)).max(1);
@@ -224,8 +228,8 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
-/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where there are fewer
-/// than `2 least` items.
+/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where
+/// there are fewer than `2 least` items.
 #[must_use]
 pub fn runs(items: usize, least: usize) -> usize {
     match threads().min(items / least.max(1)) {
@@ -239,8 +243,8 @@ pub fn runs(items: usize, least: usize) -> usize {
 #[repr(align(128))]
 struct Begun(AtomicUsize);
 
-/// As [`each_of`], for pieces of uneven work: a thread does those of its own even share, the same in each call, and then helps others with theirs.
-/// It meets most of what it wrote before.
+/// As [`each_of`], for pieces of uneven work: a thread does those of its own even share, the same in each call, and
+/// then helps others with theirs. It meets most of what it wrote before.
 pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     let threads = threads().min(runs);
     if threads <= 1 {
@@ -334,7 +338,8 @@ impl<T> Room<'_, T> {
     }
 }
 
-/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most `bound(p + 1) - bound(p)` items.
+/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most
+/// `bound(p + 1) - bound(p)` items.
 pub fn extend<T: Copy + Send>(
     list: &mut Vec<T>,
     pieces: usize,
@@ -519,7 +524,8 @@ fn help(board: &Board, sleeps: &AtomicBool, thread: usize, mut seen: u64) {
         let mut turns = 0;
         while number(board.state.load(Ordering::SeqCst)) == seen {
             if !wait(&mut turns, YIELDS) {
-                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by the second check.
+                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by
+                // the second check.
                 sleeps.store(true, Ordering::SeqCst);
                 if number(board.state.load(Ordering::SeqCst)) == seen {
                     std::thread::park();

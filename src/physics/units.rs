@@ -2,7 +2,8 @@
 //!
 //! On the lattice the spacing h, the time step dt and the density at rest rho_0 are 1. Every other scale follows:
 //! velocity C = h/dt, pressure rho_0 C², kinematic viscosity h C. In 2-D forces are per metre of depth, so that the
-//! unit of force is rho_0 h³/dt² [N/m]; in 3-D it is rho_0 h⁴/dt² \[N\]. The same holds for torque, with one more power of h.
+//! unit of force is rho_0 h³/dt² [N/m]; in 3-D it is rho_0 h⁴/dt² \[N\]. The same holds for torque, with one more
+//! power of h.
 
 use serde::Serialize;
 

@@ -1,29 +1,31 @@
 //! The largest stable time step of contacts, from the highest frequency of the bodies that they connect.
 //!
-//! A contact is a spring K and a dashpot C between two bodies with masses M, in the normal and tangential directions; rotation
-//! also moves the contact point. For small motions, the explicit step with velocities half a step behind is
+//! A contact is a spring K and a dashpot C between two bodies with masses M, in the normal and tangential directions;
+//! rotation also moves the contact point. For small motions, the explicit step with velocities half a step behind is
 //!
 //! ```text
 //! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
 //! ```
 //!
-//! The solution grows and changes its sign in every step if the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
-//! dashpots this is dt > 2/w with the highest angular frequency w. Dashpots reduce the limit, that of one oscillator by the factor
-//! sqrt(1 + zeta²) - zeta. Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000,
-//! chapter 6. The maps of `benches/stability` confirm the limit.
+//! The solution grows and changes its sign in every step if the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is
+//! above 4. Without dashpots this is dt > 2/w with the highest angular frequency w. Dashpots reduce the limit, that of
+//! one oscillator by the factor sqrt(1 + zeta²) - zeta. Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite
+//! Elements for Continua and Structures, 2000, chapter 6. The maps of `benches/stability` confirm the limit.
 //!
 //! The step is compared with two limits:
 //!
-//! * The limit of the initial contacts of a listed or read sample, by power iteration, which converges to it from above. Above the limit without
-//!   shear springs the case is refused; shear springs are left out because contacts under low pressure slip. Above the limit with shear springs, and with
-//!   the largest overlaps that the law expects, the case is unstable.
-//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing of discs or
-//!   spheres. That of the shear springs is 16 or 20 if all grains rotate in the same sense on 4 or 6 neighbours, the number in a random
-//!   packing. Z neighbours give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Above this limit,
-//!   grains that start apart or are prepared are unstable; a sample that its initial contacts hold together gets a warning.
+//! * The limit of the initial contacts of a listed or read sample, by power iteration, which converges to it from
+//!   above. Above the limit without shear springs the case is refused; shear springs are left out because contacts
+//!   under low pressure slip. Above the limit with shear springs, and with the largest overlaps that the law expects,
+//!   the case is unstable.
+//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing
+//!   of discs or spheres. That of the shear springs is 16 or 20 if all grains rotate in the same sense on 4 or 6
+//!   neighbours, the number in a random packing. Z neighbours give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the
+//!   bound of a single element (B. M. Irons). Above this limit, grains that start apart or are prepared are unstable; a
+//!   sample that its initial contacts hold together gets a warning.
 //!
-//! The limit of a block assumes springs on all its faces, with neighbours that move against it. Above the limit of a single face the case
-//! is refused.
+//! The limit of a block assumes springs on all its faces, with neighbours that move against it. Above the limit of a
+//! single face the case is refused.
 //!
 //! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
@@ -225,8 +227,8 @@ const A_GRAIN_BETWEEN: f64 = 1.0;
 /// The same from which on the bond is longer than the contact that it stands for.
 const LONG: f64 = 0.1;
 
-/// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too soft for it makes
-/// bonds across other grains, and lists without end.
+/// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too
+/// soft for it makes bonds across other grains, and lists without end.
 fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let kinds = moving(scene);
     let smallest = 2.0 * kinds.iter().map(|k| k.1).fold(f64::INFINITY, f64::min);
@@ -276,8 +278,8 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     }
 }
 
-/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this much stiffer, pressed
-/// together or between unequal grains.
+/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this
+/// much stiffer, pressed together or between unequal grains.
 const LOOK: f64 = 0.25;
 
 fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
@@ -330,7 +332,8 @@ fn path(scene: &Scene) -> &'static str {
 }
 
 fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
-    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be shorter.
+    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be
+    // shorter.
     let critical = clock.critical_solid_time_step.unwrap_or(f64::INFINITY);
     let safe = if scene.flow.is_some() || scene.time.solid_time_step.is_some() {
         critical * scene.time.solid_time_step_safety

@@ -1,7 +1,7 @@
 //! What stands between a scene and a GPU.
 //!
-//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells ([`crate::lbm::gpu`]).
-//! Whether there is a GPU is known when the run starts.
+//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells
+//! ([`crate::lbm::gpu`]). Whether there is a GPU is known when the run starts.
 
 use crate::case::coupling::Coupling;
 use crate::case::fluid::{Device, Precision};

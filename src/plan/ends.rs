@@ -1,17 +1,17 @@
 //! Distance of the closed ends of a seepage from what drives it.
 //!
-//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k, water leaks into
-//! a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27, 198, 1946; J. Bear, Hydraulics of
-//! Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ = 2 D/π, the length of the slowest mode,
-//! cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of an imposed head adds the resistance of a length
-//! λ coth(L/λ) instead of λ. Between the heads lies the base B:
+//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k,
+//! water leaks into a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27,
+//! 198, 1946; J. Bear, Hydraulics of Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ =
+//! 2 D/π, the length of the slowest mode, cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of
+//! an imposed head adds the resistance of a length λ coth(L/λ) instead of λ. Between the heads lies the base B:
 //!
 //! ```text
 //! q(L) / q(∞) = (B + 2 λ) / (B + λ coth(L1/λ) + λ coth(L2/λ))
 //! ```
 //!
-//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with stated conductivities;
-//! structures are no part of it.
+//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with
+//! stated conductivities; structures are no part of it.
 
 use crate::case::darcy::ZonePermeability;
 use crate::case::geometry::{Axis, Region};
@@ -108,7 +108,8 @@ impl Ends {
     }
 }
 
-/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for all as layers.
+/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for
+/// all as layers.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let conducts = seepage.written.density * strength / seepage.written.viscosity;
@@ -141,7 +142,8 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     found.into_iter().collect()
 }
 
-/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to the highest.
+/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to
+/// the highest.
 fn leakage_length(conductivity: &[f64], thickness: f64) -> f64 {
     let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
     let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();

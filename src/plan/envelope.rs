@@ -1,7 +1,7 @@
 //! How far each limit of the method is, before a single step.
 //!
-//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C with C = h/dt, and at a given
-//! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
+//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C
+//! with C = h/dt, and at a given tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};

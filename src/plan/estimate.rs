@@ -1,8 +1,9 @@
 //! Memory, disk space and time of a run, before the run.
 //!
-//! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum over the phases of
-//! a step ([`time`]), with rates of one core of a reference machine; `solver plan` measures on the machine at hand how fast
-//! it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans` compares all three with runs.
+//! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum
+//! over the phases of a step ([`time`]), with rates of one core of a reference machine; `solver plan` measures on the
+//! machine at hand how fast it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans`
+//! compares all three with runs.
 
 pub mod disk;
 mod joints;
@@ -23,7 +24,8 @@ use time::Seconds;
 pub struct Machine {
     /// The pass over the lattice with the operator, the eddies and the storage of the plan.
     pub fluid: f64,
-    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards, hashes.
+    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards,
+    /// hashes.
     pub grains: f64,
     /// Time to write a small file to the disk \[s\].
     pub file_seconds: f64,
@@ -213,8 +215,8 @@ impl Estimate {
         }
     }
 
-    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared, the pass over the lattice
-    /// at the speed of cores that pass at the same time. Messages are not counted.
+    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared,
+    /// the pass over the lattice at the speed of cores that pass at the same time. Messages are not counted.
     pub fn on_cores(&mut self, scene: &Scene, ranks: usize, threads: usize, crowded: f64) {
         let planes = scene.grid.cells[scene.grid.split_axis.min(2)];
         let cores = real(ranks * threads);
@@ -231,8 +233,8 @@ impl Estimate {
         });
     }
 
-    /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice, or where grains
-    /// alone need more.
+    /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice,
+    /// or where grains alone need more.
     fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
         scene.flow.as_ref()?;
         let grid = &scene.grid;

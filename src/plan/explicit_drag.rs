@@ -1,12 +1,14 @@
 //! The explicit-drag limit: the longest coupling interval that explicit drag of seeping water allows.
 //!
-//! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its start a grain of
-//! mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag stops it, its velocity changes
-//! sign and grows. The drag at the end of the interval ([`crate::coupling::seepage`], `semi_implicit_drag`) is stable for any interval.
+//! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its
+//! start a grain of mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag
+//! stops it, its velocity changes sign and grows. The drag at the end of the interval ([`crate::coupling::seepage`],
+//! `semi_implicit_drag`) is stable for any interval.
 //!
-//! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where the
-//! interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable where the
-//! interval is too long for the fullest cell of the listed grains, or for the densest packing of equal grains.
+//! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where
+//! the interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable
+//! where the interval is too long for the fullest cell of the listed grains, or for the densest packing of equal
+//! grains.
 
 use super::Clock;
 use super::margin::{Margin, margin};
@@ -84,7 +86,8 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// The times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each medium of the zones.
+/// The times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each medium
+/// of the zones.
 pub(super) fn stopping_times(
     seepage: &Seepage,
     grain: &Grain,
@@ -117,8 +120,8 @@ pub(super) fn stopping_times(
     })
 }
 
-/// Porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient \[Pa/m\]: in each medium of the zones, and
-/// outside them.
+/// Porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient \[Pa/m\]: in
+/// each medium of the zones, and outside them.
 pub(super) fn beds(
     seepage: &Seepage,
     (porosity, diameter): (f64, f64),

@@ -7,14 +7,15 @@
 //! delta = (15 m v²/(8 K))^(2/5)       where the stiffness hardens as K delta^½
 //! ```
 //!
-//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics, 1985, sections 4.2 and
-//! 11.4). Contacts are small beside the bodies: at delta = 0.1 R the circle of contact with a plane has 0.44 R, far from the small contact
-//! that all laws assume (Johnson, section 4.1), and the plan warns. At delta = R the centre of the body is in the surface: it leaves a
-//! thin wall on the other side, and two bodies change places. Runs beyond that were seen to do so.
+//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics,
+//! 1985, sections 4.2 and 11.4). Contacts are small beside the bodies: at delta = 0.1 R the circle of contact with a
+//! plane has 0.44 R, far from the small contact that all laws assume (Johnson, section 4.1), and the plan warns. At
+//! delta = R the centre of the body is in the surface: it leaves a thin wall on the other side, and two bodies change
+//! places. Runs beyond that were seen to do so.
 //!
-//! The speed is what is known before the run: the difference between the velocity of a body and that of each other at the start, with the
-//! reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain of what touches nothing at the start. In the water of a lattice
-//! nothing falls faster than it settles.
+//! The speed is what is known before the run: the difference between the velocity of a body and that of each other at
+//! the start, with the reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain
+//! of what touches nothing at the start. In the water of a lattice nothing falls faster than it settles.
 
 use super::margin::{Margin, margin};
 use crate::dem::contact::{ContactModel, Depth, StaticContact};
@@ -319,8 +320,8 @@ const DIVISIONS: f64 = 8.0;
 
 /// Returns the classes of velocity of all that moves or stands; what stands or is driven has no end of mass.
 ///
-/// A light grain that flies fast and a boulder at rest are in two classes, so that no pair combines the speed of one with the mass of
-/// the other.
+/// A light grain that flies fast and a boulder at rest are in two classes, so that no pair combines the speed of one
+/// with the mass of the other.
 fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     let driven = others.iter().map(|velocity| (*velocity, f64::INFINITY));
     let free = moving.iter().map(|one| (one.velocity, one.mass));
@@ -359,7 +360,8 @@ fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     classes.into_values().collect()
 }
 
-/// Returns the speed at which a body may have fallen to the end of the domain [m/s]; in the water of a lattice at most that of settling.
+/// Returns the speed at which a body may have fallen to the end of the domain [m/s]; in the water of a lattice at most
+/// that of settling.
 fn fall(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
     if !one.falls {
         return 0.0;

@@ -1,7 +1,8 @@
 //! The steps of an event that repeats every T seconds.
 //!
-//! Event k belongs to the time `k T` and happens at the nearest step, `round(k T / dt)`. Each step is computed from its own time, so that the
-//! events never drift away from the multiples of T. No two events share a step: an interval shorter than a step counts as one step.
+//! Event k belongs to the time `k T` and happens at the nearest step, `round(k T / dt)`. Each step is computed from its
+//! own time, so that the events never drift away from the multiples of T. No two events share a step: an interval
+//! shorter than a step counts as one step.
 
 /// An interval of time, measured in steps.
 #[derive(Clone, Copy, Debug, PartialEq)]

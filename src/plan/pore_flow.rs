@@ -4,9 +4,10 @@
 //! Re = rho q d/mu        q: superficial velocity, d: diameter of the largest grains
 //! ```
 //!
-//! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11): beyond, inertial
-//! losses grow with the square of the velocity. The flux is that of the largest difference of imposed pressures over the height of the grid
-//! through a bed of equal grains in random close packing, in zones the most permeable one, or the largest flux that is imposed. The run measures the number again.
+//! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11):
+//! beyond, inertial losses grow with the square of the velocity. The flux is that of the largest difference of imposed
+//! pressures over the height of the grid through a bed of equal grains in random close packing, in zones the most
+//! permeable one, or the largest flux that is imposed. The run measures the number again.
 
 use super::explicit_drag;
 use crate::darcy::{Condition, Equations, Liquid};

@@ -1,12 +1,12 @@
 //! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
-//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the walls, outside
-//! structures and their closed hollows ([`super::room`]). Grains
-//! count as settled where their mean kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the
-//! mean contact force. Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of
-//! the case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones settle once more.
-//! The deposition runs on one rank and depends on the seed only. Sizes and places come from counter-based random numbers:
-//! [`crate::random`].
+//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the
+//! walls, outside structures and their closed hollows ([`super::room`]). Grains count as settled where their mean
+//! kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the mean contact force.
+//! Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of the
+//! case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones
+//! settle once more. The deposition runs on one rank and depends on the seed only. Sizes and places come from
+//! counter-based random numbers: [`crate::random`].
 
 use serde::{Deserialize, Serialize};
 
@@ -82,7 +82,8 @@ pub struct Look {
     pub steps: u64,
     /// Mean kinetic energy over m g d of the mean grain.
     pub kinetic_energy: f64,
-    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null, without contacts.
+    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null,
+    /// without contacts.
     #[serde(serialize_with = "or_null", deserialize_with = "or_largest")]
     pub unbalanced: f64,
 }
@@ -117,8 +118,8 @@ impl<S: Space> Deposition<S> {
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
-    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
-    /// outside wants an end.
+    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
+    /// where the outside wants an end.
     pub fn run(&self, supervision: &Supervision<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let (axis, up) = self.height_axis()?;
         let mut falling = match supervision.take_saved() {

@@ -1,13 +1,13 @@
 //! A packing by growing radii.
 //!
-//! A random, very loose cloud fills the box. The radii grow together in small stages while contacts push the grains apart, without
-//! cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the requested value. The result
-//! depends on the seed only: it runs on one rank, and the caller distributes it.
+//! A random, very loose cloud fills the box. The radii grow together in small stages while contacts push the grains
+//! apart, without cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the
+//! requested value. The result depends on the seed only: it runs on one rank, and the caller distributes it.
 //!
-//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stay at rest when
-//! bonded and cut must have overlaps well below that: request a mean overlap of about 1e-6 diameters. The sizes are then the
-//! requested ones times one common factor close to 1, which the report gives; with [`Stop::SolidFraction`] the factor is exactly 1 and
-//! the overlap follows.
+//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stay at
+//! rest when bonded and cut must have overlaps well below that: request a mean overlap of about 1e-6 diameters. The
+//! sizes are then the requested ones times one common factor close to 1, which the report gives; with
+//! [`Stop::SolidFraction`] the factor is exactly 1 and the overlap follows.
 //!
 //! Sizes and places come from counter-based random numbers: [`crate::random`].
 
@@ -139,8 +139,8 @@ impl<S: Space> PackingSettings<S> {
     /// Packs.
     ///
     /// # Errors
-    /// Where the request makes no sense, or the packing does not come about within the steps allowed; [`Error::Stopped`] where the
-    /// outside wants an end.
+    /// Where the request makes no sense, or the packing does not come about within the steps allowed;
+    /// [`Error::Stopped`] where the outside wants an end.
     pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
         let mut growth = match supervision.take_saved() {

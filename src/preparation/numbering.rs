@@ -1,7 +1,7 @@
 //! The order of generated grains: along a Z-order curve (G. M. Morton 1966).
 //!
-//! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie close in memory, and
-//! few pairs cross from one thread's grains to another's.
+//! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie
+//! close in memory, and few pairs cross from one thread's grains to another's.
 
 use crate::dem::{Components, Space};
 use crate::number::whole;
@@ -53,7 +53,8 @@ fn interleaved(cell: &[u64], bits: u32) -> u64 {
     place
 }
 
-/// The order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close in space.
+/// The order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close in
+/// space.
 #[must_use]
 pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     let mut low = [f64::INFINITY; 3];

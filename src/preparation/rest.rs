@@ -1,8 +1,8 @@
 //! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the flow started, and
-//! the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each grain, body and wall gets the velocity of
-//! the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the
+//! flow started, and the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each
+//! grain, body and wall gets the velocity of the case.
 
 use super::supervision::{Request, Requests};
 use crate::dem::particles::Particles;
@@ -19,8 +19,8 @@ use std::collections::HashMap;
 /// Velocity and spin by id.
 type Velocities = HashMap<u64, [f64; 6]>;
 
-/// Velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank before they are needed.
-/// Collective.
+/// Velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank before they are
+/// needed. Collective.
 fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
     for k in 0..particles.owned() {
@@ -137,8 +137,8 @@ impl Rest {
         }
     }
 
-    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an error. Returns a line
-    /// to print and the entry of the summary. Collective.
+    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an
+    /// error. Returns a line to print and the entry of the summary. Collective.
     ///
     /// # Errors
     /// As [`Dem::advance`], and those of `save`.

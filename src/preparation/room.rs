@@ -1,9 +1,11 @@
 //! The room that structures leave to grains that fall: outside all structures, and in connection with the surface.
 //!
-//! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells whose centre a grain of the
-//! smallest size may take are filled from the top of the region on, or from that of the clouds where a closed vessel contains them; a place in a cell that is not reached is no place for a grain. The
-//! cells are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are both at least half a
-//! cell away from a structure have no sheet between them, however thin, so that the filling passes through no structure.
+//! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells
+//! whose centre a grain of the smallest size may take are filled from the top of the region on, or from that of the
+//! clouds where a closed vessel contains them; a place in a cell that is not reached is no place for a grain. The cells
+//! are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are
+//! both at least half a cell away from a structure have no sheet between them, however thin, so that the filling passes
+//! through no structure.
 
 use crate::number::{floor_i64, real, whole};
 use crate::scene::structures::Structure;
@@ -81,7 +83,8 @@ impl Room {
         room
     }
 
-    /// Fills the cells whose centre keeps this distance \[m\] from all structures, from the top of the region on, or from that of the clouds.
+    /// Fills the cells whose centre keeps this distance \[m\] from all structures, from the top of the region on, or
+    /// from that of the clouds.
     fn fill(&mut self, bounds: &Boundaries<'_>, clearance: f64) {
         let count = self.cells.iter().product();
         let free: Vec<bool> = (0..count)
@@ -160,7 +163,8 @@ impl Room {
         if self.reached.is_empty() {
             return true;
         }
-        // The cell of the place, and the nearer neighbour along each axis: a corner of a cell may be free where its centre is not.
+        // The cell of the place, and the nearer neighbour along each axis: a corner of a cell may be free where its
+        // centre is not.
         let corners = 1_usize << self.dimension;
         (0..corners).any(|corner| {
             let mut place = [0; 3];

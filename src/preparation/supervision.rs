@@ -93,7 +93,8 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<Saved<S>>>,
     reported: Cell<Instant>,
-    /// None before the first question, which comes after the first batch: a stop asked for before the start is heard at once.
+    /// None before the first question, which comes after the first batch: a stop asked for before the start is heard at
+    /// once.
     asked: Cell<Option<Instant>>,
     /// Steps of a batch, which takes less time than passes between two questions.
     batch: Cell<u64>,

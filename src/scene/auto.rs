@@ -1,15 +1,17 @@
-//! Automatic choices for fields that a case leaves out, from its values and its accuracy: spacing, time step, operator, eddy viscosity,
-//! storage precision, coupling, contact law. Values that a case states are never changed.
+//! Automatic choices for fields that a case leaves out, from its values and its accuracy: spacing, time step, operator,
+//! eddy viscosity, storage precision, coupling, contact law. Values that a case states are never changed.
 //!
 //! 1. The coupling, from the shapes ([`solids`]).
-//! 2. The spacing, from the features that the flow must resolve ([`features`]) and the measured errors ([`measured`]), so that every edge of the
-//!    domain is a whole number of cells ([`spacing`]).
-//! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require finer cells; the
-//!    scene is then resolved once more.
-//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval follow from the load on the
-//!    bed ([`seepage`]), and the error of the law of resistance from resolved flow ([`resistance`]).
+//! 2. The spacing, from the features that the flow must resolve ([`features`]) and the measured errors ([`measured`]),
+//!    so that every edge of the domain is a whole number of cells ([`spacing`]).
+//! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require
+//!    finer cells; the scene is then resolved once more.
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval
+//!    follow from the load on the bed ([`seepage`]), and the error of the law of resistance from resolved flow
+//!    ([`resistance`]).
 //!
-//! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time step.
+//! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
+//! step.
 
 mod bound;
 pub mod density;
@@ -46,8 +48,9 @@ use std::borrow::Cow;
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured. Of a body that
-    /// crosses cells it is that of the mean force over some cells: in the single steps the force swings as nodes are covered and laid bare.
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what
+    /// was measured. Of a body that crosses cells it is that of the mean force over some cells: in the single steps the
+    /// force swings as nodes are covered and laid bare.
     pub promised: Option<f64>,
     /// The features that the promise was made from, each with its cells and its bound, and what it does not cover.
     pub details: Vec<String>,
@@ -141,7 +144,8 @@ pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen)
     filled
 }
 
-/// Takes what the case leaves out from the scene whose state it goes on with: no choice moves with an end, an output or a drive.
+/// Takes what the case leaves out from the scene whose state it goes on with: no choice moves with an end, an output or
+/// a drive.
 pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;

@@ -116,8 +116,8 @@ impl Scene {
     }
 }
 
-/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the start and that of a
-/// fall through the domain.
+/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the
+/// start and that of a fall through the domain.
 pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];

@@ -24,7 +24,8 @@ fn within(path: &str, section: &str) -> bool {
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {
     case: &'a Case,
-    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it lists.
+    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it
+    /// lists.
     tree: OnceCell<Value>,
     /// In the order found.
     pub(crate) problems: Vec<Problem>,
@@ -85,8 +86,8 @@ impl<'a> Findings<'a> {
             .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
     }
 
-    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field that
-    /// contains, or lies in, one that was found wrong before.
+    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field
+    /// that contains, or lies in, one that was found wrong before.
     pub(crate) fn drop_consequences(&mut self) {
         let dependent = std::mem::take(&mut self.dependent);
         let sections = |n: usize| {

@@ -78,9 +78,9 @@ impl Grading {
         }
     }
 
-    /// Radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class; `first`: how many grains were
-    /// drawn from it before. Those between two sieves
-    /// divide the curve into parts of equal number with one draw in each, so that few large grains do not change the curve.
+    /// Radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class; `first`: how
+    /// many grains were drawn from it before. Those between two sieves divide the curve into parts of equal number with
+    /// one draw in each, so that few large grains do not change the curve.
     ///
     /// # Errors
     /// As [`Self::numbers`].
@@ -192,8 +192,8 @@ impl Grading {
 /// Purpose of the random numbers of the sizes.
 const SIZES: u32 = 11;
 
-/// The solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs ends at 0.547, of equal
-/// spheres at 0.384.
+/// The solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs ends at
+/// 0.547, of equal spheres at 0.384.
 #[must_use]
 pub fn densest_cloud(dimension: usize) -> f64 {
     if dimension == 2 { 0.45 } else { 0.3 }

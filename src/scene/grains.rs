@@ -45,8 +45,8 @@ pub struct Grains {
 }
 
 impl Grains {
-    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow. How many deposited
-    /// grains a cut removes is not known before they have fallen.
+    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow.
+    /// How many deposited grains a cut removes is not known before they have fallen.
     #[must_use]
     pub fn remaining(&self) -> f64 {
         match &self.source {
@@ -247,8 +247,8 @@ impl Grains {
         std::iter::once(self.material).chain(zones).chain(clouds)
     }
 
-    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of a uniform
-    /// distribution that will grow.
+    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of
+    /// a uniform distribution that will grow.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
         let number = self.expected.min(MOST_SIZES);
@@ -503,10 +503,12 @@ fn sample(
     (GrainSource::File { path: file, grains }, radii, expected)
 }
 
-/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer numbers.
+/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer
+/// numbers.
 const SMALLEST: f64 = 1e-10;
 
-/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image round a periodic axis.
+/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image
+/// round a periodic axis.
 pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
     if radius < SMALLEST {
         findings.error(

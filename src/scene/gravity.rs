@@ -1,17 +1,18 @@
 //! Where gravity acts on the water of a lattice.
 //!
-//! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0. Without it P is
-//! hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with -rho g V, its buoyancy. Axis by axis
-//! either holds, never both and never neither:
+//! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0.
+//! Without it P is hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with
+//! -rho g V, its buoyancy. Axis by axis either holds, never both and never neither:
 //!
 //! | along an axis | force on the water [N/m3] | force of P on a solid \[N\] |
 //! |---|---|---|
 //! | gravity acts | rho g | 0 |
 //! | gravity is balanced by P | 0 | -rho g V |
 //!
-//! Along a periodic axis P would rise from one end to the other. In a closed vessel or conduit it may. Below a surface it cannot: the
-//! pressure there is that of the air everywhere, and the weight along the slope, rho g sin(slope), drives the stream (Chow,
-//! Open-channel hydraulics, 1959, section 3-1). Its balance, once it is steady, is rho g sin(slope) V = shear of the walls + force on the solids.
+//! Along a periodic axis P would rise from one end to the other. In a closed vessel or conduit it may. Below a surface
+//! it cannot: the pressure there is that of the air everywhere, and the weight along the slope, rho g sin(slope),
+//! drives the stream (Chow, Open-channel hydraulics, 1959, section 3-1). Its balance, once it is steady, is rho g
+//! sin(slope) V = shear of the walls + force on the solids.
 
 use super::body_force::BodyForce;
 use super::findings::{Findings, LATTICE_PATH as PATH, number};

@@ -1,9 +1,11 @@
-//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with structures.
+//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with
+//! structures.
 //!
-//! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the springs would turn into
-//! an explosion. The sources differ only in the path of their findings: grains and blocks of a list or a file, blocks of a rock mass and
-//! bodies are compared by one function, round periodic axes too. Walls of facets count where they reach into the largest sphere around
-//! the centroid of a polyhedron. Prepared grains have no positions before the run: they are checked by the box in which they start.
+//! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the
+//! springs would turn into an explosion. The sources differ only in the path of their findings: grains and blocks of a
+//! list or a file, blocks of a rock mass and bodies are compared by one function, round periodic axes too. Walls of
+//! facets count where they reach into the largest sphere around the centroid of a polyhedron. Prepared grains have no
+//! positions before the run: they are checked by the box in which they start.
 
 use super::block::Block;
 use super::blocks::Blocks;
@@ -436,8 +438,8 @@ impl<'a> Start<'a> {
         format!("{other} overlaps {one} by {depth} m at the start{across}")
     }
 
-    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks, and for grains that
-    /// grow also walls. What a cut empties does not count.
+    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks,
+    /// and for grains that grow also walls. What a cut empties does not count.
     fn prepared(&self, findings: &mut Findings) {
         let Some(grains) = self.grains else {
             return;

@@ -11,7 +11,8 @@ use std::ops::ControlFlow;
 /// Gap over diameter up to which grains count as touching.
 const GAP: f64 = 0.05;
 
-/// Grains that grow or fall lie packed; those of a list or file where one touches half as many others as in the densest packing.
+/// Grains that grow or fall lie packed; those of a list or file where one touches half as many others as in the densest
+/// packing.
 pub(crate) fn lie_packed(scene: &Scene) -> bool {
     match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::Growth { .. }) => true,
@@ -115,7 +116,8 @@ mod tests {
         assert_eq!(rows, 140);
     }
 
-    /// A bed of 4 cells per diameter, as dense as `density`, with a relaxation time: whether the plan warns of its added mass.
+    /// A bed of 4 cells per diameter, as dense as `density`, with a relaxation time: whether the plan warns of its
+    /// added mass.
     fn warns(density: f64, tau: f64, initial: &serde_json::Value) -> bool {
         let case = json!({
             "domain": {"size": [0.016, 0.016, 0.032], "spacing": 1e-3, "periodic": ["x", "y"]},

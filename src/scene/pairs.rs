@@ -1,9 +1,9 @@
 //! Pairs of nearby discs or spheres, at a cost proportional to their number.
 //!
-//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as wide as its largest
-//! ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The balls of a row of cells are sorted
-//! by x and swept; adjacent rows are found by index. Neither a slab full of grains nor a wide range of sizes costs more than the number of
-//! nearby pairs.
+//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as
+//! wide as its largest ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The
+//! balls of a row of cells are sorted by x and swept; adjacent rows are found by index. Neither a slab full of grains
+//! nor a wide range of sizes costs more than the number of nearby pairs.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
@@ -27,8 +27,9 @@ struct Entry {
     image: bool,
 }
 
-/// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their reaches apart, until
-/// `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite place or a positive reach are near to nothing.
+/// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their
+/// reaches apart, until `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite
+/// place or a positive reach are near to nothing.
 pub(crate) fn near(
     balls: &[Ball],
     period: [Option<f64>; 3],
@@ -247,8 +248,8 @@ mod tests {
 
     #[test]
     fn only_what_is_near_is_compared() {
-        // A cube of grains one diameter and a bit apart, with one that is far away and one as large as all: no sweep along one axis
-        // gets by with so few visits.
+        // A cube of grains one diameter and a bit apart, with one that is far away and one as large as all: no sweep
+        // along one axis gets by with so few visits.
         let mut balls = Vec::new();
         for n in 0..20_u8 {
             for m in 0..20_u8 {

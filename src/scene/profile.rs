@@ -1,8 +1,9 @@
-//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the names of the columns.
+//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the
+//! names of the columns.
 //!
-//! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`, across z `x` and
-//! `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators and units are read.
-//! [`Table`] interpolates between the rows.
+//! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`,
+//! across z `x` and `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators
+//! and units are read. [`Table`] interpolates between the rows.
 
 use crate::lbm::boundary::profile::Table;
 use io::sheet::{Column, Refusal, Sheet, Unit};

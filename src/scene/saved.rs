@@ -1,4 +1,5 @@
-//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's own files.
+//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's
+//! own files.
 
 use super::findings::Findings;
 use crate::case::Case;

@@ -26,7 +26,8 @@ pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
-/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean
+/// diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
 /// A resolved seepage, in SI.
@@ -296,8 +297,8 @@ impl Seepage {
         patches
     }
 
-    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other side: water that a sheet
-    /// pile separates from a patch does not belong to it.
+    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other
+    /// side: water that a sheet pile separates from a patch does not belong to it.
     fn end_beside_structures(
         &self,
         face: Face,
@@ -314,7 +315,8 @@ impl Seepage {
         };
         let [from, to] = found;
         let (first, last) = (*from, *to);
-        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no water.
+        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no
+        // water.
         let water = |a: usize, at: usize| {
             let others: Vec<usize> = (0..grid.dimension)
                 .filter(|&b| b != a && b != axis)

@@ -1,9 +1,9 @@
 //! The speeds that the water of a scene will reach, before a single step.
 //!
-//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
-//! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
-//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also
-//! asks how fast bodies settle ([`settling`]).
+//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow U = dP
+//! b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by U = f b²/(8
+//! rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step,
+//! it also asks how fast bodies settle ([`settling`]).
 
 pub(crate) mod settling;
 
@@ -29,7 +29,8 @@ pub(crate) struct Speed {
     pub(crate) value: f64,
 }
 
-/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
+/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what
+/// settles.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
@@ -283,8 +284,9 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     .unwrap_or((grid.size[axis], full))
 }
 
-/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D: discs) of the smallest size in the
-/// densest packing. None where grains have nowhere to settle, or where the stream goes through a hole cut into them.
+/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D:
+/// discs) of the smallest size in the densest packing. None where grains have nowhere to settle, or where the stream
+/// goes through a hole cut into them.
 fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     let grid = &scene.grid;
     let down = (0..grid.dimension)
@@ -308,8 +310,8 @@ fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     grains.remaining() * volume / (densest * floor)
 }
 
-/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the others it makes
-/// pressure.
+/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the
+/// others it makes pressure.
 fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
     let body = flow.body_force.largest();
     std::array::from_fn(|a| {
@@ -364,8 +366,9 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     estimate.is_finite().then_some(estimate)
 }
 
-/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film under a surface
-/// without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies as far as these hold it.
+/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film
+/// under a surface without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies
+/// as far as these hold it.
 fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     let forces = driving_force(scene, flow);
     let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
@@ -405,8 +408,8 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     Some(steady.min(force * time / flow.density).min(resisted))
 }
 
-/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law (Pope 2000,
-/// section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
+/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law
+/// (Pope 2000, section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
 fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
     let friction_velocity = (0.5 * force * height / flow.density).sqrt();
     let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;

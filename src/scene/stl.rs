@@ -1,11 +1,12 @@
 //! Triangulated surfaces from STL files, as text or binary.
 //!
-//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into one vertex, which gives
-//! the neighbours of a triangle. Triangles without an area are left out. The normals of the file are not used, because walls act
-//! on both sides.
+//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into
+//! one vertex, which gives the neighbours of a triangle. Triangles without an area are left out. The normals of the
+//! file are not used, because walls act on both sides.
 //!
-//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single precision, its messages name
-//! the line, and it compares the number of triangles with the length of the file before it allocates memory.
+//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single
+//! precision, its messages name the line, and it compares the number of triangles with the length of the file before it
+//! allocates memory.
 
 use crate::dem::Surface;
 use nalgebra::Vector3;
@@ -72,7 +73,8 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever its first word.
+/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever
+/// its first word.
 fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
     let end = 84 + 50 * count;
@@ -111,7 +113,8 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
 }
 
-/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any letters of any code.
+/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any
+/// letters of any code.
 fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     let padding = |byte: &u8| *byte == 0;
     let end = bytes
@@ -259,7 +262,8 @@ mod tests {
         }
     }
 
-    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals, padding.
+    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals,
+    /// padding.
     #[test]
     fn text_is_read_as_it_is_found() {
         let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();

@@ -132,8 +132,8 @@ pub(crate) fn images(
 /// Length over that of a cell below which a solid has no shape on the lattice, even where it cuts a link.
 const NO_SHAPE: f64 = 0.1;
 
-/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of them or is far smaller
-/// than a cell.
+/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of
+/// them or is far smaller than a cell.
 fn is_lost(images: &Images, grid: &Grid) -> bool {
     let [low, high] = images.solid().extent();
     let axes = 0..grid.dimension;

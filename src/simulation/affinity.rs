@@ -1,8 +1,8 @@
 //! The cores that the threads of a rank may use.
 //!
-//! `mpirun` binds each rank to one core unless it is told otherwise. Threads on one core wait for each other instead of sharing the work: two are
-//! up to ten times slower than one. A rank that is to have more threads than cores therefore takes its share of the cores of the machine,
-//! where the system lets it.
+//! `mpirun` binds each rank to one core unless it is told otherwise. Threads on one core wait for each other instead of
+//! sharing the work: two are up to ten times slower than one. A rank that is to have more threads than cores therefore
+//! takes its share of the cores of the machine, where the system lets it.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::env::var;
@@ -64,7 +64,8 @@ fn listed(text: &str) -> Option<usize> {
     text.trim().split(',').map(of_part).sum()
 }
 
-/// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough for all.
+/// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough
+/// for all.
 fn share(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
     let own = rank * threads..(rank + 1) * threads;

@@ -1,9 +1,9 @@
 //! Slabs of equal cost.
 //!
-//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres lie in it. The rates
-//! are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters. They decide nothing but where the slabs are cut: no result depends on them. A run that saves a
-//! checkpoint compares the rates with the times that its phases took, and continues from it with other slabs where these cost clearly
-//! less.
+//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres
+//! lie in it. The rates are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters.
+//! They decide nothing but where the slabs are cut: no result depends on them. A run that saves a checkpoint compares
+//! the rates with the times that its phases took, and continues from it with other slabs where these cost clearly less.
 //!
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
@@ -103,7 +103,8 @@ impl Costs {
         }
     }
 
-    /// Those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for the fluid and the solids.
+    /// Those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for the fluid
+    /// and the solids.
     #[must_use]
     pub(super) fn measured(&self, [fluid, solids]: [f64; 2]) -> Vec<i64> {
         let sum = |of: &[i64]| real(of.iter().sum::<i64>());
@@ -201,7 +202,8 @@ pub(super) fn depends_on_the_machine(
         && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
 }
 
-/// Speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure at the same time. Collective.
+/// Speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure at the same
+/// time. Collective.
 #[must_use]
 pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     communicator.barrier();
@@ -251,8 +253,8 @@ pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
         && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
 }
 
-/// Bounds of slabs whose dearest is as cheap as possible, each of at least one plane. Among those, each slab comes close to the mean of
-/// what is left for it and the slabs after it.
+/// Bounds of slabs whose dearest is as cheap as possible, each of at least one plane. Among those, each slab comes
+/// close to the mean of what is left for it and the slabs after it.
 fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
     // Fewest slabs, none dearer than `most`.
     let slabs_of = |most: i64| {

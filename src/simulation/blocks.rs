@@ -1,8 +1,8 @@
 //! The blocks in `summary.json`: mean position, mean velocity and energies.
 //!
-//! The values are means over all blocks that can move, weighted by mass. The potential energy is that of gravity above the origin of the
-//! domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots, or is stored in the springs. The sums are
-//! exact, so that they do not depend on the ranks.
+//! The values are means over all blocks that can move, weighted by mass. The potential energy is that of gravity above
+//! the origin of the domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots,
+//! or is stored in the springs. The sums are exact, so that they do not depend on the ranks.
 
 use crate::dem::particles::{Kind, Particles};
 use crate::dem::space::{Components, Space};

@@ -20,7 +20,8 @@ use std::io::Write;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
-/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in its run.
+/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in
+/// its run.
 const POPULATIONS: usize = 16_000_000;
 /// Time of the measurement. The fastest of its passes counts, because other work only slows them.
 const TIME: Duration = Duration::from_millis(150);
@@ -34,7 +35,8 @@ const BATCH: u64 = 10;
 /// Time of a step of one of these spheres on the reference machine \[s\].
 const SPHERE: f64 = 6.35e-8;
 
-/// The speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the reference machine.
+/// The speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the reference
+/// machine.
 #[must_use]
 pub fn machine(plan: &Plan) -> Machine {
     // This thread alone, as in a run; where the process has a pool already, the rate is that of its threads.
@@ -85,8 +87,8 @@ fn sphere() -> Result<f64, Error> {
     Ok(fastest / (real(BATCH) * real(particles.owned())))
 }
 
-/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: packed, or apart and falling. The bench `dem`
-/// measures the same.
+/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: packed, or apart and falling.
+/// The bench `dem` measures the same.
 ///
 /// # Errors
 /// Where the engine of the grains cannot be made.
@@ -136,8 +138,9 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
     Ok((Dem::new(law, settings, Vec::new())?, particles))
 }
 
-/// The speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the speed of the whole on one core: memory
-/// is shared by the cores, and smaller parts fit their caches. At most as many cores as there are count. 1 without a lattice.
+/// The speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the speed of
+/// the whole on one core: memory is shared by the cores, and smaller parts fit their caches. At most as many cores as
+/// there are count. 1 without a lattice.
 #[must_use]
 pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     let busy = cores.min(std::thread::available_parallelism().map_or(1, usize::from));
@@ -173,8 +176,9 @@ pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     }
 }
 
-/// Speed of the threads of this process in one of `parts` of the lattice, over that of one core in the plan: with the operator, the eddies and the
-/// storage of the plan, in a closed box without solids. 1 without a lattice, or where the memory for the measurement is refused.
+/// Speed of the threads of this process in one of `parts` of the lattice, over that of one core in the plan: with the
+/// operator, the eddies and the storage of the plan, in a closed box without solids. 1 without a lattice, or where the
+/// memory for the measurement is refused.
 #[must_use]
 pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     let rate = plan
@@ -188,7 +192,8 @@ pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     rate.map_or(1.0, |now| now / plan.estimate.mlups)
 }
 
-/// The rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of the fastest.
+/// The rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of the
+/// fastest.
 fn measure<S: Stored>(
     plan: &Plan,
     flow: &Flow,

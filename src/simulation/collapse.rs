@@ -1,9 +1,10 @@
 //! Records of a ground collapse: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
 //! and two figures at its end. [`crate::analysis::ground_collapse`] defines the quantities.
 //!
-//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them into the frame of the
-//! analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on any number of ranks. This costs 64
-//! bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know the grains that left in between.
+//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them
+//! into the frame of the analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on
+//! any number of ranks. This costs 64 bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know
+//! the grains that left in between.
 
 mod gathered;
 
@@ -88,8 +89,8 @@ pub struct CollapseRecorder {
 }
 
 impl CollapseRecorder {
-    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
-    /// step. Without such an analysis nothing is opened, and there is no cost.
+    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to
+    /// that step. Without such an analysis nothing is opened, and there is no cost.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -137,8 +138,8 @@ impl CollapseRecorder {
         self.asked.is_some()
     }
 
-    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and once at
-    /// step 0 before the first.
+    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and
+    /// once at step 0 before the first.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -173,8 +174,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that goes on
-    /// afterwards.
+    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that
+    /// goes on afterwards.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -190,8 +191,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] where the run
-    /// goes on.
+    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] where
+    /// the run goes on.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -247,8 +248,8 @@ impl CollapseRecorder {
         agree(domain.communicator(), drawn)
     }
 
-    /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables are on disk, synced,
-    /// when it returns.
+    /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables
+    /// are on disk, synced, when it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -312,8 +313,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// The value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0, and where the case
-    /// does not ask.
+    /// The value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0, and where
+    /// the case does not ask.
     ///
     /// # Errors
     /// Where it cannot be written as JSON.

@@ -177,8 +177,8 @@ impl ErosionRecorder {
         })
     }
 
-    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count from the fluid's own
-    /// start. Call it once at the end of the warm-up; it is part of the state.
+    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count from the fluid's
+    /// own start. Call it once at the end of the warm-up; it is part of the state.
     pub fn set_flow_age(&mut self, seconds: f64) {
         self.state.flow_age = seconds;
     }

@@ -1,12 +1,14 @@
-//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier one.
+//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier
+//! one.
 //!
-//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and which states host,
-//! process and start time of the holder. On a file system whose locks do not reach other hosts, a lock of another host is valid while its
-//! file was touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job that its batch system has requeued takes over
-//! from its earlier attempt at once.
+//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and
+//! which states host, process and start time of the holder. On a file system whose locks do not reach other hosts, a
+//! lock of another host is valid while its file was touched within [`STALE_AFTER`]; a run touches it every
+//! [`BEAT_EVERY`]. A job that its batch system has requeued takes over from its earlier attempt at once.
 //!
-//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run are then deleted before the
-//! first file of the new one is written, checkpoints first, so that a restart never finds a state that belongs to other files.
+//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run
+//! are then deleted before the first file of the new one is written, checkpoints first, so that a restart never finds a
+//! state that belongs to other files.
 
 use super::agreement;
 use super::progress::clock;
@@ -158,7 +160,8 @@ impl RunFolder {
     /// Collective; the first rank acts.
     ///
     /// # Errors
-    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on all ranks.
+    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
+    /// all ranks.
     pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
         let lock = agreement::on_first(communicator, || {
             if let Entry::Fresh {

@@ -1,7 +1,8 @@
 //! Walls that come or go at a time, such as a gate that opens.
 //!
-//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that goes end, and the
-//! contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved: which walls there are follows from the step.
+//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that
+//! goes end, and the contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved:
+//! which walls there are follows from the step.
 
 use super::setup;
 use crate::dem::{Dem, Particles, Space};

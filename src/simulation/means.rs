@@ -1,6 +1,7 @@
 //! Means over time of the probes that state a window for them: beds and grains.
 //!
-//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across
+//! restarts.
 
 use crate::number::real;
 use crate::plan::Plan;

@@ -1,4 +1,5 @@
-//! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the table at the end.
+//! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the
+//! table at the end.
 
 use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
@@ -38,8 +39,8 @@ const PHASES: [Phase; 8] = [
 ];
 
 impl Phase {
-    /// Whether its time is computing, apart from waiting. Files are written by all ranks together, and the waits inside of that are not
-    /// seen.
+    /// Whether its time is computing, apart from waiting. Files are written by all ranks together, and the waits inside
+    /// of that are not seen.
     fn computes(self) -> bool {
         !matches!(self, Self::Output | Self::Checkpoint)
     }

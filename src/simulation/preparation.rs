@@ -1,4 +1,5 @@
-//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all ranks.
+//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all
+//! ranks.
 
 use super::agreement;
 use super::folder::RunFolder;
@@ -99,8 +100,8 @@ fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
     })
 }
 
-/// Makes, reads or lists the grains and cuts them; continues from the checkpoint of an earlier attempt. `attributes` are stored in the
-/// checkpoints of an unfinished sample. Collective.
+/// Makes, reads or lists the grains and cuts them; continues from the checkpoint of an earlier attempt. `attributes`
+/// are stored in the checkpoints of an unfinished sample. Collective.
 ///
 /// # Errors
 /// When the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.

@@ -2,13 +2,13 @@
 //!
 //! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is removed; the
 //! first region that contains it counts. Named bodies stay. A generating region adds `rate x time` grains. The draws of
-//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]). The first drawn position that is free of every
-//! grain, body and wall is used. If no position of a batch is free, the next step continues with the next batch. New ids are larger than every
-//! id used before.
+//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`crate::random`]). The first drawn position
+//! that is free of every grain, body and wall is used. If no position of a batch is free, the next step continues with
+//! the next batch. New ids are larger than every id used before.
 //!
-//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour lists, so that the
-//! result does not depend on ranks or list rebuilds. A step without such events costs a scan of the own grains and one
-//! reduction of a number.
+//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour
+//! lists, so that the result does not depend on ranks or list rebuilds. A step without such events costs a scan of the
+//! own grains and one reduction of a number.
 
 use crate::analysis::erosion_law::RemovedGrain;
 use crate::case::grains::Radii;
@@ -151,7 +151,8 @@ impl Removal {
     }
 
     /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
-    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them again.
+    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them
+    /// again.
     ///
     /// # Errors
     /// Where a message between ranks is garbled.
@@ -239,8 +240,8 @@ impl Removal {
         Ok(all)
     }
 
-    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank. Where
-    /// any came, ghosts were dropped: prepare them again, which also hands each to its owner.
+    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank.
+    /// Where any came, ghosts were dropped: prepare them again, which also hands each to its owner.
     ///
     /// # Errors
     /// Where the material of the region has no density.
@@ -325,8 +326,8 @@ impl Removal {
         self.state.clone()
     }
 
-    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a new one, and
-    /// is not needed where they are the same.
+    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a
+    /// new one, and is not needed where they are the same.
     ///
     /// # Errors
     /// [`Error::Io`] where they are not those of a run with as many regions.

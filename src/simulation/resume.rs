@@ -1,8 +1,9 @@
 //! Continuation of a run from its newest checkpoint, with a case that fits it.
 //!
-//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by field. Changes that a
-//! restart allows ([`crate::case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
-//! values chosen for the run, so that a later end or another output does not change the time step.
+//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by
+//! field. Changes that a restart allows ([`crate::case::restart`]) are applied; any other change is refused and named.
+//! Fields that both cases leave out keep the values chosen for the run, so that a later end or another output does not
+//! change the time step.
 
 use super::folder::RunFolder;
 use super::gates::{Gates, clear_of};
@@ -145,8 +146,8 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
     Ok(found)
 }
 
-/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash proves that no bit has changed
-/// since somebody wrote it, not who did.
+/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash proves that no
+/// bit has changed since somebody wrote it, not who did.
 ///
 /// # Errors
 /// [`Error::Io`] with what does not fit, the same on all ranks.
@@ -222,8 +223,8 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     }
 }
 
-/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of generated grains may
-/// have been others.
+/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of
+/// generated grains may have been others.
 pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     let scene = &plan.scene;
     // A growth that ends by touching leaves all grains smaller than stated.
@@ -295,8 +296,9 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
     probes.chain(others.map(str::to_owned)).collect()
 }
 
-/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there keeps the rows
-/// that it wrote at its end: nothing comes after them, and some of them cannot be measured again. Collective.
+/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there
+/// keeps the rows that it wrote at its end: nothing comes after them, and some of them cannot be measured again.
+/// Collective.
 ///
 /// # Errors
 /// [`Error::Io`] with the table that was changed since, the same on all ranks.

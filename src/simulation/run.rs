@@ -59,8 +59,8 @@ pub struct RunOptions {
     pub allow_unstable: bool,
 }
 
-/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks, before the run
-/// writes anything.
+/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks,
+/// before the run writes anything.
 ///
 /// # Errors
 /// The reason of an early end; [`Error::Stopped`] after a request; the error of `accepted`.
@@ -285,7 +285,8 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 
 /// When a run ended with an error.
 enum Ended {
-    /// Before its first step, or between this step and the next as its slabs changed: nothing has been written about it.
+    /// Before its first step, or between this step and the next as its slabs changed: nothing has been written about
+    /// it.
     BetweenSteps(Error, u64),
     /// Later: the run has reported it.
     Later(Error),

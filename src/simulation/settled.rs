@@ -1,8 +1,9 @@
 //! How far forces, fluxes and pressures of the probes are from settled at the end of a run.
 //!
-//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is measured. Where a probe
-//! has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared; with fewer still nothing is known. The
-//! numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is
+//! measured. Where a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared;
+//! with fewer still nothing is known. The numbers come from the files of the probes, which hold every sample to the
+//! bit, on any number of ranks and across restarts.
 
 use crate::number::real;
 use crate::plan::Plan;
@@ -19,7 +20,8 @@ const SETTLED: f64 = 0.01;
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Samples of a window at least.
 const FEWEST: usize = 2;
-/// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has nothing to settle.
+/// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has
+/// nothing to settle.
 const BESIDE_OTHERS: f64 = 1e-3;
 /// Lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;

@@ -1,4 +1,5 @@
-//! From the plan to state: the fluid with its boundaries, walls, contact law, bodies; blocks and the initial flow in files of their own.
+//! From the plan to state: the fluid with its boundaries, walls, contact law, bodies; blocks and the initial flow in
+//! files of their own.
 
 pub mod blocks;
 pub mod initial;

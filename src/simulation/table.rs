@@ -1,6 +1,7 @@
 //! CSV files that grow during a run: rank 0 writes, and all ranks agree on the outcome ([`super::agreement`]).
 //!
-//! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an uninterrupted run.
+//! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an
+//! uninterrupted run.
 
 use crate::error::Error;
 use io::csv::step_of;

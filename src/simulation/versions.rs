@@ -1,4 +1,5 @@
-//! Versions of the program, its libraries and the processor, for `--version`, `summary.json` and the provenance of files.
+//! Versions of the program, its libraries and the processor, for `--version`, `summary.json` and the provenance of
+//! files.
 
 use crate::lbm::lanes::Level;
 use crate::provenance;

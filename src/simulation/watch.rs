@@ -5,20 +5,21 @@
 //! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
 //! | SIGUSR1, SIGCONT | checkpoint, the run continues |
 //!
-//! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun` itself sends SIGCONT,
-//! waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends SIGKILL, and ends with 1 for any exit code of the
-//! ranks. The run therefore writes a checkpoint at SIGCONT, the first of these signals. Both waits also occur at every end other
-//! than success, an abort or 75 included, so that a longer timeout delays these ends.
+//! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun`
+//! itself sends SIGCONT, waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends
+//! SIGKILL, and ends with 1 for any exit code of the ranks. The run therefore writes a checkpoint at SIGCONT, the first
+//! of these signals. Both waits also occur at every end other than success, an abort or 75 included, so that a longer
+//! timeout delays these ends.
 //!
-//! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every [`MOST_STEPS`] steps,
-//! or more often if these steps would take more than a second.
+//! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every
+//! [`MOST_STEPS`] steps, or more often if these steps would take more than a second.
 //!
-//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers there for
-//! [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of the signal. SIGHUP is left alone where the
-//! process was started to ignore it (`nohup`).
+//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers
+//! there for [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of
+//! the signal. SIGHUP is left alone where the process was started to ignore it (`nohup`).
 //!
-//! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call [`attend`](Watch::attend), so
-//! that a request to any rank takes effect.
+//! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call
+//! [`attend`](Watch::attend), so that a request to any rank takes effect.
 
 use crate::error::Error;
 use crate::preparation::supervision::{Request, Requests};
@@ -161,8 +162,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that of the whole run,
-    /// which began at `start`.
+    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that
+    /// of the whole run, which began at `start`.
     ///
     /// # Errors
     /// When signals cannot be caught.
@@ -188,7 +189,8 @@ impl Watch {
         })
     }
 
-    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other ranks.
+    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other
+    /// ranks.
     pub fn attend(&mut self, communicator: &Communicator) {
         loop {
             let mine = self.mine(communicator) as u64;

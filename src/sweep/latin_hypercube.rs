@@ -1,14 +1,15 @@
 //! Members drawn from the variations by a Latin hypercube instead of all their combinations.
 //!
-//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum holds exactly one member; the
-//! strata of different variations are paired at random. The mean over the members then has a smaller variance than with independent
-//! draws, most of all for outputs that are nearly sums of functions of one variable each.
+//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum holds
+//! exactly one member; the strata of different variations are paired at random. The mean over the members then has a
+//! smaller variance than with independent draws, most of all for outputs that are nearly sums of functions of one
+//! variable each.
 //!
-//! Source: M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input variables in the
-//! analysis of output from a computer code", Technometrics 21 (1979) 239-245.
+//! Source: M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input
+//! variables in the analysis of output from a computer code", Technometrics 21 (1979) 239-245.
 //!
-//! A list of m values has m parts of equal probability: each value is drawn n/m times, rounded up or down. Drawn numbers are rounded to four
-//! digits, so that tables, names and cases show them in full.
+//! A list of m values has m parts of equal probability: each value is drawn n/m times, rounded up or down. Drawn
+//! numbers are rounded to four digits, so that tables, names and cases show them in full.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -26,11 +27,13 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sample {
-    /// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of members.
+    /// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number
+    /// of members.
     LatinHypercube(LatinHypercube),
 }
 
-/// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of members.
+/// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of
+/// members.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatinHypercube {
@@ -171,8 +174,8 @@ mod tests {
         assert_eq!(hypercube(9, 1).places(0), hypercube(9, 1).places(0));
     }
 
-    /// The point of the method: for a sum of functions of one variable each, the variance of the mean is far below that of
-    /// independent draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
+    /// The point of the method: for a sum of functions of one variable each, the variance of the mean is far below that
+    /// of independent draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
     #[test]
     fn the_mean_of_a_sum_varies_less_than_with_independent_draws() {
         let (count, repeats) = (16_u32, 200_u32);

@@ -1,5 +1,5 @@
-//! The members of a study: every combination of the variations or a sample of them, and the listed members, each with its case checked
-//! and planned.
+//! The members of a study: every combination of the variations or a sample of them, and the listed members, each with
+//! its case checked and planned.
 
 use super::latin_hypercube::{Sample, choice};
 use super::problems::{problem, unknown};
@@ -169,7 +169,8 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
     Ok(grid)
 }
 
-/// What the variations come to: all combinations, or the draws of the sample with the combinations of what is crossed with them.
+/// What the variations come to: all combinations, or the draws of the sample with the combinations of what is crossed
+/// with them.
 fn varied(study: &Study) -> Vec<Draft> {
     let draft = |name: String| Draft {
         name,

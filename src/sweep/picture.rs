@@ -1,6 +1,6 @@
-//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without a reference, each
-//! output over the first field that is varied by numbers. `map.svg`: the outcome of the
-//! members over two varied fields, with the prediction of the plan.
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without
+//! a reference, each output over the first field that is varied by numbers. `map.svg`: the outcome of the members over
+//! two varied fields, with the prediction of the plan.
 
 use super::members::Member;
 use super::record::Outcome;

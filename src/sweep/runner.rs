@@ -1,11 +1,11 @@
 //! Members as processes of this program, one or several at a time.
 //!
-//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number of ranks. A
-//! member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP` in the folder of the sweep or
-//! its wall time ends the sweep, and when a member reaches its time limit.
+//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number
+//! of ranks. A member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP`
+//! in the folder of the sweep or its wall time ends the sweep, and when a member reaches its time limit.
 //!
-//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command that starts MPI;
-//! default: `mpirun -n RANKS`, and none for one rank).
+//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command
+//! that starts MPI; default: `mpirun -n RANKS`, and none for one rank).
 
 use super::Report;
 use super::members::Member;
@@ -391,8 +391,8 @@ fn last_words(folder: &Path) -> String {
     line.chars().take(300).collect()
 }
 
-/// Whether a child has ended (it is kept until it is waited for), and the processor time of it and of those that it waited for,
-/// such as the ranks of mpirun \[s\].
+/// Whether a child has ended (it is kept until it is waited for), and the processor time of it and of those that it
+/// waited for, such as the ranks of mpirun \[s\].
 fn processor_time(process: u32) -> (bool, f64) {
     let Ok(text) = fs::read_to_string(format!("/proc/{process}/stat")) else {
         return (true, 0.0);

@@ -36,12 +36,13 @@ pub struct Study {
     pub description: String,
     /// Base case: the path of a case file, relative to the study, or the case itself.
     pub case: Value,
-    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the case, evaluated
-    /// last: `"=domain.spacing/2"`.
+    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the
+    /// case, evaluated last: `"=domain.spacing/2"`.
     #[serde(default)]
     pub set: BTreeMap<String, Value>,
-    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name with named choices
-    /// that set several fields each, or a field with a range of numbers for `sample`. The first variation colours the picture.
+    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name
+    /// with named choices that set several fields each, or a field with a range of numbers for `sample`. The first
+    /// variation colours the picture.
     #[serde(default)]
     pub vary: Ordered<Variation>,
     /// Draws members from the variations instead of all combinations.
@@ -55,7 +56,8 @@ pub struct Study {
     /// References of the outputs. Outputs without a reference are only listed.
     #[serde(default)]
     pub reference: BTreeMap<String, Reference>,
-    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as failed.
+    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as
+    /// failed.
     #[serde(default)]
     pub sound: Option<String>,
     /// Output whose error the picture and the Pareto set use. Default: the largest of all errors.
@@ -162,8 +164,8 @@ pub enum Refused {
     Stop,
     /// The member is listed but not run.
     Record,
-    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are exceeded (`guards.limits`
-    /// of the case).
+    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are
+    /// exceeded (`guards.limits` of the case).
     Run,
 }
 

@@ -1,5 +1,5 @@
-//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a smaller error
-//! and a smaller cost.
+//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a
+//! smaller error and a smaller cost.
 
 use super::members::Member;
 use super::record::{Outcome, Record};
@@ -369,7 +369,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Reference, where it is a number, and error of an output; none where the member has no such output or is the reference.
+    /// Reference, where it is a number, and error of an output; none where the member has no such output or is the
+    /// reference.
     fn error(
         &self,
         name: &str,
@@ -444,7 +445,8 @@ impl Comparison<'_> {
     }
 }
 
-/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that differs.
+/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that
+/// differs.
 const SAME_ERROR: f64 = 1e-3;
 
 /// Which points (cost, error) no other point beats in one without being worse in the other.

@@ -1,14 +1,16 @@
 //! The discretisation error of one value from its values on two or three grids.
 //!
-//! The value on grid i of spacing h_i, from fine to coarse, is taken as φ_i = φ_0 + α h_i^p. The apparent order p solves
+//! The value on grid i of spacing h_i, from fine to coarse, is taken as φ_i = φ_0 + α h_i^p. The apparent order p
+//! solves
 //!
 //! ```text
 //! |ε32/ε21| = r21^p (r32^p - s)/(r21^p - s),   ε32 = φ_3 - φ_2, ε21 = φ_2 - φ_1, s = sign(ε32/ε21)
 //! ```
 //!
-//! which is equations (3) of Celik et al. with the sign of divergence kept: there is a positive solution only where the differences
-//! shrink faster than a logarithm. The extrapolated value is φ_0 = φ_1 + (φ_1 - φ_2)/(r21^p - 1), and the uncertainty of the value on a grid is
-//! F |φ - φ_0|, on the finest grid the grid convergence index F |φ_1 - φ_2|/(r21^p - 1).
+//! which is equations (3) of Celik et al. with the sign of divergence kept: there is a positive solution only where the
+//! differences shrink faster than a logarithm. The extrapolated value is φ_0 = φ_1 + (φ_1 - φ_2)/(r21^p - 1), and
+//! the uncertainty of the value on a grid is F |φ - φ_0|, on the finest grid the grid convergence index F |φ_1 -
+//! φ_2|/(r21^p - 1).
 //!
 //! | series | uncertainty |
 //! |---|---|
@@ -20,9 +22,10 @@
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
 //!
-//! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p, extrapolation);
-//! W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010, section 8.7 (choice of F and bounds of p);
-//! L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014) 104 (least squares); F. Stern et al., J. Fluids Eng. 123 (2001) 793 (half the range).
+//! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,
+//! extrapolation); W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010,
+//! section 8.7 (choice of F and bounds of p); L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014) 104 (least squares);
+//! F. Stern et al., J. Fluids Eng. 123 (2001) 793 (half the range).
 
 use crate::number::real;
 use serde::Serialize;
@@ -31,7 +34,8 @@ use serde::Serialize;
 const SAFE: f64 = 1.25;
 /// Factor of safety for two grids and unclear orders.
 const CAUTIOUS: f64 = 3.0;
-/// Deviation of the apparent from the formal order, relative to the latter, up to which the grids are in the asymptotic range.
+/// Deviation of the apparent from the formal order, relative to the latter, up to which the grids are in the asymptotic
+/// range.
 const ASYMPTOTIC: f64 = 0.1;
 /// Smallest order that is used.
 const LEAST_ORDER: f64 = 0.5;
@@ -228,8 +232,8 @@ impl Series {
     }
 }
 
-/// The apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their spacings; none where the
-/// differences do not shrink.
+/// The apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their spacings;
+/// none where the differences do not shrink.
 #[must_use]
 pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     let quotient = (values[2] - values[1]) / (values[1] - values[0]);
@@ -305,8 +309,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p, extrapolated value,
-    /// index [%]. The third series oscillates.
+    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
+    /// extrapolated value, index [%]. The third series oscillates.
     const CELIK: [([f64; 3], [f64; 3], [f64; 3]); 3] = [
         (
             [18_000.0, 8_000.0, 4_500.0],
@@ -407,7 +411,8 @@ mod tests {
         assert!(found.uncertainty.unwrap() >= 0.5 * (6.0909 - 5.9624));
     }
 
-    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % off the published 1.1159e-2.
+    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % off the
+    /// published 1.1159e-2.
     #[test]
     fn a_fine_difference_that_is_small_by_chance_is_not_taken_for_the_error() {
         let values = [

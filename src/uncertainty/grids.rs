@@ -1,18 +1,19 @@
-//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on them.
+//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on
+//! them.
 //!
-//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step changes by one of two
-//! rules, the same for all grids:
+//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step
+//! changes by one of two rules, the same for all grids:
 //!
-//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors of the method, that of
-//!   compressibility included, then fall with h², and the estimate contains them.
-//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would exceed the
-//!   limits of the lattice velocity or of the compression. The error of compressibility is then the same on all grids: the estimate
-//!   does not contain it, and a run with half the lattice velocity measures it.
+//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors
+//!   of the method, that of compressibility included, then fall with h², and the estimate contains them.
+//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would
+//!   exceed the limits of the lattice velocity or of the compression. The error of compressibility is then the same on
+//!   all grids: the estimate does not contain it, and a run with half the lattice velocity measures it.
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
-//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as its openings end between
-//! cells. A seepage through grains has cells of the size of grains and is not refined.
+//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as
+//! its openings end between cells. A seepage through grains has cells of the size of grains and is not refined.
 
 use crate::case::coupling::{Coupling, Scheme};
 use crate::case::fluid::Initial;
@@ -25,8 +26,8 @@ use crate::scene::seepage::Seepage;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost goes
-/// with the fourth or fifth power.
+/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost
+/// goes with the fourth or fifth power.
 const RATIO: [f64; 2] = [1.8, 1.6];
 /// Refinement ratio of a finer grid.
 const FINER_RATIO: f64 = 1.5;
@@ -83,7 +84,8 @@ pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
     scene.seepage.as_ref().filter(|_| !scene.has_solids())
 }
 
-/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it, else half as large.
+/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it,
+/// else half as large.
 fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
     let divides = |number: usize| {
         let even = |cells: &usize| cells.is_multiple_of(number);
@@ -146,9 +148,10 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     chosen
 }
 
-/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that failed. Cells that are too
-/// coarse fail: it has finer cells than all coarser grids that failed, and is as near as possible to the middle between these and the next finer
-/// ones that ran. Where no coarser grid failed, it is coarser than all that ran. The last to try is finer than the case.
+/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that
+/// failed. Cells that are too coarse fail: it has finer cells than all coarser grids that failed, and is as near as
+/// possible to the middle between these and the next finer ones that ran. Where no coarser grid failed, it is coarser
+/// than all that ran. The last to try is finer than the case.
 #[must_use]
 pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
@@ -196,8 +199,8 @@ fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64
     coarser.or_else(finer)
 }
 
-/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
-/// `allowed` times as large.
+/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are
+/// at most `allowed` times as large.
 fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
     let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);

@@ -246,7 +246,8 @@ impl Row {
         Some(relative).filter(|r| r.is_finite())
     }
 
-    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower interval.
+    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower
+    /// interval.
     #[must_use]
     pub fn why_wide(&self) -> Option<String> {
         self.relative().filter(|half| *half > WIDE)?;
@@ -297,7 +298,8 @@ fn percent(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{:.2} %", 100.0 * x))
 }
 
-/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the line.
+/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the
+/// line.
 fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
     let mut shown: Vec<(&Row, usize)> = Vec::new();
     let family = |row: &Row| {

@@ -2,7 +2,8 @@
 //!
 //! `src/ARCHITECTURE.md` draws the dependencies (section Modules); the table [`ROOMS`] states each of them.
 //!
-//! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
+//! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left
+//! out.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -111,7 +112,8 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["io"],
     ),
-    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
+    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag,
+    // eigenvalues of collisions.
     (
         "plan",
         &["case", "coupling", "darcy", "dem", "lbm", "scene", "units"],
@@ -199,7 +201,8 @@ const CRATES: &[&str] = &[
     "solver",
 ];
 
-/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads share.
+/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads
+/// share.
 const UNSAFE: &[&str] = &[
     "allocator",
     "decomposition",
@@ -328,7 +331,8 @@ fn crates_named(code: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// The room of a file below the root of the workspace. The models are a package of their own, but their rooms are named as the others.
+/// The room of a file below the root of the workspace. The models are a package of their own, but their rooms are named
+/// as the others.
 fn room_of(path: &str) -> &str {
     match path.split_once('/') {
         Some(("src", rest)) => {

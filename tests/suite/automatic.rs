@@ -1,4 +1,5 @@
-//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy promises.
+//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy
+//! promises.
 //!
 //! The scenes and what they must come to stand under `jobs/automatic`.
 
@@ -101,8 +102,8 @@ fn examples_without_their_numerics_still_plan() {
     assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
 }
 
-/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two stiffnesses, cohesion, friction), with
-/// geometry, grading, densities and pressure: nothing else is needed.
+/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two
+/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: nothing else is needed.
 #[test]
 fn the_hole_erosion_test_needs_five_physical_parameters() {
     let text = r#"{

@@ -1,5 +1,5 @@
-//! A bed below a stream: shear stress against exact solutions, bedload of grains of known velocity, the same bits on any number of ranks and
-//! across a restart, and what is refused.
+//! A bed below a stream: shear stress against exact solutions, bedload of grains of known velocity, the same bits on
+//! any number of ranks and across a restart, and what is refused.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -44,7 +44,8 @@ fn slabs(width: Option<u32>, period: u32) -> Value {
         .collect()
 }
 
-/// Water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel the grain.
+/// Water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel the
+/// grain.
 fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
     let period = 8;
     let flat = width.is_none();
@@ -95,8 +96,8 @@ fn means(study: &Study, run: &str) -> impl Fn(&str) -> f64 {
     }
 }
 
-/// A film down a slope (Nusselt), a sliding plate (Couette) and a wall at rest above (Poiseuille): with water of depth H and viscosity mu, the
-/// stress on the bed is rho g H sin(slope), mu U/H and f H/2.
+/// A film down a slope (Nusselt), a sliding plate (Couette) and a wall at rest above (Poiseuille): with water of depth
+/// H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
 #[test]
 fn the_shear_stress_of_laminar_streams_is_exact() {
     let _beside = beside_others();
@@ -141,8 +142,8 @@ fn the_shear_stress_of_laminar_streams_is_exact() {
     }
 }
 
-/// A film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous Fluid Flow, 3-48). Side walls bear
-/// the rest of the force.
+/// A film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous Fluid
+/// Flow, 3-48). Side walls bear the rest of the force.
 #[test]
 fn side_walls_bear_their_part() {
     let _beside = beside_others();
@@ -171,7 +172,8 @@ fn side_walls_bear_their_part() {
         "between side walls: {balance}, exact {exact}, without them {} Pa",
         FORCE * depth
     );
-    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides bear f H less the bed.
+    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides bear
+    // f H less the bed.
     let bound = (FORCE * depth / exact - 1.0) * 0.375 * (PI * CELL / width).powi(2);
     assert!(
         (balance / exact - 1.0).abs() < bound,
@@ -440,7 +442,8 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
     })
 }
 
-/// Four discs on one another: the stress is that of the weight above, m g R N^2/V, over all of them and over the upper two.
+/// Four discs on one another: the stress is that of the weight above, m g R N^2/V, over all of them and over the upper
+/// two.
 #[test]
 fn the_stress_of_a_column_is_the_weight_above() {
     let _beside = beside_others();
@@ -482,7 +485,8 @@ fn the_stress_of_a_column_is_the_weight_above() {
     }
 }
 
-/// A square lattice of discs between four walls at the same overlap everywhere: the stress is the pressure on the walls.
+/// A square lattice of discs between four walls at the same overlap everywhere: the stress is the pressure on the
+/// walls.
 #[test]
 fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     let _beside = beside_others();

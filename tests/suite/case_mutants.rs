@@ -1,5 +1,5 @@
-//! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan or
-//! with problems that have a path, and never panics.
+//! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan
+//! or with problems that have a path, and never panics.
 
 use crate::ranks::Cores;
 use serde_json::{Value, json};
@@ -19,8 +19,8 @@ pub(crate) fn processor_time() -> Duration {
     Duration::from_nanos(nanoseconds.unwrap_or(0))
 }
 
-/// JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the rest are like
-/// them.
+/// JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the rest are
+/// like them.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map

@@ -1,7 +1,8 @@
 //! Finds files of a crate that use each other in a circle.
 //!
-//! An arrow goes from a file to the file that defines the name it uses; names that a file re-exports are followed to their
-//! definition. A module and the files below it are one concept, so that arrows between them do not count. Code of tests is left out.
+//! An arrow goes from a file to the file that defines the name it uses; names that a file re-exports are followed to
+//! their definition. A module and the files below it are one concept, so that arrows between them do not count. Code of
+//! tests is left out.
 
 use super::architecture::{code_of, sources};
 use std::collections::{BTreeMap, BTreeSet};
@@ -163,7 +164,8 @@ fn read(path: &str, code: &str, module: &Module) -> File {
     file
 }
 
-/// The module of a file below the folder of the crate. The library re-exports the rooms of the package `physics` at its own root.
+/// The module of a file below the folder of the crate. The library re-exports the rooms of the package `physics` at its
+/// own root.
 fn module_of(path: &str, folder: &str) -> Module {
     let inside = path.strip_prefix(folder).unwrap_or(path);
     let inside = inside.trim_start_matches('/').trim_end_matches(".rs");

@@ -1,7 +1,8 @@
 //! Figures that the pages for users cite, compared with the committed tables that they come from.
 //!
-//! `tests/claims.csv` lists them: the page, the text that holds the figure, the table, the rows (`column=value`, `column~part`,
-//! `column!part`), the column, what is taken of the rows, and a factor. A figure agrees if it is the value rounded to its digits.
+//! `tests/claims.csv` lists them: the page, the text that holds the figure, the table, the rows (`column=value`,
+//! `column~part`, `column!part`), the column, what is taken of the rows, and a factor. A figure agrees if it is the
+//! value rounded to its digits.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,13 +1,14 @@
-//! Ground that collapses over two seepage points: hole, arch and sinkhole are found in a run of the program, and every table and
-//! figure has the same bits on any number of ranks and after a restart.
+//! Ground that collapses over two seepage points: hole, arch and sinkhole are found in a run of the program, and every
+//! table and figure has the same bits on any number of ranks and after a restart.
 
 use crate::ranks::{Study, beside_others};
 
 /// Diameter of the grains [m].
 const D: f64 = 1e-3;
 
-/// Columns of spheres that just touch, 12 x 4 x 6, over two openings of 2 x 2 grains. `strength` of the bonds [N] lets the columns
-/// over an opening slide out as blocks where it is small against the weight of a grain, 1.3e-5 N; without it there are none.
+/// Columns of spheres that just touch, 12 x 4 x 6, over two openings of 2 x 2 grains. `strength` of the bonds [N] lets
+/// the columns over an opening slide out as blocks where it is small against the weight of a grain, 1.3e-5 N; without
+/// it there are none.
 fn case(strength: Option<&str>) -> String {
     let point = |name: &str, from: f64| {
         format!(

@@ -1,4 +1,5 @@
-//! An excavation beside a sheet pile as an engineer draws it: any size of cells gives the discharge, and what the drawing gets wrong is said.
+//! An excavation beside a sheet pile as an engineer draws it: any size of cells gives the discharge, and what the
+//! drawing gets wrong is said.
 
 use crate::ranks::{beside_others, run};
 use serde_json::{Value, json};
@@ -6,7 +7,8 @@ use solver::case::Document;
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the left, cells of this size.
+/// Sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the left, cells
+/// of this size.
 fn excavation(spacing: f64) -> Value {
     let side = |name: &str, from: f64, to: f64, head: f64| json!({"name": name, "face": "y_max", "patch": {"from": [from, 0], "to": [to, 6]}, "condition": {"head": {"value": head}}});
     json!({
@@ -73,8 +75,9 @@ fn solved(case: &Value) -> [f64; 3] {
     ]
 }
 
-/// The discharge is k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E. Harr, Groundwater and Seepage,
-/// 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide passes 0.07 % less. At the toe the head is half way, by symmetry.
+/// The discharge is k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E. Harr,
+/// Groundwater and Seepage, 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide passes 0.07 % less. At the
+/// toe the head is half way, by symmetry.
 #[test]
 fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
     // The pile lies on the faces of cells, in the middle of cells, and near the face of a cell.
@@ -92,8 +95,8 @@ fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
         case["fluid"]["darcy"]["boundaries"][1]["patch"]["from"][0] = json!(15.0 + shift);
         assert_eq!(warnings(&case), Vec::<String>::new(), "{spacing} {shift}");
         let [discharge, ..] = solved(&case);
-        // Of the order of the cells, as the tip is singular: 9 % a metre on the faces of cells, and 13 % for each metre that a tip between faces
-        // is misplaced, half a cell at most.
+        // Of the order of the cells, as the tip is singular: 9 % a metre on the faces of cells, and 13 % for each metre
+        // that a tip between faces is misplaced, half a cell at most.
         let error = discharge / 1.692e-4 - 1.0;
         assert!(error.abs() < 0.17 * spacing, "{spacing} {shift}: {error}");
     }

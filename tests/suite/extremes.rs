@@ -1,7 +1,7 @@
 //! Extremes (P12): every scene ends in a result within bounds that physics gives, or is refused by name; never in NaN.
 //!
-//! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what pushes the
-//! water, no flow through what is full, and the exact flow where there is one.
+//! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what
+//! pushes the water, no flow through what is full, and the exact flow where there is one.
 
 use crate::ranks::{Done, Study, beside_others, run};
 use solver::case::Document;
@@ -127,7 +127,8 @@ const LB: &str = "fluid.lattice_boltzmann";
 
 /// How a scene must end.
 enum End {
-    /// With 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON pointer, between bounds.
+    /// With 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON pointer,
+    /// between bounds.
     Result(&'static [(&'static str, f64, f64)]),
     /// With 3: a path, and words of the reason.
     Refused(&'static str, &'static str),
@@ -172,8 +173,8 @@ fn block<'a>(more: &[&'a str]) -> Vec<&'a str> {
     BLOCK.iter().copied().chain(more.iter().copied()).collect()
 }
 
-/// Densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in 0.05 s, 10 gives 0.1766 m/s in 0.02 s. The
-/// water to be moved along makes both slower: by a half of the sphere's volume to about one.
+/// Densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in 0.05 s, 10 gives 0.1766 m/s in
+/// 0.02 s. The water to be moved along makes both slower: by a half of the sphere's volume to about one.
 fn densities() -> Vec<Row> {
     const SLOW: End = Result(&[("velocity_z", -4.86e-3, -1.2e-3)]);
     const FAST: End = Result(&[("velocity_z", -0.1766, -0.12)]);
@@ -553,7 +554,8 @@ fn pores() -> Vec<Row> {
         .collect();
     let eight = format!("grains.initial.list=[{}]", eight.join(", "));
     vec![
-        // Kozeny and Carman at the cap of 0.7 with the one diameter there is: K = 8.469e-10 m2, Q = K rho g/mu (0.05/0.06) 9e-4 m2.
+        // Kozeny and Carman at the cap of 0.7 with the one diameter there is: K = 8.469e-10 m2, Q = K rho g/mu
+        // (0.05/0.06) 9e-4 m2.
         row(
             "porosity 1",
             SHAFT,

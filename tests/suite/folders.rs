@@ -1,5 +1,5 @@
-//! Folders of runs: what is there is never lost without being asked for, one run at a time uses a folder, and a restart changes only
-//! what its state can follow.
+//! Folders of runs: what is there is never lost without being asked for, one run at a time uses a folder, and a restart
+//! changes only what its state can follow.
 
 use crate::ranks::{Study, alone, beside_others, run, start};
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time, and news in the log.
+//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time,
+//! and news in the log.
 
 use crate::ranks::{Study, beside_others};
 

@@ -1,4 +1,5 @@
-//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured is none.
+//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured
+//! is none.
 
 use crate::ranks::{Done, beside_others, run};
 use serde_json::{Value, json};
@@ -42,8 +43,8 @@ impl Ran {
     }
 }
 
-/// A channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell Reynolds number 15 and
-/// tau = 0.52 it fails even from the exact parabola.
+/// A channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell Reynolds
+/// number 15 and tau = 0.52 it fails even from the exact parabola.
 fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     let step = (tau - 0.5) / 3.0 * 0.025 * 0.025 / viscosity;
     json!({
@@ -333,7 +334,8 @@ fn a_contact_that_is_pierced_is_named() {
     ran(0, &strict, &[]).done.expect(4);
 }
 
-/// The Mach number is beside the lattice velocity in the log and in the summary; above a lattice velocity of 0.1 the log says so once.
+/// The Mach number is beside the lattice velocity in the log and in the summary; above a lattice velocity of 0.1 the
+/// log says so once.
 #[test]
 fn a_mach_number_above_the_usual_is_said() {
     let case = |speed: f64| {
@@ -371,8 +373,8 @@ fn a_mach_number_above_the_usual_is_said() {
     assert!(!slow.warned("Mach number"));
 }
 
-/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing from step to step, and leaves
-/// the mean.
+/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing
+/// from step to step, and leaves the mean.
 #[test]
 fn the_force_of_two_half_steps_swings_less() {
     let force = |average: bool| {
@@ -410,7 +412,8 @@ fn the_force_of_two_half_steps_swings_less() {
     assert!((mean / same - 1.0).abs() < 1e-3, "{mean} {same}");
 }
 
-/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed less.
+/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed
+/// less.
 #[test]
 fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     let squeezed = |limit: u32| {
@@ -513,7 +516,8 @@ fn a_body_that_moves_fails_where_the_plan_says_so() {
     assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
 }
 
-/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before the run failed.
+/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before
+/// the run failed.
 #[test]
 fn a_run_that_fails_leaves_its_tables() {
     let grain =

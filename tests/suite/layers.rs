@@ -1,4 +1,5 @@
-//! A ground of layers: clouds of two gradings by sieve curve and two materials, a lens of a third material, one deposition.
+//! A ground of layers: clouds of two gradings by sieve curve and two materials, a lens of a third material, one
+//! deposition.
 
 use crate::ranks::{Study, beside_others};
 use solver::case::Document;

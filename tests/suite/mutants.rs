@@ -1,17 +1,18 @@
 //! Mutants of everything that is written as text: every ready case, every case and study under `jobs`, the files that
 //! they name, and assignments of `--set`.
 //!
-//! A mutant is a function of its seed. In this process it is read and planned as `solver validate` does: it gives a plan
-//! or problems, each with a path, a reason and a remedy, and never a panic. One in twenty, and those that touch a file,
-//! also goes through the real binary with 1 GiB of address space; a few of those that are cheap enough are run for some
-//! steps. The binary ends with one of its exit codes: no signal, no abort, no panic.
+//! A mutant is a function of its seed. In this process it is read and planned as `solver validate` does: it gives a
+//! plan or problems, each with a path, a reason and a remedy, and never a panic. One in twenty, and those that touch a
+//! file, also goes through the real binary with 1 GiB of address space; a few of those that are cheap enough are run
+//! for some steps. The binary ends with one of its exit codes: no signal, no abort, no panic.
 //!
 //! ```text
 //! SOLVER_MUTANTS=20000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- mutants --nocapture
 //! ```
 //!
-//! makes as many mutants with the seeds from 0 on; without the variable it makes 400. `bash jobs/reliability/mutants.sh`
-//! is the long form. The seed in a failure makes the same mutant again: `SOLVER_MUTANTS=1 SOLVER_MUTANTS_FROM=seed`.
+//! makes as many mutants with the seeds from 0 on; without the variable it makes 400.
+//! `bash jobs/reliability/mutants.sh` is the long form. The seed in a failure makes the same mutant again:
+//! `SOLVER_MUTANTS=1 SOLVER_MUTANTS_FROM=seed`.
 
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;

@@ -1,4 +1,5 @@
-//! Porous zones in a flow on a lattice: the law of resistance beside bodies, cylinders of gravel, the same bits on any ranks, and messages.
+//! Porous zones in a flow on a lattice: the law of resistance beside bodies, cylinders of gravel, the same bits on any
+//! ranks, and messages.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -7,7 +8,8 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// A duct along x of 16 x 8 x 8 cells of a millimetre between a velocity and a pressure, with a screen that cuts cells and a cylinder of gravel.
+/// A duct along x of 16 x 8 x 8 cells of a millimetre between a velocity and a pressure, with a screen that cuts cells
+/// and a cylinder of gravel.
 fn duct(turbulence: &Value) -> Value {
     json!({
         "domain": {"size": [0.016, 0.008, 0.008], "spacing": 1e-3, "periodic": ["z"]},

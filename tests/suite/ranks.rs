@@ -48,7 +48,8 @@ pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
 /// The binary under test.
 pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 
-/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE` multiplies it.
+/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE`
+/// multiplies it.
 const LIMIT: f64 = 300.0;
 
 /// What multiplies every limit of time.
@@ -83,13 +84,14 @@ static USE: (Mutex<Use>, Condvar) = (
     Condvar::new(),
 );
 
-/// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way while they wait
-/// for a message: beside a process that computes, a job of two ranks takes six times as long.
+/// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way
+/// while they wait for a message: beside a process that computes, a job of two ranks takes six times as long.
 pub(crate) struct Cores(usize);
 
 impl Cores {
-    /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and ending leave
-    /// cores idle. An idle machine goes to a job of several ranks first; single processes join others that run.
+    /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and
+    /// ending leave cores idle. An idle machine goes to a job of several ranks first; single processes join others that
+    /// run.
     pub(crate) fn of(ranks: usize) -> Self {
         if IS_ALONE.get() {
             return Self(0);
@@ -119,7 +121,8 @@ impl Drop for Cores {
     }
 }
 
-/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one machine.
+/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one
+/// machine.
 pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
@@ -135,8 +138,9 @@ pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
-/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share one session
-/// folder, and the one that ends first removes it while another is about to use it: here each has its own in `folder`.
+/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share
+/// one session folder, and the one that ends first removes it while another is about to use it: here each has its own
+/// in `folder`.
 pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", folder);
@@ -151,8 +155,8 @@ fn command(ranks: usize) -> Command {
     command
 }
 
-/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has spoken and
-/// ended before mpirun kills whoever is left.
+/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has
+/// spoken and ended before mpirun kills whoever is left.
 const FIRST_RANK_ENDS_FIRST: &str = r#"
 [ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
 "$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
@@ -224,8 +228,8 @@ pub(crate) struct Running {
     logs: tempfile::TempDir,
 }
 
-/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by
-/// a rank can delay the end.
+/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held
+/// open by a rank can delay the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), ranks, arguments)
 }
@@ -546,8 +550,8 @@ impl Study {
         text.lines().count() - 1
     }
 
-    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by their
-    /// numbers (their headers name the ranks).
+    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by
+    /// their numbers (their headers name the ranks).
     #[track_caller]
     pub(crate) fn same(&self, a: &str, b: &str) {
         assert_eq!(self.hash(a), self.hash(b), "{a} and {b}");
@@ -589,7 +593,8 @@ fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
         .unwrap()
         .datasets
         .into_iter()
-        // Texts: a long case is a dataset, a short one an attribute, and cases may differ in their checkpoints and slabs.
+        // Texts: a long case is a dataset, a short one an attribute, and cases may differ in their checkpoints and
+        // slabs.
         .filter(|d| !d.path.trim_start_matches('/').starts_with("provenance/"))
         .map(|d| {
             let start = vec![0; d.shape.len()];

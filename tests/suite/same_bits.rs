@@ -197,7 +197,8 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
-/// Water between walls makes two steps at once where nobody looks between them: what is due, a checkpoint and the end may fall on any step.
+/// Water between walls makes two steps at once where nobody looks between them: what is due, a checkpoint and the end
+/// may fall on any step.
 #[test]
 fn a_cavity_that_is_watched_now_and_then() {
     let _beside = beside_others();
@@ -409,7 +410,8 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
-/// A jointed slab on soft springs, a named block beside it: shapes, orientations and the histories of faces go with the blocks.
+/// A jointed slab on soft springs, a named block beside it: shapes, orientations and the histories of faces go with the
+/// blocks.
 #[test]
 fn blocks_without_fluid() {
     let _beside = beside_others();
@@ -454,8 +456,8 @@ fn a_body_wider_than_a_slab_in_a_stream() {
     }
 }
 
-/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere, eddies, inlet and
-/// outlet. Slabs of two planes are thinner than the block.
+/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere,
+/// eddies, inlet and outlet. Slabs of two planes are thinner than the block.
 #[test]
 fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -581,8 +583,8 @@ const SCOUR: &str = r#"{
   "checkpoint": {"every": 0.006}
 }"#;
 
-/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run. By the rates of the plan a
-/// step costs more than messages do, so that other slabs are worth it.
+/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run. By
+/// the rates of the plan a step costs more than messages do, so that other slabs are worth it.
 #[test]
 fn slabs_of_equal_cost_change_in_the_run() {
     let _beside = beside_others();

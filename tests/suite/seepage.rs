@@ -1,5 +1,6 @@
-//! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after a
-//! restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run with its name.
+//! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after
+//! a restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run
+//! with its name.
 
 use crate::ranks::{Study, beside_others, run};
 
@@ -155,7 +156,8 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     );
 }
 
-/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the gradient.
+/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the
+/// gradient.
 #[test]
 fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
@@ -199,8 +201,8 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     study.same("straight", "parts");
 }
 
-/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number across an opening, cells of at
-/// most four median diameters.
+/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number
+/// across an opening, cells of at most four median diameters.
 #[test]
 fn a_coarse_or_uneven_grid_is_warned_of() {
     let warnings = |set: &[&str]| -> Vec<(String, String)> {
@@ -233,8 +235,8 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
     );
 }
 
-/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than that of the sand it passes on
-/// the heads, and what seeps is what the mapping of Harr (1962) says.
+/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than
+/// that of the sand it passes on the heads, and what seeps is what the mapping of Harr (1962) says.
 #[test]
 fn water_ponded_over_the_ground_passes_on_its_head() {
     let _beside = beside_others();
@@ -320,7 +322,8 @@ fn zones_that_need_grains_are_refused_without_them() {
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
 }
 
-/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and far ends.
+/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and
+/// far ends.
 #[test]
 fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
     let folder = tempfile::tempdir().unwrap();

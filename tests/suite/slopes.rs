@@ -136,7 +136,8 @@ fn the_weight_of_the_water_counts_once() {
     }
 }
 
-/// Water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on the lattice planes.
+/// Water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on the
+/// lattice planes.
 fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
     let up = size.len() - 1;
     let axis = ["x", "y", "z"][up];

@@ -1,5 +1,5 @@
-//! What a run tells: under `RUST_LOG=debug` every room speaks, without it none does; the table at the end says how long ranks waited; a
-//! grain that left names its face, and what would have kept the run going.
+//! What a run tells: under `RUST_LOG=debug` every room speaks, without it none does; the table at the end says how long
+//! ranks waited; a grain that left names its face, and what would have kept the run going.
 
 use crate::ranks::{Done, beside_others, run, run_with};
 use serde_json::{Value, json};

@@ -171,8 +171,8 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     let mut phases = Vec::new();
     for attempt in 0.. {
         let ranks = 1 + attempt % 3;
-        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job runs, so that each
-        // attempt gets further than the one before.
+        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job
+        // runs, so that each attempt gets further than the one before.
         let done = if attempt == 0 {
             std::fs::write(folder.join("STOP"), "").unwrap();
             run(ranks, &study.arguments("parts", 1, &[]))

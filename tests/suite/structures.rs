@@ -1,5 +1,5 @@
-//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains beside them, and the same
-//! bits on any number of ranks.
+//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains
+//! beside them, and the same bits on any number of ranks.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -47,8 +47,8 @@ fn slab(name: &str, from: f64, to: f64) -> Value {
     json!({"name": name, "shape": {"box": {"from": [-1, from], "to": [1, to]}}})
 }
 
-/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the force over the
-/// viscosity, and the boxes bear the force on all the water.
+/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the
+/// force over the viscosity, and the boxes bear the force on all the water.
 #[test]
 fn a_channel_of_boxes_is_one_of_walls() {
     let _beside = beside_others();
@@ -88,7 +88,8 @@ fn a_channel_of_boxes_is_one_of_walls() {
         let centres = (0..14 * cells).map(|j| h * (f64::from(j) + 0.5));
         let exact: f64 = centres.map(|y| h * speed(y).max(0.0)).sum();
         let error = (boxes / exact - 1.0).abs();
-        // Linear interpolation errs by less than half of the curvature of a cell at the walls: h² u''/4 in the velocity.
+        // Linear interpolation errs by less than half of the curvature of a cell at the walls: h² u''/4 in the
+        // velocity.
         let bound = 3.0 * (h / (0.1171 - 0.0234)).powi(2);
         println!("boxes that cut cells of {h} m: error of the flux {error:.2e}, bound {bound:.2e}");
         assert!(error < bound, "{boxes} {exact}");
@@ -216,7 +217,8 @@ fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     text + "endsolid\n"
 }
 
-/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the ground.
+/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the
+/// ground.
 #[test]
 fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     let _beside = beside_others();
@@ -287,8 +289,8 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     }
 }
 
-/// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that lies beside the domain is
-/// told where it lies.
+/// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that
+/// lies beside the domain is told where it lies.
 #[test]
 fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -332,7 +334,8 @@ fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     assert!(where_it_lies, "{beside:?}");
 }
 
-/// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated surface.
+/// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated
+/// surface.
 #[test]
 fn a_cylinder_bears_the_same_force_however_it_is_written() {
     let _beside = beside_others();
@@ -496,7 +499,8 @@ fn covered_cells_beside_structures_have_the_same_bits_on_any_ranks_and_after_a_r
     grains_beside_structures(&json!({"partially_saturated": {}}));
 }
 
-/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the polygon.
+/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the
+/// polygon.
 #[test]
 fn a_disc_rests_in_the_corner_of_a_structure() {
     let _beside = beside_others();
@@ -628,8 +632,8 @@ fn structures_that_cannot_be_are_refused_by_name() {
     assert!(said[0].reason.contains("for grains only") && said[0].severity == Severity::Warning);
 }
 
-/// Grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends in the middle of the
-/// domain; a bar of several periods lies across it. Everything crosses both periodic faces.
+/// Grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends in the
+/// middle of the domain; a bar of several periods lies across it. Everything crosses both periodic faces.
 fn chute(folder: &Path) -> Value {
     let (edge, depth, rise) = (0.024, 0.012, 0.001);
     let mut text = String::from("solid saw\n");

@@ -1,4 +1,5 @@
-//! `solver sweep` with the binary: a small study of plane Poiseuille flow, interrupted and resumed, and a map of limits.
+//! `solver sweep` with the binary: a small study of plane Poiseuille flow, interrupted and resumed, and a map of
+//! limits.
 
 use crate::ranks::hang;
 use serde_json::{Value, json};
@@ -153,8 +154,8 @@ fn a_map_shows_what_becomes_of_settings_that_the_plan_refuses() {
     let (_folder, file) = study(|tree| {
         tree["case"]["time"]["end"] = json!(1.5);
         tree["case"]["probes"][0]["every"] = json!(1.5);
-        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which costs accuracy but fails nowhere, and would be 0.8
-        // at 640, which the guard finds at step 1000.
+        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which costs accuracy but fails
+        // nowhere, and would be 0.8 at 640, which the guard finds at step 1000.
         tree["vary"] = json!({
             "domain.spacing": [1e-4],
             "fluid.lattice_boltzmann.body_force.constant[0]": [1, 160, 640],

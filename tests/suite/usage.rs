@@ -1,5 +1,5 @@
-//! What is asked for wrongly is said in one sentence with exit code 2; what a text holds never reaches a terminal or a script as a
-//! command; what the program knows about itself.
+//! What is asked for wrongly is said in one sentence with exit code 2; what a text holds never reaches a terminal or a
+//! script as a command; what the program knows about itself.
 
 use assert_cmd::Command;
 use serde_json::Value;

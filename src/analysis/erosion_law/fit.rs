@@ -1,22 +1,25 @@
 //! The fit of the erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9).
 //!
-//! **Least squares.** The sum `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so that its minimum is
-//! found exactly. For every set of points above the threshold, the candidate is the weighted line through them. If the threshold of
-//! this line lies outside the gap that belongs to the set, the candidate is the best law with the threshold at the end of the gap.
-//! The best candidate is the fit. There is no start value, no iteration and no local minimum. `tau_c >= 0`.
+//! **Least squares.** The sum `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so that
+//! its minimum is found exactly. For every set of points above the threshold, the candidate is the weighted line
+//! through them. If the threshold of this line lies outside the gap that belongs to the set, the candidate is the best
+//! law with the threshold at the end of the gap. The best candidate is the fit. There is no start value, no iteration
+//! and no local minimum. `tau_c >= 0`.
 //!
-//! **Weights** are the inverse of the variance that the *law* predicts, because weights from observed rates bias the law to low
-//! values: `b q max(rate, q) + (s rate)^2`. `q` is the quantum of the window (one grain), `b` its burstiness (batch variance over
-//! Poisson variance, at least 1), and `s` the relative scatter between runs. `s` is the smallest value with which the weighted misfit
-//! of the points above the threshold does not exceed their number less two (Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 377,
-//! 1982). Weights and law are iterated until they converge.
+//! **Weights** are the inverse of the variance that the *law* predicts, because weights from observed rates bias the
+//! law to low values: `b q max(rate, q) + (s rate)^2`. `q` is the quantum of the window (one grain), `b` its burstiness
+//! (batch variance over Poisson variance, at least 1), and `s` the relative scatter between runs. `s` is the smallest
+//! value with which the weighted misfit of the points above the threshold does not exceed their number less two (Paule
+//! and Mandel, J. Res. Natl. Bur. Stand. 87, 377, 1982). Weights and law are iterated until they converge.
 //!
-//! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a bootstrap that draws whole
-//! runs, because the windows of one run share a packing. The bootstrap is seeded: the same data give the same numbers. Two points leave no degree
-//! of freedom; their interval takes Student's t of one, and R^2 is not defined.
+//! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a
+//! bootstrap that draws whole runs, because the windows of one run share a packing. The bootstrap is seeded: the same
+//! data give the same numbers. Two points leave no degree of freedom; their interval takes Student's t of one, and R^2
+//! is not defined.
 //!
-//! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is undefined. If it
-//! erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and the lowest one with erosion.
+//! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is
+//! undefined. If it erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and
+//! the lowest one with erosion.
 
 use super::rate::RateWindow;
 use super::statistics::{median, student};
@@ -145,7 +148,8 @@ pub struct LinearLaw {
     pub coefficient: f64,
     /// Its interval, s/m.
     pub coefficient_interval: Interval,
-    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a line always joins.
+    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a
+    /// line always joins.
     pub r_squared: f64,
     /// Relative scatter from run to run beyond counting grains.
     pub scatter: f64,
@@ -372,8 +376,8 @@ fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     Some(best)
 }
 
-/// The exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at least two
-/// points rises.
+/// The exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at least
+/// two points rises.
 fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     let reference = points.last()?.shear;
     // Sums over the points from the present one to the last: 1, x, y, xx, xy, yy with x from the highest stress.

@@ -1,14 +1,15 @@
 //! The faces of the hole and the shear stress on them.
 //!
-//! The paper's equation 10 (corrected) gives the shear stress on a face as `tau_h = mu dV_x/dy`. `V_x(y)` is the velocity along the
-//! hole, averaged over its length, with zero velocity in solid cells. Two other definitions are computed as well: the balance of the
-//! pressure difference and the stress on both faces, `dP d_h / (2 L)`, as in hole erosion tests, and the summed traction on the
-//! grains. The three are equal for plane Poiseuille flow between straight faces.
+//! The paper's equation 10 (corrected) gives the shear stress on a face as `tau_h = mu dV_x/dy`. `V_x(y)` is the
+//! velocity along the hole, averaged over its length, with zero velocity in solid cells. Two other definitions are
+//! computed as well: the balance of the pressure difference and the stress on both faces, `dP d_h / (2 L)`, as in hole
+//! erosion tests, and the summed traction on the grains. The three are equal for plane Poiseuille flow between straight
+//! faces.
 //!
-//! Faces: `s` is the solid fraction averaged along the hole, and `s_0` its value in the intact packing. The face is the step from 0
-//! to `s_0` that fits the profile best, in the least-squares sense, from the middle of the hole to the wall. Loose grains in the hole
-//! and gaps in the packing do not move it, whereas a search for the first solid cell would stop at them. The position of the step
-//! within its cell is where `s` crosses `s_0 / 2`.
+//! Faces: `s` is the solid fraction averaged along the hole, and `s_0` its value in the intact packing. The face is the
+//! step from 0 to `s_0` that fits the profile best, in the least-squares sense, from the middle of the hole to the
+//! wall. Loose grains in the hole and gaps in the packing do not move it, whereas a search for the first solid cell
+//! would stop at them. The position of the step within its cell is where `s` crosses `s_0 / 2`.
 
 use crate::number::real;
 
@@ -133,9 +134,9 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
 /// Shear stress from the velocity gradient at the faces (equation 10).
 ///
 /// A parabola is fitted by least squares to the cells whose centres lie in the hole, from the face inwards over a
-/// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip is
-/// not forced on a rough face), and differentiated at the face. The fit is exact for Poiseuille flow and for any profile
-/// that is a parabola near the face, wherever the face lies inside its cell. `viscosity` is dynamic, Pa s.
+/// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip
+/// is not forced on a rough face), and differentiated at the face. The fit is exact for Poiseuille flow and for any
+/// profile that is a parabola near the face, wherever the face lies inside its cell. `viscosity` is dynamic, Pa s.
 /// `None` where a half of the hole has fewer than four cells.
 #[must_use]
 pub fn shear_by_gradient(

@@ -2,22 +2,24 @@
 //!
 //! `rate = (dM_e/dt) / (2 L)`: the mass that leaves per time, over the two faces of a hole of length L.
 //!
-//! **Estimate.** M_e(t) is a staircase with one step per grain. The steps are independent events, so that the mass that left in a
-//! window, divided by its length, is the least-variance estimate of a constant rate. A line through M_e(t) is a worse estimate: its
-//! residuals are a random walk, and its textbook error is far too small. The variance is that of a compound Poisson process,
-//! `sum m_i^2 / T^2 = rate * J / A` with the mean jump `J = sum m_i^2 / sum m_i` and `A = 2 L T`. Grains that leave in clusters
-//! increase the variance. If the variance of the means of eight equal batches of the window is larger, it is used instead. The median
-//! slope of Theil and Sen is reported as a check against outliers.
+//! **Estimate.** M_e(t) is a staircase with one step per grain. The steps are independent events, so that the mass that
+//! left in a window, divided by its length, is the least-variance estimate of a constant rate. A line through M_e(t) is
+//! a worse estimate: its residuals are a random walk, and its textbook error is far too small. The variance is that of
+//! a compound Poisson process, `sum m_i^2 / T^2 = rate * J / A` with the mean jump `J = sum m_i^2 / sum m_i` and
+//! `A = 2 L T`. Grains that leave in clusters increase the variance. If the variance of the means of eight equal
+//! batches of the window is larger, it is used instead. The median slope of Theil and Sen is reported as a check
+//! against outliers.
 //!
-//! **Windows.** The span begins at the end of the pressure ramp, or with the first grain that leaves if that is later, because the
-//! grain first has to reach the outlet. It ends when 60 % of the mass is eroded, or with the run. The span is cut into at most four
-//! equal parts with at least twenty grains each. The hole widens, so that one run gives the rate at several stresses. Stress, width
-//! and length of a window are means over its records.
+//! **Windows.** The span begins at the end of the pressure ramp, or with the first grain that leaves if that is later,
+//! because the grain first has to reach the outlet. It ends when 60 % of the mass is eroded, or with the run. The span
+//! is cut into at most four equal parts with at least twenty grains each. The hole widens, so that one run gives the
+//! rate at several stresses. Stress, width and length of a window are means over its records.
 //!
-//! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded mass. This
-//! gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the initial stress with the rate
-//! of the widened hole would overestimate k_d. With fewer than twenty grains in this span, the point is that of all records from the
-//! end of the ramp on, with its error: one grain in a short span would give any rate.
+//! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded
+//! mass. This gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the
+//! initial stress with the rate of the widened hole would overestimate k_d. With fewer than twenty grains in this span,
+//! the point is that of all records from the end of the ramp on, with its error: one grain in a short span would give
+//! any rate.
 //!
 //! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
 
@@ -109,8 +111,8 @@ pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<
 /// Cuts a run into windows and measures each.
 ///
 /// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of a
-/// grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (a hole
-/// that is not there) carry no weight. Empty where fewer than two records remain.
+/// grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (a
+/// hole that is not there) carry no weight. Empty where fewer than two records remain.
 #[must_use]
 pub fn erosion_windows(
     records: &[ErosionRecord],

@@ -7,9 +7,9 @@
 //! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
-//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same declaration. Numbers
-//! are written with the shortest text that reads back to the same bits. Undefined values, such as the shear stress on a hole that no
-//! longer exists, are `NaN`.
+//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same
+//! declaration. Numbers are written with the shortest text that reads back to the same bits. Undefined values, such as
+//! the shear stress on a hole that no longer exists, are `NaN`.
 
 use crate::error::Error;
 use io::csv::Reader;
@@ -98,7 +98,8 @@ pub struct ErosionRecord {
     step: u64 = "step",
     /// Time since the flow was started, s.
     time: f64 = "time [s]",
-    /// Mass that left through the outlet so far, M_e, kg; in 2-D kg/m. Earlier versions named the column `eroded_mass [kg/m]`.
+    /// Mass that left through the outlet so far, M_e, kg; in 2-D kg/m. Earlier versions named the column
+    /// `eroded_mass [kg/m]`.
     #[serde(alias = "eroded_mass [kg/m]")]
     eroded_mass: f64 = "eroded_mass [kg; 2-D kg/m]",
     /// M_e / M_0, M_0 the mass of the grains at the start of the flow.
@@ -134,11 +135,12 @@ pub struct ErosionRecord {
     lattice_velocity: f64 = "lattice_velocity [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole. Earlier versions had no such column.
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole. Earlier versions
+    /// had no such column.
     #[serde(default = "unknown")]
     face_share: f64 = "face_share [1]",
-    /// Mean distance from where they started of the grains that started beside the hole and more than two mean diameters behind its
-    /// present faces, in mean diameters. Earlier versions had no such column.
+    /// Mean distance from where they started of the grains that started beside the hole and more than two mean
+    /// diameters behind its present faces, in mean diameters. Earlier versions had no such column.
     #[serde(default = "unknown")]
     bulk_displacement: f64 = "bulk_displacement [diameters]",
 }
@@ -249,7 +251,8 @@ pub struct ErosionSummary {
     /// Bonds of a grain with grains and walls at the start of the flow, mean over all grains.
     #[serde(default)]
     pub bonds_per_grain: Option<f64>,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no
+    /// bond broke.
     #[serde(default)]
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters of the grains.

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters are in
-/// rising order, independently of the order of the bonds.
+/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters
+/// are in rising order, independently of the order of the bonds.
 #[must_use]
 pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     let mut sorted = grains.to_vec();

@@ -1,12 +1,13 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by rising id.
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by
+//! rising id.
 
 use crate::number::real;
 use serde::{Deserialize, Serialize};
 
-/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the surface or a
-/// wall cuts in halves belong to it.
+/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the
+/// surface or a wall cuts in halves belong to it.
 pub const GROUND: f64 = 0.15;
 
 /// A grain of the surface is not further than this many mean diameters from others, surface to surface ...
@@ -15,8 +16,8 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
-/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down: one large grain
-/// that lay on the others may roll down by more than a mean diameter alone.
+/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down:
+/// one large grain that lay on the others may roll down by more than a mean diameter alone.
 pub const SKIN: usize = 3;
 
 /// A grain in the frame of the analysis: long axis, across, up.
@@ -92,7 +93,8 @@ pub struct Above {
     pub cover: f64,
     /// How far up the ground moves, as part of the cover.
     pub front: f64,
-    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where nothing moves.
+    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where
+    /// nothing moves.
     pub front_shape: f64,
 }
 
@@ -336,8 +338,8 @@ impl Ground {
             .collect()
     }
 
-    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever they are now
-    /// (the lower middle of an even number); none where all of them have left.
+    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever
+    /// they are now (the lower middle of an even number); none where all of them have left.
     fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
         let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
         // The place at time 0 is rounded.
@@ -490,8 +492,8 @@ impl Ground {
         }
     }
 
-    /// The most that a column over a point (along the long axis) has settled, or that two columns side by side or corner to corner have
-    /// settled both: away from the points, one that sinks alone is a loose grain.
+    /// The most that a column over a point (along the long axis) has settled, or that two columns side by side or
+    /// corner to corner have settled both: away from the points, one that sinks alone is a loose grain.
     #[must_use]
     pub fn sinkhole(&self, settlement: &[Option<f64>], points: &[Point]) -> f64 {
         let [nx, ny, _] = self.cells.count;
@@ -608,8 +610,8 @@ impl Ground {
 
     /// Moving length above half the front over that below it, over the length nearest to point `n`.
     ///
-    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a V) does not
-    /// pass for ground that moves more above.
+    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a
+    /// V) does not pass for ground that moves more above.
     fn front_shape(
         &self,
         moving: &[bool],

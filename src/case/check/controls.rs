@@ -4,8 +4,8 @@ use crate::case::text::{brief, join};
 use crate::error::{Problem, Severity, controls};
 use serde_json::Value;
 
-/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names, paths, keys. They
-/// are refused here, once, so that no output has to guard against them. A description may have lines.
+/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names,
+/// paths, keys. They are refused here, once, so that no output has to guard against them. A description may have lines.
 pub(super) fn control_characters(tree: &Value) -> Vec<Problem> {
     let mut found = Vec::new();
     look_for_controls(tree, &Place::Case, false, &mut found);

@@ -119,7 +119,8 @@ impl<'a> Template<'a> {
         }
     }
 
-    /// Whether the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers that must be above 0.
+    /// Whether the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers that must
+    /// be above 0.
     pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,

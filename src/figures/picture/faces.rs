@@ -158,7 +158,8 @@ mod tests {
     use super::super::{PAPER, Scene, View};
     use super::*;
 
-    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the triangle hides.
+    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the
+    /// triangle hides.
     #[test]
     fn a_face_covers_its_pixels_and_the_nearer_one_wins() {
         let faces = Faces {

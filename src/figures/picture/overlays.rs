@@ -166,7 +166,8 @@ mod tests {
         (frame, raster)
     }
 
-    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, half of it eight, and one of a pixel in a thousand is left out.
+    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, half of it eight, and one of a pixel in a
+    /// thousand is left out.
     #[test]
     fn arrows_are_as_long_as_their_vectors() {
         let scene = super::super::tests::square();

@@ -1,6 +1,7 @@
-//! Streamlines of a plane flow. They are integrated in both directions from seeds by the Runge-Kutta method of fourth order, until they leave the
-//! fluid, the velocity vanishes, or another line is close. Seeds are tried in rows, so that the lines fill the plane evenly (Jobard and Lefer,
-//! Visualization in Scientific Computing '97, 43, with squares instead of distances).
+//! Streamlines of a plane flow. They are integrated in both directions from seeds by the Runge-Kutta method of fourth
+//! order, until they leave the fluid, the velocity vanishes, or another line is close. Seeds are tried in rows, so that
+//! the lines fill the plane evenly (Jobard and Lefer, Visualization in Scientific Computing '97, 43, with squares
+//! instead of distances).
 
 use super::Water;
 use crate::number::{real, whole};

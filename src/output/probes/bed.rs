@@ -1,32 +1,35 @@
 //! A bed of grains under a stream: surface, scour, shear stress, Shields number and bedload.
 //!
-//! Let x be the axis of the stream, y the axis across the bed, b and L the width and the length of the part that is measured (b = 1 in 2-D) and
-//! A = b L.
+//! Let x be the axis of the stream, y the axis across the bed, b and L the width and the length of the part that is
+//! measured (b = 1 in 2-D) and A = b L.
 //!
-//! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction s(y) of its cells, averaged
-//!   over one diameter of height. Its surface is the lowest y at which s falls below the threshold and stays there for one diameter, so that
-//!   neither grains in suspension nor gaps between layers of grains, as on a rough floor, count.
-//!   Lines of cells that are solid up to the top of the part, as in a pier, are left out. `surface_height` is the mean of the columns, h;
-//!   `lowest_height` is the lowest one; both scours are measured down from the level.
+//! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction
+//!   s(y) of its cells, averaged over one diameter of height. Its surface is the lowest y at which s falls below the
+//!   threshold and stays there for one diameter, so that neither grains in suspension nor gaps between layers of
+//!   grains, as on a rough floor, count. Lines of cells that are solid up to the top of the part, as in a pier, are
+//!   left out. `surface_height` is the mean of the columns, h; `lowest_height` is the lowest one; both scours are
+//!   measured down from the level.
 //! - **Shear stress by the balance of forces** on the water above the plane y = h, of volume V:
 //!
 //!   ```text
 //!   tau = [(f + G) V + T_top + T_sides] / A,    G = (P_1 - P_2)/L',    P = <p + rho u^2 - sigma_xx>
 //!   ```
 //!
-//!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient between the first and the last
-//!   plane of cells of the part (L' apart; none where the stream is periodic over the whole part), and T the force on the top and on the sides by
-//!   sigma_xy - rho u v and sigma_xz - rho u w, extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is
-//!   tau = rho g h_w sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the drag
-//!   on grains that move above y = h, and on anything else that stands in the stream there.
-//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous and resolved stress, is a
-//!   straight line in a uniform stream without side walls. A line by least squares gives its value at y = h. The planes are those from the
-//!   top down to the last one without a solid, less the one next to it. The value is NaN with fewer than three planes, and between side walls
-//!   that do not slip.
-//! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the bed and the mean density
-//!   rho_s of the grains.
-//! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of a grain (2-D: area) and u its
-//!   velocity along the stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g d^3).
+//!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient
+//!   between the first and the last plane of cells of the part (L' apart; none where the stream is periodic over the
+//!   whole part), and T the force on the top and on the sides by sigma_xy - rho u v and sigma_xz - rho u w,
+//!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
+//!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the
+//!   drag on grains that move above y = h, and on anything else that stands in the stream there.
+//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous
+//!   and resolved stress, is a straight line in a uniform stream without side walls. A line by least squares gives its
+//!   value at y = h. The planes are those from the top down to the last one without a solid, less the one next to it.
+//!   The value is NaN with fewer than three planes, and between side walls that do not slip.
+//! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the
+//!   bed and the mean density rho_s of the grains.
+//! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of
+//!   a grain (2-D: area) and u its velocity along the stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g
+//!   d^3).
 //!
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
@@ -46,8 +49,8 @@ use decomposition::{Communicator, ExactSum, Fixed};
 const COLUMN: f64 = 2.0;
 /// Planes of cells of which a line is drawn, at least.
 const FEWEST: usize = 3;
-/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream, and stress on the outer
-/// and the inner plane at the lower and the upper side.
+/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream,
+/// and stress on the outer and the inner plane at the lower and the upper side.
 const SUMS: usize = 8;
 /// Counts of a plane of cells: water in all of it and at both ends.
 const COUNTS: usize = 3;
@@ -272,8 +275,9 @@ fn heights<S: Space>(
         .collect()
 }
 
-/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first and stays there for
-/// twice as many layers, between two edges of layers; none where it never does. A window ends at the ends of the column.
+/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first
+/// and stays there for twice as many layers, between two edges of layers; none where it never does. A window ends at
+/// the ends of the column.
 fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64> {
     let mean = |edge: usize| {
         let window = &solid[edge.saturating_sub(half)..(edge + half).min(solid.len())];
@@ -494,7 +498,8 @@ mod tests {
 
     #[test]
     fn half_of_the_volume_lies_below_the_median() {
-        // Volumes 1, 8 and 27 of 36: the third holds the middle. By area 1, 4 and 9 of 14: the third too. By number it would be the second.
+        // Volumes 1, 8 and 27 of 36: the third holds the middle. By area 1, 4 and 9 of 14: the third too. By number it
+        // would be the second.
         let radii = [3.0, 1.0, 2.0];
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-15;
         assert!(close(

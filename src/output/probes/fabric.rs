@@ -1,20 +1,23 @@
-//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the domain.
+//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the
+//! domain.
 //!
 //! Grains count where their centre lies in the box, of volume V (2-D: area).
 //!
 //! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number.
-//! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981) 339):
+//! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981)
+//!   339):
 //!
 //!   ```text
 //!   sigma_ij = 1/V sum over grains, sum over their contacts: f_i r_j
 //!   ```
 //!
-//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that **compression is positive**, as
-//!   in soil mechanics. The pressure is the mean of the diagonal. The forces are those of the springs, without dashpots, and the momentum that moving grains
-//!   carry is left out: the stress is that of slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest
-//!   both are equal. It is a mean over the whole of V, pores included.
-//! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions removed so far,
-//!   from `removed.csv`.
+//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that
+//!   **compression is positive**, as in soil mechanics. The pressure is the mean of the diagonal. The forces are those
+//!   of the springs, without dashpots, and the momentum that moving grains carry is left out: the stress is that of
+//!   slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest both are equal. It is
+//!   a mean over the whole of V, pores included.
+//! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions
+//!   removed so far, from `removed.csv`.
 //!
 //! Sums are exact, so that no value depends on the number of ranks.
 

@@ -1,9 +1,9 @@
 //! Force of the fluid on a face of the domain, from the momentum that the links through it carry.
 //!
-//! [`Flux`](crate::lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of density one on every
-//! patch. This reference is subtracted link by link, in the same integers, and the gauge pressure remains. Away from edges the reference is 1/3
-//! per cell along the normal. A link through an edge or a corner belongs to the face with the strongest condition (see
-//! [`crate::lbm::boundary`]).
+//! [`Flux`](crate::lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of
+//! density one on every patch. This reference is subtracted link by link, in the same integers, and the gauge pressure
+//! remains. Away from edges the reference is 1/3 per cell along the normal. A link through an edge or a corner belongs
+//! to the face with the strongest condition (see [`crate::lbm::boundary`]).
 //!
 //! On a face through which fluid passes the force includes the momentum of that fluid.
 
@@ -31,7 +31,8 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved since.
+    /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved
+    /// since.
     pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
         let velocities = flow.lattice.velocities();
         Self {

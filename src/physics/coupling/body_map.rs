@@ -1,11 +1,12 @@
 //! The cells inside each body and the links that cross the surfaces, updated where bodies moved.
 //!
-//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a body is the smallest
-//! distance of any nearby cell centre from its surface. The cells of a body cannot change until it has moved by its slack; until then
-//! it costs one comparison per step. A packing at rest therefore costs almost nothing. The map is a function of the positions alone: it is the same
-//! after a restart and on any number of ranks.
+//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a
+//! body is the smallest distance of any nearby cell centre from its surface. The cells of a body cannot change until it
+//! has moved by its slack; until then it costs one comparison per step. A packing at rest therefore costs almost
+//! nothing. The map is a function of the positions alone: it is the same after a restart and on any number of ranks.
 //!
-//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same bits.
+//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
+//! bits.
 
 mod links;
 mod look;
@@ -29,7 +30,8 @@ use slab::Slab;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the highest bit free.
+/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the
+/// highest bit free.
 const OUTSIDE: u32 = u32::MAX >> 1;
 /// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
@@ -201,8 +203,8 @@ impl BodyMap {
         }
     }
 
-    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction), before any body is
-    /// mapped.
+    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction),
+    /// before any body is mapped.
     pub fn stand_in(
         &mut self,
         cells: impl Iterator<Item = [i32; 3]>,
@@ -323,8 +325,8 @@ impl BodyMap {
         Ok(())
     }
 
-    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered cells
-    /// is taken from it (Aidun, Lu and Ding 1998).
+    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered
+    /// cells is taken from it (Aidun, Lu and Ding 1998).
     ///
     /// Call after [`Self::refresh`].
     pub fn update_bodies<Sp: Space, S: Stored>(

@@ -1,12 +1,13 @@
 //! Lattice Boltzmann with moving bounce-back around discs, spheres or convex polyhedra.
 //!
-//! In each step the lattice advances, and populations bounce back on the links that cross a body's surface ([`crate::lbm::links`]). The
-//! loads are known at the middle of the step. They are averaged with those of the previous step (Ladd 1994) and are constant over the
-//! solid steps. Then the map of bodies is updated ([`super::body_map`]). Bodies keep fluid inside their shells, so that covering and
-//! uncovering cells creates no mass. The momentum of cells that change sides is exchanged with the body.
+//! In each step the lattice advances, and populations bounce back on the links that cross a body's surface
+//! ([`crate::lbm::links`]). The loads are known at the middle of the step. They are averaged with those of the previous
+//! step (Ladd 1994) and are constant over the solid steps. Then the map of bodies is updated ([`super::body_map`]).
+//! Bodies keep fluid inside their shells, so that covering and uncovering cells creates no mass. The momentum of cells
+//! that change sides is exchanged with the body.
 //!
-//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
-//! cells covered since then (6 … 11).
+//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse
+//! of cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, Grid, Rules};
 use super::lattice::{Balanced, LatticeFlow, view_of_lattice};

@@ -1,10 +1,12 @@
 //! The solid fraction of every cell that a body covers, updated where bodies moved.
 //!
-//! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row. The cells inside
-//! follow from where the row enters and leaves the body. Only the cells at its surface are measured ([`super::solid_fraction`]), and only
-//! cells with a changed fraction are passed to the lattice ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions
-//! alone: it is the same after a restart and on any number of ranks, because the geometry is computed in the frame of a body's raw position.
-//! A slab holds its own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the next one.
+//! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row.
+//! The cells inside follow from where the row enters and leaves the body. Only the cells at its surface are measured
+//! ([`super::solid_fraction`]), and only cells with a changed fraction are passed to the lattice
+//! ([`crate::lbm::saturation::Cover`]). The cover is a function of the positions alone: it is the same after a restart
+//! and on any number of ranks, because the geometry is computed in the frame of a body's raw position. A slab holds its
+//! own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the
+//! next one.
 
 mod alone;
 mod runs;
@@ -63,7 +65,8 @@ impl Mapped {
         }
     }
 
-    /// The planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share tables, so that it stays whole.
+    /// The planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share tables, so
+    /// that it stays whole.
     fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
         /// Fewer planes are not worth a piece.
         const FEWEST: i32 = 2;
@@ -176,8 +179,8 @@ impl CoverMap {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
     }
 
-    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share of a thread in those of
-    /// each body.
+    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share
+    /// of a thread in those of each body.
     pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
         let share = move |body| Runs::share(body, thread, threads);
         let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
@@ -186,8 +189,8 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells follow with
-    /// [`Self::cover_cells`].
+    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells
+    /// follow with [`Self::cover_cells`].
     pub fn place_bodies<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
@@ -345,7 +348,8 @@ impl CoverMap {
         }
     }
 
-    /// Where the planes of the slab, with their ghosts, are best cut for the threads: so that each has as much surface of bodies.
+    /// Where the planes of the slab, with their ghosts, are best cut for the threads: so that each has as much surface
+    /// of bodies.
     fn cuts(&self) -> Vec<usize> {
         let slow = self.rows.order[0];
         let planes = self.rows.cells[slow] + 2;

@@ -1,4 +1,5 @@
-//! The fluid as outputs and analyses read it: state of the cells, bodies in them, loads on structures, fluxes through patches.
+//! The fluid as outputs and analyses read it: state of the cells, bodies in them, loads on structures, fluxes through
+//! patches.
 
 use crate::lbm::boundary::Flux;
 use crate::lbm::links::Load;
@@ -51,7 +52,8 @@ pub trait FluidView {
     fn start(&self) -> [usize; 3];
     /// Density deviation and velocity of a cell.
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
-    /// The same of all cells of some planes across z ([`bands`]): lattices give them row by row, at a fraction of the cost.
+    /// The same of all cells of some planes across z ([`bands`]): lattices give them row by row, at a fraction of the
+    /// cost.
     fn band_states(&self, planes: Range<usize>, to: &mut BandStates) {
         let [nx, ny, _] = self.cells();
         to.resize(nx * ny * planes.len());
@@ -79,8 +81,8 @@ pub trait FluidView {
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some()
     }
-    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about the lower corner of
-    /// the domain. Sum the integers over ranks.
+    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about
+    /// the lower corner of the domain. Sum the integers over ranks.
     fn structure_loads(&self) -> &[Load] {
         &[]
     }

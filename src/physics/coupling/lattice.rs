@@ -14,8 +14,8 @@ use crate::lbm::saturation::cells;
 use crate::thread_pool;
 use decomposition::Communicator;
 
-/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
-/// of their own.
+/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside
+/// bodies that keep water of their own.
 #[derive(Clone, Copy)]
 pub struct Balanced<'a> {
     /// Bodies that keep water of their own.
@@ -73,11 +73,12 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
         self.fluid_mut().fetch().map_err(Error::Internal)
     }
 
-    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::update_bodies`].
+    /// Continues from saved populations and grains: bodies are mapped without loads at the next
+    /// [`Flow::update_bodies`].
     fn restart(&mut self);
 
-    /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries summed: for
-    /// balances. Entries of ghosts are left out, their loads stand at the owners.
+    /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries
+    /// summed: for balances. Entries of ghosts are left out, their loads stand at the owners.
     fn last_loads(&self) -> &[Load];
 
     /// The cells whose momentum belongs to the water in its balance with the bodies.
@@ -89,8 +90,9 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;
 
-    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the body force, which a
-    /// covered cell feels by 1 - B, and what other terms gave; and the size of the largest part. Collective.
+    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the
+    /// body force, which a covered cell feels by 1 - B, and what other terms gave; and the size of the largest part.
+    /// Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> ([f64; 3], f64) {
         let (fluid, water) = (self.fluid(), self.balanced());
         let populations = fluid.populations();
@@ -121,8 +123,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     }
 }
 
-/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an `impl FluidView` of a type with `fluid` and
-/// `units`.
+/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an
+/// `impl FluidView` of a type with `fluid` and `units`.
 macro_rules! view_of_lattice {
     () => {
         fn units(&self) -> &LatticeUnits {

@@ -1,18 +1,21 @@
-//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the motion.
+//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the
+//! motion.
 //!
-//! In each step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns the force on each body. The
-//! force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
+//! In each step the lattice advances with the bodies over its cells ([`crate::lbm::saturation`]) and returns the force
+//! on each body. The force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
 //!
-//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of the body's load, and the body
-//! would have the additional inertia of that fluid. The inertia is compensated by the change of momentum of a rigid body of
-//! fluid of the same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse populations respond to a
-//! change of the body's motion with an oscillation, so that the load is the mean of two steps, as with bounce-back on links:
+//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of
+//! the body's load, and the body would have the additional inertia of that fluid. The inertia is compensated by the
+//! change of momentum of a rigid body of fluid of the same shape in the last step (Feng and Michaelides, Computers &
+//! Fluids 38 (2009) 370). Cells that reverse populations respond to a change of the body's motion with an oscillation,
+//! so that the load is the mean of two steps, as with bounce-back on links:
 //!
 //! ```text
 //! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt
 //! ```
 //!
-//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are known (6).
+//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are
+//! known (6).
 
 use super::body_map::Grid;
 use super::cover_map::{CoverMap, rigid};
@@ -117,7 +120,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         }
     }
 
-    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started with.
+    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started
+    /// with.
     fn begin(&mut self) {
         let Some(cover) = self.fluid.cover() else {
             return;

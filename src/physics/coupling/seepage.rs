@@ -68,12 +68,10 @@
 //! answer of the cell to the last one
 //! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
 //!
-//! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
-//! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8
-//! to 0.95 the drag passes over to
-//! that of the grains, and a cell without grains is open water. A cell that a boundary of zones cuts has a
-//! permeability along each axis; so
-//! has its drag.
+//! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance.
+//! The porosity of the grains remains that of the balances. Most zones hold only where there are grains: from a
+//! porosity of 0.8 to 0.95 the drag passes over to that of the grains, and a cell without grains is open water. A cell
+//! that a boundary of zones cuts has a permeability along each axis; so has its drag.
 //!
 //! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the
 //! water` and what open water takes up, over
@@ -125,7 +123,8 @@ pub struct Settings {
     pub drag: DragLaw,
     /// Form of the equations.
     pub equations: Equations,
-    /// Whether moving grains displace water: the bed moves, or the change of porosity is a source in the equations as printed.
+    /// Whether moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
+    /// printed.
     pub transient: bool,
     /// Drag at the end of the interval where a grain is faster than it.
     pub semi_implicit: bool,

@@ -6,8 +6,8 @@
 //! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
 //! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
 //!
-//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is then the true
-//! volume to second order; without the correction it is too large.
+//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is
+//! then the true volume to second order; without the correction it is too large.
 //!
 //! All lengths are in cells, in the raw frame of the body.
 
@@ -86,8 +86,8 @@ pub enum Form<'a> {
     },
 }
 
-/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals along the row, empty
-/// where the first is not below the second.
+/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals
+/// along the row, empty where the first is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// No cell beyond it meets the body.

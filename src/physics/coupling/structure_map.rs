@@ -1,10 +1,12 @@
 //! Structures on a lattice: their solid cells, and the links that their surfaces cut.
 //!
 //! A cell is solid if its centre is. A link from a cell of water that a surface cuts bounces at the place where it does
-//! ([`crate::lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than a cell holds water back.
-//! The map is made once. It is a function of the shapes alone: it is the same on any number of ranks.
+//! ([`crate::lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than
+//! a cell holds water back. The map is made once. It is a function of the shapes alone: it is the same on any number of
+//! ranks.
 //!
-//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives it faster and faster.
+//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives
+//! it faster and faster.
 
 use super::body_map::{BodyMap, GHOSTS, Grid};
 use crate::lbm::fluid::Fluid;
@@ -73,7 +75,8 @@ pub struct StructureMap {
 }
 
 impl StructureMap {
-    /// The map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not half-way.
+    /// The map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not
+    /// half-way.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -312,8 +315,8 @@ impl StructureMap {
         }
     }
 
-    /// Where the surfaces cut the way from the centre of a cell along a link: the structure, and the distances from both ends as parts of
-    /// the link.
+    /// Where the surfaces cut the way from the centre of a cell along a link: the structure, and the distances from
+    /// both ends as parts of the link.
     fn crossing(
         &self,
         cell: [i32; 3],
@@ -502,8 +505,8 @@ impl StructureMap {
         }
     }
 
-    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower corner of the
-    /// domain. The sum over ranks is exact.
+    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower
+    /// corner of the domain. The sum over ranks is exact.
     #[must_use]
     pub fn loads(&self) -> &[Load] {
         &self.loads

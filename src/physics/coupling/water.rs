@@ -43,7 +43,8 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// How many steps of water without grains may be made at once ([`crate::lbm::fluid::Fluid::at_once`]). The same on every rank.
+    /// How many steps of water without grains may be made at once ([`crate::lbm::fluid::Fluid::at_once`]). The same on
+    /// every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         match self {

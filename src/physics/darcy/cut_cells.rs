@@ -1,9 +1,10 @@
 //! Structures on the coarse grid: the part of each cell that is water, and the part of each face that lets it through.
 //!
-//! A cell that a surface may cut is divided into sub-cells. Two neighbouring sub-cells are connected if the line between their centres does not
-//! pass through a solid, so that a sheet thinner than any cell separates them. **The water of a cell is its largest connected part**, and a face
-//! is open where it joins the water of the cells on both sides. Any way through open faces is therefore a way through water: no sheet
-//! leaks, whatever its direction, and it acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
+//! A cell that a surface may cut is divided into sub-cells. Two neighbouring sub-cells are connected if the line
+//! between their centres does not pass through a solid, so that a sheet thinner than any cell separates them. **The
+//! water of a cell is its largest connected part**, and a face is open where it joins the water of the cells on both
+//! sides. Any way through open faces is therefore a way through water: no sheet leaks, whatever its direction, and it
+//! acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
 
 use super::enclosure::{LEAST_OPEN, Openness};
 use super::grid::Grid;
@@ -412,7 +413,8 @@ mod tests {
         seen[grid.count() - 1]
     }
 
-    /// Sheets of a thousandth of a cell, upright, between cells or within them, and oblique: none leaks; one that ends leaves a way.
+    /// Sheets of a thousandth of a cell, upright, between cells or within them, and oblique: none leaks; one that ends
+    /// leaves a way.
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [

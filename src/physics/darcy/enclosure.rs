@@ -1,9 +1,9 @@
 //! The walls around the water: the part of each cell, and of each face between cells, that lies inside them.
 //!
-//! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is proportional to its
-//! open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the divergence theorem) and a convex
-//! polygon. A closed surface of triangles is sampled with `samples` lines along x per edge of a cell; a point on a line is inside if the
-//! number of crossings before it is odd.
+//! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is
+//! proportional to its open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the
+//! divergence theorem) and a convex polygon. A closed surface of triangles is sampled with `samples` lines along x per
+//! edge of a cell; a point on a line is inside if the number of crossings before it is odd.
 
 use super::grid::Grid;
 use crate::number::real;

@@ -1,7 +1,8 @@
 //! Arrangement of the cells in memory, and the cells that each rank computes.
 //!
-//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops need no case
-//! distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and receives the neighbouring planes by messages.
+//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops
+//! need no case distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and
+//! receives the neighbouring planes by messages.
 
 use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
 use rayon::prelude::*;

@@ -4,8 +4,8 @@
 //! number:  d = sum d / N          mass:  d = sum d^4 / sum d^3          Sauter:  d = sum d^3 / sum d^2
 //! ```
 //!
-//! The three means differ considerably in a wide grading. The Sauter mean preserves the surface per volume, on which the
-//! derivation of the permeability is based.
+//! The three means differ considerably in a wide grading. The Sauter mean preserves the surface per volume, on which
+//! the derivation of the permeability is based.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

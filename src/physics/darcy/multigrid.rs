@@ -4,17 +4,19 @@
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and residuals are summed;
-//! the two operators are the transposes of each other. A coarse face conducts through parallel lanes, each a series of half the inner
-//! face of one coarse cell, the face itself, and half the inner face of the other:
+//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and
+//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through parallel
+//! lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner face of the
+//! other:
 //!
 //! ```text
 //! T = sum over lanes 1/(1/(2 t_inner) + 1/t_face + 1/(2 t_inner'))        a closed inner face does not contribute
 //! ```
 //!
-//! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly the connections of
-//! the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's polynomial, smooth without an order of cells, so that any
-//! decomposition gives the same bits. The ranks share the finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
+//! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly
+//! the connections of the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's
+//! polynomial, smooth without an order of cells, so that any decomposition gives the same bits. The ranks share the
+//! finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
 
 use super::layout::{Gather, Halo, Layout, Part};
 use crate::number::single;
@@ -62,10 +64,11 @@ pub(super) trait Real:
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// What flows into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, handed to `put(place in row, sum)`.
+/// What flows into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, handed to
+/// `put(place in row, sum)`.
 ///
-/// Differences before products: where free water lies beside soil its large conductances multiply differences near zero, and what the
-/// soil passes is not lost in rounding.
+/// Differences before products: where free water lies beside soil its large conductances multiply differences near
+/// zero, and what the soil passes is not lost in rounding.
 #[inline(always)]
 pub(super) fn inflow<'a, T: Real>(
     matrix: &'a Matrix<T>,
@@ -162,8 +165,8 @@ fn coarser(cells: [usize; 3], joined: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|a| cells[a].div_ceil(joined[a]))
 }
 impl Multigrid {
-    /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples of
-    /// the cells joined.
+    /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples
+    /// of the cells joined.
     pub(super) fn new(
         cells: [usize; 3],
         mut spacing: [f64; 3],
@@ -279,7 +282,8 @@ impl Multigrid {
         for (i, &at) in self.positions.iter().enumerate() {
             for (j, &other) in self.positions[..=i].iter().enumerate() {
                 self.factor[row(i) + j] = if i == j {
-                    // Of the same conductances in double precision, so that cells of free water do not round away what the soil passes.
+                    // Of the same conductances in double precision, so that cells of free water do not round away what
+                    // the soil passes.
                     let faces = (0..3).flat_map(|a| [(a, at), (a, at + stride[a])]);
                     let sum: f64 = faces
                         .map(|(a, face)| f64::from(level.matrix.t[a][face]))

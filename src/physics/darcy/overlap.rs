@@ -1,9 +1,9 @@
 //! The part of a sphere inside a box, and of a disc inside a rectangle, in closed form.
 //!
-//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the sum of eight
-//! of them with signs, so that the parts of a grain in neighbouring cells complement each other to round-off whatever
-//! the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G = abc`; else no point of the ball lies beyond
-//! all three planes, and by inclusion and exclusion
+//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the sum
+//! of eight of them with signs, so that the parts of a grain in neighbouring cells complement each other to round-off
+//! whatever the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G = abc`; else no
+//! point of the ball lies beyond all three planes, and by inclusion and exclusion
 //!
 //! ```text
 //! G = pi/6 - C(a) - C(b) - C(c) + E(a, b) + E(b, c) + E(c, a)
@@ -12,8 +12,8 @@
 //! P(a) = a - a^3/3,   s^2 = 1 - a^2 - b^2                (0 where a^2 + b^2 >= 1)
 //! ```
 //!
-//! `E` follows from integrating circular segments by parts; compare the wedges of S. Strobl, A. Formella and T. Pöschel,
-//! J. Comput. Phys. 311 (2016) 158.
+//! `E` follows from integrating circular segments by parts; compare the wedges of S. Strobl, A. Formella and T.
+//! Pöschel, J. Comput. Phys. 311 (2016) 158.
 
 use crate::ball::{cap, edge, octant_of};
 use std::f64::consts::PI;
@@ -82,7 +82,8 @@ pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3
     (sum * radius * radius * radius).max(0.0)
 }
 
-/// Area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate counts for nothing.
+/// Area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate counts for
+/// nothing.
 #[must_use]
 pub fn disc_rectangle(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);

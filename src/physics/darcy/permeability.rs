@@ -2,7 +2,8 @@
 //!
 //! Cells without grains would conduct without bound: the porosity is capped.
 //!
-//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line of the list.
+//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line
+//! of the list.
 
 pub mod ergun;
 pub mod kozeny_carman;
@@ -40,8 +41,8 @@ pub trait Law: Sync {
     /// The law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
-    /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced pressure
-    /// \[Pa/m\].
+    /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced
+    /// pressure \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
 
     /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed
@@ -77,8 +78,9 @@ pub trait Law: Sync {
         }
     }
 
-    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient of the cell over the
-    /// largest: the error of the gradient that it makes. In free water, whose gradient is rounding, nothing depends on it.
+    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient
+    /// of the cell over the largest: the error of the gradient that it makes. In free water, whose gradient is
+    /// rounding, nothing depends on it.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
         let steepest = bed.steepest();

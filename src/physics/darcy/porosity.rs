@@ -58,7 +58,8 @@ pub fn measure(dimension: usize, radius: f64) -> f64 {
     }
 }
 
-/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain, [`Pores::finish`].
+/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain,
+/// [`Pores::finish`].
 #[derive(Clone, Debug)]
 pub struct Pores {
     grid: Grid,
@@ -109,7 +110,8 @@ impl Pores {
         self.finite = true;
     }
 
-    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left out.
+    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left
+    /// out.
     #[inline]
     pub fn parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         parts.clear();

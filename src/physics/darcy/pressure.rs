@@ -4,10 +4,11 @@
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
 //! ```
 //!
-//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses cell-centred finite
-//! volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area. The layers of a column
-//! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
-//! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
+//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses
+//! cell-centred finite volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times
+//! its open area. The layers of a column are therefore in series exactly, and the flux out of one cell is the flux into
+//! the next. The matrix is stored as its faces only. Conjugate gradients with one multigrid cycle
+//! ([`super::multigrid`]) solve it, starting from the last solution.
 //!
 //! Moving grains and their water keep their volume together. The flux through a cell is a linear
 //! function of the gradient
@@ -25,8 +26,8 @@
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
 //!
-//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
-//! pressures; the closure of momentum relies on this.
+//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the
+//! force of the imposed pressures; the closure of momentum relies on this.
 
 mod boundary;
 mod iteration;
@@ -51,8 +52,8 @@ pub enum Equations {
     /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
     #[default]
     Corrected,
-    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
-    /// follow Darcy's law.
+    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial
+    /// velocity in the drag; signs follow Darcy's law.
     Paper,
 }
 

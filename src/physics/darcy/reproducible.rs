@@ -1,9 +1,10 @@
 //! Dot products with the same bits for any order of the terms, at a few operations per term.
 //!
-//! A term is split at two fixed positions. `q = (x + s) - s` with `s = 1.5 · 2^k` is x rounded to a multiple of 2^(k-52). With
-//! 2^k ≥ 2 N max|x| any partial sum of N such parts is exact, so that lanes, rows and ranks may add in any order. The remainder of x is
-//! split in the same way with a smaller `s`. The two parts represent the sum to about N^2 2^-104 of the largest term (J. Demmel and H. D. Nguyen, IEEE
-//! Trans. Comput. 64 (2015) 2060). A first pass finds the largest term, which is also independent of the order.
+//! A term is split at two fixed positions. `q = (x + s) - s` with `s = 1.5 · 2^k` is x rounded to a multiple of
+//! 2^(k-52). With 2^k ≥ 2 N max|x| any partial sum of N such parts is exact, so that lanes, rows and ranks may add in
+//! any order. The remainder of x is split in the same way with a smaller `s`. The two parts represent the sum to about
+//! N^2 2^-104 of the largest term (J. Demmel and H. D. Nguyen, IEEE Trans. Comput. 64 (2015) 2060). A first pass finds
+//! the largest term, which is also independent of the order.
 
 use super::layout::{Layout, Part};
 use crate::number::real;

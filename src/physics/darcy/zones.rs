@@ -1,7 +1,7 @@
 //! Permeability and porosity by region: layers, boxes and rasters of values beside those that follow from the grains.
 //!
-//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The cell then has one
-//! permeability along each axis:
+//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The
+//! cell then has one permeability along each axis:
 //!
 //! ```text
 //! harmonic   along a: sum over columns w_bc / (sum_a w_a/K)         lower bound: no flow from column to column
@@ -9,10 +9,11 @@
 //! K_a = sqrt(harmonic arithmetic)
 //! ```
 //!
-//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P. Renard and
-//! G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds are one: the harmonic mean
-//! across the layers and the arithmetic mean along them. With the harmonic mean of two cells at their face the flow across and along
-//! layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972), section 5.8, wherever the boundaries lie:
+//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P.
+//! Renard and G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds
+//! are one: the harmonic mean across the layers and the arithmetic mean along them. With the harmonic mean of two cells
+//! at their face the flow across and along layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972),
+//! section 5.8, wherever the boundaries lie:
 //!
 //! ```text
 //! across: H/K = sum H_i/K_i          along: H K = sum H_i K_i
@@ -34,7 +35,8 @@ pub enum Rule {
     Law(Resistance),
 }
 
-/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other along each axis.
+/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other
+/// along each axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
     /// Coordinates of the nodes along each axis, rising \[m\]; one along z in 2-D.
@@ -134,8 +136,8 @@ impl Medium {
             || self.porosity.is_some_and(|(_, without)| without)
     }
 
-    /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under a gradient
-    /// \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
+    /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under
+    /// a gradient \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
     #[must_use]
     pub fn permeability(
         &self,
@@ -398,7 +400,8 @@ pub struct Conduct {
     porosity: Vec<f64>,
     /// Whether these cells hold grains.
     grains: Vec<bool>,
-    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
+    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the
+    /// pressure.
     bodies: Vec<bool>,
     /// `true` if zones reach a cell that holds grains.
     ground: Vec<bool>,
@@ -432,8 +435,8 @@ impl Conduct {
         }
     }
 
-    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`: whether a cell holds
-    /// grains.
+    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`:
+    /// whether a cell holds grains.
     pub fn replace_porosity(
         &mut self,
         zones: &Zones,
@@ -528,7 +531,8 @@ impl Conduct {
                 *along = effective(axis, lengths, &self.boxes);
                 mean *= *along;
             }
-            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
+            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along
+            // each.
             let mean = match zones.dimension {
                 2 => mean.sqrt(),
                 _ => mean.cbrt(),
@@ -550,7 +554,8 @@ impl Conduct {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
     }
 
-    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed, weighted as in [`Law::change`].
+    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed,
+    /// weighted as in [`Law::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
@@ -579,7 +584,8 @@ impl Conduct {
     }
 }
 
-/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the edges.
+/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the
+/// edges.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

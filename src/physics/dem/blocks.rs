@@ -1,7 +1,7 @@
 //! Blocks among the grains: the shape of each entry and the state of its rotation.
 //!
-//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of a
-//! block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
+//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of
+//! a block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
 //! computed from the state of the rotation.
 
 use std::sync::Arc;
@@ -91,8 +91,8 @@ pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
 }
 
 impl Body {
-    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who want one
-    /// number; the engine uses all three.
+    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who
+    /// want one number; the engine uses all three.
     #[must_use]
     pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
         Self {
@@ -127,9 +127,9 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is its
-    /// centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space. `body.radius` is
-    /// set to the shape's; see [`Body::of_block`] for the rest.
+    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is
+    /// its centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space.
+    /// `body.radius` is set to the shape's; see [`Body::of_block`] for the rest.
     ///
     /// # Errors
     /// Where the table of shapes has no such number.

@@ -1,7 +1,7 @@
 //! Counting sort by threads: numbers into buckets, those of each bucket in the order in which they are given.
 //!
-//! Each thread has a range of buckets and looks at all items, of which it takes its own: the order is that of one thread, and looking is
-//! short beside sorting.
+//! Each thread has a range of buckets and looks at all items, of which it takes its own: the order is that of one
+//! thread, and looking is short beside sorting.
 
 use crate::thread_pool;
 use std::ops::Range;
@@ -21,7 +21,8 @@ pub(super) struct Buckets {
 }
 
 impl Buckets {
-    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its number on.
+    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its
+    /// number on.
     pub(super) fn fill(
         &mut self,
         count: usize,

@@ -1,8 +1,9 @@
-//! From a list of arrays to a struct of arrays: [`grain_arrays`] makes the store of the grains from one line for each array.
+//! From a list of arrays to a struct of arrays: [`grain_arrays`] makes the store of the grains from one line for each
+//! array.
 //!
-//! A line names the array, its container and element type, when it crosses ranks ([`Crosses`]), whether a checkpoint holds it
-//! ([`Saved`]) and the value of a new grain. Insertion, removal, reordering, messages and checkpoints follow from the
-//! list. The element type implements [`Entry`]; for a struct of numbers [`entry`] does it.
+//! A line names the array, its container and element type, when it crosses ranks ([`Crosses`]), whether a checkpoint
+//! holds it ([`Saved`]) and the value of a new grain. Insertion, removal, reordering, messages and checkpoints follow
+//! from the list. The element type implements [`Entry`]; for a struct of numbers [`entry`] does it.
 
 mod entry;
 
@@ -169,10 +170,11 @@ impl<T: Copy> Array for Optional<T> {
     }
 }
 
-/// Makes the struct of arrays and all that depends on the list of arrays; see the module and the list in `particles.rs`.
+/// Makes the struct of arrays and all that depends on the list of arrays; see the module and the list in
+/// `particles.rs`.
 ///
-/// `given` arrays hold what a new grain consists of, in a struct of the same fields; `held` arrays start with a value made
-/// from it; `derived` arrays are functions of it, and neither cross ranks nor stand in a checkpoint.
+/// `given` arrays hold what a new grain consists of, in a struct of the same fields; `held` arrays start with a value
+/// made from it; `derived` arrays are functions of it, and neither cross ranks nor stand in a checkpoint.
 macro_rules! grain_arrays {
     (
         $(#[$meta:meta])*

@@ -3,15 +3,16 @@
 //! A contact law is one file. It holds, in this order:
 //!
 //! 1. the equation and its source;
-//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution to parameters for
-//!    every pair of materials, with findings ([`ContactParameters`]);
-//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds ([`ContactModel`]);
+//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution
+//!    to parameters for every pair of materials, with findings ([`ContactParameters`]);
+//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds
+//!    ([`ContactModel`]);
 //! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
-//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of the case with its
-//! schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is compiled for each law: no loop
-//! tests for the law. `tests/toy.rs` is the smallest example.
+//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of
+//! the case with its schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is
+//! compiled for each law: no loop tests for the law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|
@@ -22,8 +23,8 @@
 //! | `model` | [`ContactModel`], the interface between plan and law |
 //! | `family` | the list as types |
 //!
-//! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the
-//! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
+//! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in
+//! the middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
 pub mod blocks;
 pub mod cohesive_frictional;
@@ -109,7 +110,8 @@ pub struct ContactForce<S: Space> {
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// What is computed once per pair of materials.
     type Row: Copy + Debug + Send + Sync;
-    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists has one.
+    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists
+    /// has one.
     type Scale: Copy + Debug + Send + Sync;
     /// What the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
@@ -131,8 +133,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, pair), pair.diameter)
     }
-    /// The force, and the history after this step. Called where the surfaces overlap or the pair is bonded; where they do not
-    /// overlap and the pair is not bonded the history is dropped instead.
+    /// The force, and the history after this step. Called where the surfaces overlap or the pair is bonded; where they
+    /// do not overlap and the pair is not bonded the history is dropped instead.
     fn force(
         constants: &Self::Constants,
         history: &mut Self::History,
@@ -144,8 +146,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Force of the shear spring \[N\] on the second partner.
     fn shear_spring(history: &Self::History) -> S::Tangent;
-    /// Normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap, those at the deepest one
-    /// that is expected.
+    /// Normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap, those at the
+    /// deepest one that is expected.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];
     /// Appends the history as [`Self::NUMBERS`] numbers.
     fn save(history: &Self::History, numbers: &mut Vec<f64>);
@@ -201,9 +203,9 @@ impl Law {
         })
     }
 
-    /// `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
-    /// explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to 0.2 of the
-    /// limit is usual).
+    /// `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials`
+    /// materials: the explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to
+    /// 0.2 of the limit is usual).
     #[must_use]
     pub fn critical_time_step<'a, S: Space>(
         &self,

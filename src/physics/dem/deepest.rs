@@ -1,8 +1,8 @@
 //! The deepest contact of a run, as a meter: its overlap over the radius of the smaller body.
 //!
-//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest so far is looked at
-//! further. The meter is the largest of quotients that do not depend on their order, so that its bits do not depend on ranks and threads.
-//! Of a polyhedron the radius is that from its centroid to the nearest face.
+//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest
+//! so far is looked at further. The meter is the largest of quotients that do not depend on their order, so that its
+//! bits do not depend on ranks and threads. Of a polyhedron the radius is that from its centroid to the nearest face.
 
 use super::polyhedron::Polyhedron;
 

@@ -1,6 +1,7 @@
 //! The solid step, compiled once for each contact law. [`bodies`] states how a law treats bodies other than spheres.
 //!
-//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this happens:
+//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this
+//! happens:
 //!
 //! - Separations come from raw positions and whole box lengths.
 //! - Forces are added in the order of the other grain's id, walls after grains.
@@ -401,8 +402,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\]. Where several threads
-    /// do it, the spheres then move in `phase`: the fastest.
+    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\].
+    /// Where several threads do it, the spheres then move in `phase`: the fastest.
     fn sphere_forces(
         &mut self,
         particles: &mut Particles<S>,

@@ -5,8 +5,9 @@
 //! ```
 //!
 //! Spins follow the same scheme. The acceleration is `a = (contact + fluid)/m + g`. Fixed and driven grains keep their
-//! velocity. Non-viscous damping is optional (P. A. Cundall 1987): it reduces each component of the total force by the fraction
-//! `damping` where the component acts along the velocity, and increases it by the same fraction where it acts against it.
+//! velocity. Non-viscous damping is optional (P. A. Cundall 1987): it reduces each component of the total force by the
+//! fraction `damping` where the component acts along the velocity, and increases it by the same fraction where it acts
+//! against it.
 
 pub(super) mod blocks;
 
@@ -152,8 +153,8 @@ fn move_all<
     Fastest { speed_squared, bad }
 }
 
-/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those in `to`, and `from` is
-/// empty.
+/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those
+/// in `to`, and `from` is empty.
 pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     from: &[Motion<S>],
     to: &mut [Motion<S>],

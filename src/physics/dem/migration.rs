@@ -2,8 +2,8 @@
 //!
 //! [`super::engine`] sends these bytes with the histories of the contacts.
 //!
-//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split axis,
-//! clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
+//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split
+//! axis, clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
 
 use super::columns::Crosses;
 use super::escape::Escape;

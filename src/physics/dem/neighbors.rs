@@ -1,17 +1,17 @@
 //! Search for candidate pairs: the pairs that may touch before the lists are made again.
 //!
-//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J. R. Williams,
-//! E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both bodies have in
-//! common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
+//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J.
+//! R. Williams, E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both
+//! bodies have in common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
 //!
-//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for each size
-//! class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids. The cost for each
-//! grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
+//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for
+//! each size class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids.
+//! The cost for each grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
 //!
 //! Threads have rows of cells, and then first ends of pairs ([`super::buckets`]).
 //!
-//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed in this
-//! order, the forces on a grain are added in the order of the other grain's id.
+//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed
+//! in this order, the forces on a grain are added in the order of the other grain's id.
 
 use super::buckets::{Buckets, Items};
 use super::particles::{Particles, View};
@@ -217,7 +217,8 @@ impl Overlaps {
         bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some rows.
+    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some
+    /// rows.
     #[inline]
     fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
         let [along, across, _] = self.counts;
@@ -266,8 +267,8 @@ impl Overlaps {
 }
 
 impl Search {
-    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be moved by
-    /// forces.
+    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be
+    /// moved by forces.
     pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> Candidates {
         self.find_pairs(particles, gap);
         Candidates::in_order(std::mem::take(&mut self.found), particles)
@@ -280,8 +281,8 @@ impl Search {
         self.found.iter().map(Vec::len).sum()
     }
 
-    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box between two
-    /// corners, and with some others.
+    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box
+    /// between two corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,
         low: &S::Vector,

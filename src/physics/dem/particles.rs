@@ -1,11 +1,11 @@
 //! The grains of one rank as a struct of arrays: [`Particles`] lists every array.
 //!
-//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that another
-//! rank owns, or of an own grain through a periodic face.
+//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that
+//! another rank owns, or of an own grain through a periodic face.
 //!
 //! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its image
-//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do not
-//! depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
+//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do
+//! not depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -171,7 +171,8 @@ impl Mobility {
 grain_arrays! {
     /// The grains of one rank. To add an array for each grain is to add a line here.
     ///
-    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a new grain`.
+    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a
+    /// new grain`.
     #[derive(Debug)]
     pub struct Particles {
         given {
@@ -186,15 +187,17 @@ grain_arrays! {
         held {
             /// Load of the contacts at the end of the last step; meaningless for ghosts.
             pub contact: Vec<Load<S>>, Migration, Hashed("contact"), |_| Load::default();
-            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a fluid:
-            /// [`Self::allocate_fluid_loads`].
+            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a
+            /// fluid: [`Self::allocate_fluid_loads`].
             pub fluid: Optional<Load<S>>, Migration, Hashed("fluid"), |_| Load::default();
             /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
             /// [`Self::keep_extra`].
             pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
-            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless for ghosts.
+            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless
+            /// for ghosts.
             pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
-            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage: [`Self::keep_last_velocity`].
+            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage:
+            /// [`Self::keep_last_velocity`].
             pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
             /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
@@ -298,7 +301,8 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks or none.
+    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks
+    /// or none.
     pub fn keep_last_velocity(&mut self) {
         if !self.last_velocity.is_allocated() {
             let velocities = self.motion.iter().map(|motion| motion.velocity);
@@ -323,8 +327,8 @@ impl<S: Space> Particles<S> {
         self.start.is_allocated()
     }
 
-    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts in full.
-    /// `None` without [`Self::mark_start`].
+    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts
+    /// in full. `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
         let start = self.start.get(k)?;
@@ -371,8 +375,8 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts are dropped;
-    /// the next step makes them again.
+    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts
+    /// are dropped; the next step makes them again.
     pub fn remove(
         &mut self,
         mut leaves: impl FnMut(&Self, usize) -> bool,
@@ -395,7 +399,8 @@ impl<S: Space> Particles<S> {
         taken
     }
 
-    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
+    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see
+    /// [`Self::drive`].
     ///
     /// The next step makes new lists and updates every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
@@ -458,13 +463,14 @@ impl<S: Space> Particles<S> {
         Table::of(|columns| self.save_columns(false, columns))
     }
 
-    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids first.
+    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids
+    /// first.
     pub fn each_hashed_column(&self, mut take: impl FnMut(&str, &Values)) {
         self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths of
-    /// the box. Where there are blocks, call [`Self::set_shapes`] next.
+    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths
+    /// of the box. Where there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type.

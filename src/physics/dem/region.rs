@@ -58,8 +58,8 @@ impl<S: Space> Region<S> {
     }
 }
 
-/// The plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With [`decomposition::Slabs::owner_of_plane`] it alone decides
-/// which rank owns a grain.
+/// The plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With
+/// [`decomposition::Slabs::owner_of_plane`] it alone decides which rank owns a grain.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,7 +1,7 @@
 //! Unbalanced force: how far grains are from rest.
 //!
-//! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima, so that
-//! the measure is the same on any number of ranks.
+//! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima,
+//! so that the measure is the same on any number of ranks.
 
 use super::particles::Particles;
 use super::space::{Components, Space};

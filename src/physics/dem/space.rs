@@ -1,8 +1,8 @@
 //! Two and three dimensions behind one trait: discs and spheres share the code of the engine.
 //!
-//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear history
-//! turns with the contact. The unit normal `n` of a contact points from the first body to the second. The tangent in two
-//! dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
+//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear
+//! history turns with the contact. The unit normal `n` of a contact points from the first body to the second. The
+//! tangent in two dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -115,8 +115,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector;
     /// Moment `arm x force`.
     fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin;
-    /// Sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where `velocity` is the
-    /// second centre's relative to the first's and `rolling` the sum of both spins times their lever arms.
+    /// Sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where `velocity` is
+    /// the second centre's relative to the first's and `rolling` the sum of both spins times their lever arms.
     fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent;
     /// A history carried along with the contact frame: turned into the plane across the new normal, its length kept.
     fn turn(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;

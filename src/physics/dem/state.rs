@@ -1,8 +1,8 @@
 //! Contacts as named columns for checkpoints.
 //!
-//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of all
-//! ranks; each rank keeps those that its lists need. Grains are saved by [`Particles::table`](super::Particles::table). A
-//! restored run gives the same bits as an uninterrupted one.
+//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of
+//! all ranks; each rank keeps those that its lists need. Grains are saved by
+//! [`Particles::table`](super::Particles::table). A restored run gives the same bits as an uninterrupted one.
 
 use super::Dem;
 use super::contact::ContactLaw;
@@ -29,7 +29,8 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that are gone go.
+    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that
+    /// are gone go.
     ///
     /// # Errors
     /// Where a column is missing or broken.
@@ -60,8 +61,8 @@ impl<S: Space> Dem<S> {
         self.engine.save()
     }
 
-    /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and facet;
-    /// beside it the numbers that the law keeps of it.
+    /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and
+    /// facet; beside it the numbers that the law keeps of it.
     pub fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),

@@ -1,9 +1,9 @@
 //! Walls of convex facets (polygons and triangulated surfaces), and where a sphere touches them.
 //!
-//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the distance from
-//! the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A point on an edge or at a
-//! vertex is a minimum only where it is the closest point of *every* facet that shares this edge or vertex. This has three
-//! consequences:
+//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the
+//! distance from the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A
+//! point on an edge or at a vertex is a minimum only where it is the closest point of *every* facet that shares this
+//! edge or vertex. This has three consequences:
 //!
 //! - A sphere on a face is not pushed by the edges and vertices of the face: there are no bumps on interior edges.
 //! - An edge or vertex pushes once, however many facets share it.
@@ -11,14 +11,14 @@
 //!
 //! Where an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
 //!
-//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly curved surface
-//! therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet push. Facets share
-//! vertices: the numbers of the vertices give the neighbours of a facet.
+//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly
+//! curved surface therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet
+//! push. Facets share vertices: the numbers of the vertices give the neighbours of a facet.
 //!
 //! In a periodic domain a surface repeats ([`repeated`]).
 //!
-//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
-//! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput.
+//! Part. Mech. 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
 
 mod faces;
 mod repeated;
@@ -84,8 +84,8 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other one stands on a facet
-    /// of this wall.
+    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other
+    /// one stands on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
         let nearer = self.distance < other.distance * (1.0 - RIM)
             || self.distance <= other.distance * (1.0 + RIM) && first;
@@ -202,7 +202,8 @@ impl Surface {
         &self.groups
     }
 
-    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as near.
+    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as
+    /// near.
     #[inline(always)]
     pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
         let Facet { first, size, .. } = self.facets[facet];
@@ -283,7 +284,8 @@ impl Surface {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of its cost.
+    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of
+    /// its cost.
     #[must_use]
     pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
         let (point, _) = self.in_domain(point);
@@ -383,8 +385,8 @@ impl Surface {
         })
     }
 
-    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach: by rising
-    /// number of the facet. `found` is emptied first.
+    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach:
+    /// by rising number of the facet. `found` is emptied first.
     pub fn contacts(
         &self,
         near: &[u32],
@@ -427,8 +429,8 @@ impl Surface {
         found.sort_unstable_by_key(|one| one.facet);
     }
 
-    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through this point and
-    /// comes closer.
+    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through
+    /// this point and comes closer.
     fn is_minimum(
         &self,
         near: &[u32],
@@ -502,7 +504,8 @@ mod tests {
         }
     }
 
-    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic domain.
+    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic
+    /// domain.
     #[test]
     fn what_is_within_reach_is_what_the_clearance_says() {
         let n = 12_u32;

@@ -1,4 +1,5 @@
-//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine is run.
+//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine
+//! is run.
 
 mod blocks;
 mod bonds;

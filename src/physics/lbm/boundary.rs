@@ -1,15 +1,16 @@
 //! Boundaries of the domain: a rule for each population that would enter from outside.
 //!
 //! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
-//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the order wall,
-//! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
+//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the
+//! order wall, velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always
+//! closes its corners.
 //!
 //! A boundary is one file. It holds, in this order:
 //!
 //! 1. the formula and its source;
 //! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
-//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the speed, the pressure
-//!    and the inflow that they impose, and the rule on the lattice;
+//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the
+//!    speed, the pressure and the inflow that they impose, and the rule on the lattice;
 //! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
 //!
 //! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
@@ -63,8 +64,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a boundary in a case is that
-/// of its module.
+/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a
+/// boundary in a case is that of its module.
 macro_rules! boundaries {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
         $(pub mod $module;)*
@@ -97,8 +98,8 @@ macro_rules! boundaries {
                 }
             }
 
-            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path of the site is
-            /// that of the condition.
+            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path
+            /// of the site is that of the condition.
             #[must_use]
             pub fn resolved(
                 &self,
@@ -221,7 +222,8 @@ pub fn holder<S: Stored>(
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
-/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells, where patches may meet.
+/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells,
+/// where patches may meet.
 fn around(
     frame: &Frame,
     c: [i8; 3],
@@ -256,9 +258,9 @@ fn around(
 /// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of
 /// these that imposes a velocity.
 ///
-/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
-/// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
-/// stronger one has the border.
+/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a
+/// border a velocity is imposed in part: the flow through the face is then that of the cells of the patch, and the same
+/// at both of its ends. Between others the stronger one has the border.
 fn on_border<S: Stored>(
     patches: &[Patch<S>],
     middle: [f64; 3],
@@ -336,7 +338,8 @@ fn crossed<S: Stored>(
         .unwrap_or((defaults, 1.0))
 }
 
-/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
+/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the
+/// others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
     /// The patches from the strongest to the weakest.
@@ -366,7 +369,8 @@ impl Frame {
 }
 
 impl<S: Stored> Boundaries<S> {
-    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
+    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover
+    /// cells.
     #[must_use]
     pub fn new(
         populations: &Populations<S>,
@@ -456,8 +460,8 @@ impl<S: Stored> Boundaries<S> {
         self.patches[patch].rule.factor(step)
     }
 
-    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor. `plane` is the distance from plane to
-    /// plane.
+    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor.
+    /// `plane` is the distance from plane to plane.
     pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         self.walls.copies(parity, plane)
     }
@@ -490,8 +494,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may read numbers that the
-    /// walls give, or ghosts beside them.
+    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may
+    /// read numbers that the walls give, or ghosts beside them.
     #[must_use]
     pub fn walls_stand_alone(&self) -> bool {
         self.patches
@@ -499,7 +503,8 @@ impl<S: Stored> Boundaries<S> {
             .all(|patch| patch.rule.walls_stand_alone())
     }
 
-    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step needs.
+    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step
+    /// needs.
     #[must_use]
     pub fn are_walls(&self) -> bool {
         self.patches.iter().all(|patch| patch.rule.is_wall())
@@ -508,7 +513,8 @@ impl<S: Stored> Boundaries<S> {
     /// Gives what comes back from the walls to some cells, ahead of [`Self::apply`].
     ///
     /// # Safety
-    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those beside them.
+    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those
+    /// beside them.
     pub(crate) unsafe fn give_walls(
         &self,
         cells: &Block,
@@ -569,8 +575,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls
-    /// of other planes than `planes` have been given theirs.
+    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the
+    /// body force; the walls of other planes than `planes` have been given theirs.
     pub fn apply(
         &mut self,
         populations: &mut Populations<S>,

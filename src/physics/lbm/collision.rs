@@ -1,12 +1,13 @@
 //! Collision operators, one file each.
 //!
-//! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel stands below, or in a file
-//! `kernel` beside it where it also runs on GPUs ([`super::gpu`]). The kernel is written once for scalars, vectors and GPUs. The list of
-//! operators generates the enum of the case and the choice of the pass.
+//! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel
+//! stands below, or in a file `kernel` beside it where it also runs on GPUs ([`super::gpu`]). The kernel is written
+//! once for scalars, vectors and GPUs. The list of operators generates the enum of the case and the choice of the pass.
 //!
-//! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and momentum
-//! m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and u = m/ρ, the equilibrium
-//! of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479) reads
+//! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and
+//! momentum m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and
+//! u = m/ρ, the equilibrium of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479)
+//! reads
 //!
 //! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
 
@@ -28,8 +29,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trt::AntisymmetricRate;
 
-/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an operator in a case is that
-/// of its module.
+/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an
+/// operator in a case is that of its module.
 macro_rules! operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
         $(pub mod $module;)*
@@ -99,13 +100,14 @@ pub trait Model {
         None
     }
 
-    /// The rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and one for all antisymmetric
-    /// parts.
+    /// The rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and one for
+    /// all antisymmetric parts.
     fn antisymmetric_rate(&self) -> Option<AntisymmetricRate> {
         None
     }
 
-    /// What is wrong with these parameters at the relaxation time of the fluid. `path` is the place of the family in the case.
+    /// What is wrong with these parameters at the relaxation time of the fluid. `path` is the place of the family in
+    /// the case.
     fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
         let _ = (path, relaxation_time);
         None
@@ -120,7 +122,8 @@ pub trait Model {
     /// The cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;
 
-    /// The wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number of steps.
+    /// The wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number of
+    /// steps.
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let _ = relaxation_time;
         None
@@ -132,12 +135,13 @@ pub trait Model {
         Self: Sized;
 }
 
-/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ of the fluid.
+/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ
+/// of the fluid.
 pub trait Kernels: Copy + Send + Sync + 'static {
     /// For one viscosity and open cells, with a body force where `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
-    /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel without a force
-    /// saves is little beside the velocity gradients.
+    /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel
+    /// without a force saves is little beside the velocity gradients.
     type Local: Collision + 'static;
     /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;

@@ -1,4 +1,5 @@
-//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a limit.
+//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a
+//! limit.
 
 use super::fluid::Fluid;
 use super::lanes::Stored;
@@ -61,8 +62,8 @@ impl Rows {
 }
 
 impl<S: Stored> Populations<S> {
-    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
-    /// momentum.
+    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in
+    /// the momentum.
     #[inline(never)]
     pub fn row_extremes(
         &self,
@@ -108,8 +109,8 @@ pub struct Extremes {
     pub finite: bool,
 }
 
-/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a cell has the
-/// same bits alone and in its row.
+/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a
+/// cell has the same bits alone and in its row.
 #[inline(always)]
 #[must_use]
 pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
@@ -124,7 +125,8 @@ const AT_ONCE: usize = 8;
 fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
     let [drho, m @ ..] = moments;
     let (mut fastest, mut squeezed) = ([0.0_f64; AT_ONCE], [0.0_f64; AT_ONCE]);
-    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them by.
+    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them
+    // by.
     let mut zero = [0.0_f64; AT_ONCE];
     let mut look = |k: usize, d: f64, m: [f64; 3]| {
         let squared = squared_speed(d, m, half);

@@ -143,8 +143,8 @@ fn inner(share: &Range<usize>) -> Range<usize> {
     first..(share.end - 1).max(first)
 }
 
-/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones of the shares of the
-/// planes between its ends.
+/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones
+/// of the shares of the planes between its ends.
 fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
     let followed = move |t: usize| inner(&share(&between(planes), threads, t));
     (0..=threads).map(move |t| {
@@ -313,7 +313,8 @@ impl<S: Stored> Fluid<S> {
         self.renew_velocities();
     }
 
-    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with all terms.
+    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with
+    /// all terms.
     fn shift_to_velocity(&mut self, cell: usize, half: [f64; 3]) {
         let (drho, momentum) = self.populations.moments(cell);
         let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
@@ -383,8 +384,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every incoming population of the
-    /// slab is in place, except those at moving bodies, which the coupling sets.
+    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every
+    /// incoming population of the slab is in place, except those at moving bodies, which the coupling sets.
     #[inline(never)]
     pub fn advance(&mut self) {
         self.shared_with_gpu = false;
@@ -593,9 +594,10 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the planes round them are done, while
-    /// their numbers are in the cache: velocities of the eddies beyond faces, and, where `walls` tells the time of the step, walls. Walking along
-    /// the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
+    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the
+    /// planes round them are done, while their numbers are in the cache: velocities of the eddies beyond faces, and,
+    /// where `walls` tells the time of the step, walls. Walking along the walls of a cube of 200³ cells afterwards
+    /// costs an eighth of the pass.
     fn run_followed(
         &self,
         shared: &Shared<S>,

@@ -1,9 +1,10 @@
-//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the processor.
+//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the
+//! processor.
 //!
-//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for GPUs (the crate root
-//! `src/physics/gpu.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
-//! `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
-//! the program runs as before.
+//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for
+//! GPUs (the crate root `src/physics/gpu.rs`). All operations are rounded the same, so that a run has the same bits on
+//! both. `gpu/build.sh` makes the PTX in `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand
+//! when the run starts. The driver is loaded then; without one the program runs as before.
 //!
 //! | file | content |
 //! |---|---|
@@ -18,13 +19,14 @@
 //! | `program` | a step of a slab as passes and copies |
 //! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
 //!
-//! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at populations. Kernels are added
-//! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with TRT and MRT partially saturated cells;
-//! D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A GPU does not run several ranks, structures, eddies and openings yet
+//! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at
+//! populations. Kernels are added once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT
+//! and MRT, and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a
+//! force. A GPU does not run several ranks, structures, eddies and openings yet
 //! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
 //!
-//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor follows when somebody
-//! looks. Of other bodies the processor finds the cells and sends them.
+//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the
+//! processor follows when somebody looks. Of other bodies the processor finds the cells and sends them.
 
 #[cfg_attr(
     not(test),
@@ -217,8 +219,8 @@ fn context() -> Result<Arc<CudaContext>, String> {
     CudaContext::new(0).map_err(failed)
 }
 
-/// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is measured by. `bytes` are
-/// copied at a time.
+/// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is
+/// measured by. `bytes` are copied at a time.
 ///
 /// # Errors
 /// When there is no GPU, or it fails.
@@ -246,8 +248,8 @@ pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
 }
 
 impl Gpu {
-    /// Room for the numbers of a slab, and for its cover if there is one, and the kernels for this operator and velocity set. `factors` are the
-    /// patches with a factor of their own.
+    /// Room for the numbers of a slab, and for its cover if there is one, and the kernels for this operator and
+    /// velocity set. `factors` are the patches with a factor of their own.
     ///
     /// # Safety
     /// The cover must be that of each later call, and outlive this.
@@ -286,7 +288,8 @@ impl Gpu {
         let copy = function(&format!("copies_{stored}")).map_err(failed)?;
         let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
         let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
-        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory goes.
+        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory
+        // goes.
         unsafe { context.disable_event_tracking() };
         let stream = context.new_stream().map_err(failed)?;
         let cover = cover.map(|cover| {
@@ -376,8 +379,8 @@ impl Gpu {
             .map_err(failed)
     }
 
-    /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed, the largest size of
-    /// the density deviation, and whether every number is finite. `half` is F/2.
+    /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed,
+    /// the largest size of the density deviation, and whether every number is finite. `half` is F/2.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -454,7 +457,8 @@ impl Gpu {
         self.stream.synchronize().map_err(failed)
     }
 
-    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in lattice units.
+    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in
+    /// lattice units.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -482,7 +486,8 @@ impl Gpu {
         let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
         let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
         let bodies = cover.bodies;
-        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to do.
+        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to
+        // do.
         let of_all = launch_of(cover.covered.cells.div_ceil(BLOCK));
         let mut launch = beside.launch_builder(&cover.kernels.mixed);
         launch
@@ -571,7 +576,8 @@ impl Gpu {
         }
     }
 
-    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a patch.
+    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a
+    /// patch.
     ///
     /// # Errors
     /// When the GPU fails.

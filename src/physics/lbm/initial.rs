@@ -38,8 +38,8 @@ struct Numbers<S>(*mut S);
 // SAFETY: each thread writes to the cells of its own planes, whose positions differ from all others.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
-/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2 so that u includes it. Each thread fills the planes of
-/// which it makes the passes, so that their memory lies near it.
+/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2 so that u includes it. Each
+/// thread fills the planes of which it makes the passes, so that their memory lies near it.
 pub fn fill<S: Stored>(
     populations: &mut Populations<S>,
     start: [usize; 3],
@@ -146,7 +146,8 @@ impl State<'_> {
                 }
             }
             let departure = -3.0 * w * (1.0 + drho) * self.relaxation_time * strain;
-            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then stays at rest.
+            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then
+            // stays at rest.
             let along = |v: [f64; 3]| (0..3).map(|a| f64::from(c[a]) * v[a]).sum::<f64>();
             let cf = along(half_force);
             let half_source = w * (3.0 * (cf - uf) + 9.0 * along(u) * cf);

@@ -1,8 +1,8 @@
 //! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
 //!
-//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written where its opposite
-//! was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in ghosts and padding, whose contents
-//! the boundaries renew after every pass.
+//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written
+//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in
+//! ghosts and padding, whose contents the boundaries renew after every pass.
 
 use super::block::Block;
 use super::collision::{Collision, Site};
@@ -21,15 +21,16 @@ use std::ops::Range;
 /// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// Bytes from the cells at work to those that are asked for. The work on a vector of cells of 19 or 27 populations is longer than what the
-/// processor looks ahead. Nine populations it sees coming, but not beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is
-/// 15 % faster where memory is slow, and one in the cache as fast as without.
+/// Bytes from the cells at work to those that are asked for. The work on a vector of cells of 19 or 27 populations is
+/// longer than what the processor looks ahead. Nine populations it sees coming, but not beyond the end of a page of 4
+/// KiB: with 512 bytes a lattice of 2400² cells is 15 % faster where memory is slow, and one in the cache as fast as
+/// without.
 const fn bytes_ahead<const Q: usize>() -> usize {
     if Q > 9 { 4 * LINE } else { 8 * LINE }
 }
 
-/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the address is
-/// at hand then. Else they are asked for once a line.
+/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the
+/// address is at hand then. Else they are asked for once a line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
 }
@@ -47,7 +48,8 @@ pub struct Update<C, T> {
     pub worker: usize,
 }
 
-/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and processor.
+/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and
+/// processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &Block);
 
 /// What the threads of one pass share.
@@ -65,7 +67,8 @@ pub struct Shared<S> {
     whole: [u32; 2],
     /// Wet parts of the rows of each plane; null without a free surface.
     wet: *const WetPlane,
-    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go round.
+    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go
+    /// round.
     around: [Vec<usize>; 2],
 }
 
@@ -124,8 +127,9 @@ impl<S> Shared<S> {
 
     /// Takes what left the row that starts `start` numbers after the first one at its ends round to its other end.
     ///
-    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and the reverse; after an
-    /// even pass these are what the ghosts of the row have to hold, after an odd pass they are delivered. Both are the same copies.
+    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and
+    /// the reverse; after an even pass these are what the ghosts of the row have to hold, after an odd pass they are
+    /// delivered. Both are the same copies.
     ///
     /// # Safety
     /// The cells of the row must be done, and nobody else may work on them.
@@ -231,8 +235,8 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
 }
 
-/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from there to where
-/// c_x is 1 and -1 (see [`super::populations`]).
+/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from
+/// there to where c_x is 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
     at: &'a [*mut S; 9],
     along: [isize; 2],
@@ -346,8 +350,8 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
     }
 }
 
-/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of nine before the loop, and
-/// fetch most of them from the stack in every turn.
+/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of
+/// nine before the loop, and fetch most of them from the stack in every turn.
 #[inline(always)]
 fn opaque(along: &mut [isize; 2]) {
     #[cfg(target_arch = "x86_64")]
@@ -368,7 +372,8 @@ fn opaque(along: &mut [isize; 2]) {
 }
 
 /// # Safety
-/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of `N`.
+/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of
+/// `N`.
 #[inline(always)]
 unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     shared: &Shared<S>,
@@ -401,7 +406,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
         ahead.wrapping_sub(shared.first[0]).cast_signed(),
         behind.wrapping_sub(shared.first[0]).cast_signed(),
     ];
-    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing them takes time.
+    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing
+    // them takes time.
     let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
     for plane in block.planes.clone() {
         for row in block.rows.clone() {
@@ -420,7 +426,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 while k < end {
                     let mut along = along;
                     opaque(&mut along);
-                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread
+                    // works on it.
                     let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
                     if T::ACTIVE && eddies.present() {
                         // SAFETY: an interior cell.

@@ -1,5 +1,5 @@
-//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid Mech. 271
-//! (1994) 285).
+//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid
+//! Mech. 271 (1994) 285).
 //!
 //! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
 //! kept (Ladd 1994), so that both ends bounce back:
@@ -14,10 +14,11 @@
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
 //!
-//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for discs and spheres,
-//! the last face that the link enters for convex polyhedra.
+//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for
+//! discs and spheres, the last face that the link enters for convex polyhedra.
 //!
-//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not affect them.
+//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not
+//! affect them.
 
 pub mod fixed;
 
@@ -121,7 +122,8 @@ struct Numbers<S>(*mut S);
 // lists never touch the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
 unsafe impl<S> Sync for Numbers<S> {}
 
-/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the links that it made.
+/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the
+/// links that it made.
 pub const BODIES_PER_THREAD: usize = 16;
 
 /// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
@@ -140,8 +142,8 @@ fn prefetch<S>(numbers: *const S, at: usize) {
     let _ = (numbers, at);
 }
 
-/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
-/// body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
+/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]`
+/// belong to body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.
@@ -214,8 +216,8 @@ fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     (-dc - root) / cc
 }
 
-/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the link's start
-/// in front of them.
+/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the
+/// link's start in front of them.
 #[inline(always)]
 fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
     let start = std::array::from_fn(|a| centre[a] + d[a]);
@@ -320,8 +322,8 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
 }
 
 /// # Safety
-/// As for [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be written
-/// by any thread: both cells are fluid, so no link stands between them.
+/// As for [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be
+/// written by any thread: both cells are fluid, so no link stands between them.
 #[inline(always)]
 unsafe fn interpolated<S: Stored, const D: usize>(
     all: &Along<S>,
@@ -330,9 +332,8 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     cut: impl Fn([f64; 3], [f64; 3]) -> f64,
 ) {
     if !(link.loads && link.backed) {
-        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose outer
-        // cell belongs to the neighbouring slab is interpolated there.
-        // SAFETY: promised by the caller.
+        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose
+        // outer cell belongs to the neighbouring slab is interpolated there. SAFETY: promised by the caller.
         unsafe { half_way::<S, D>(all, link, load) };
         return;
     }

@@ -1,7 +1,8 @@
-//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages, also in programs and tests with another allocator.
+//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages, also in programs and tests
+//! with another allocator.
 //!
-//! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and the processor
-//! spends its time on address translation.
+//! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and
+//! the processor spends its time on address translation.
 
 use super::lanes::Stored;
 use crate::allocator;

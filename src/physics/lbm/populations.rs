@@ -9,19 +9,22 @@
 //! | even pass | slot ī of x | slot j̄ of x - c_j |
 //! | odd pass | slot i of x + c_i | slot j of x |
 //!
-//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either pass; only their roles
-//! change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only this file depends on the parity.
-//! Each number is accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
+//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either
+//! pass; only their roles change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only
+//! this file depends on the parity. Each number is accessed by exactly one cell per pass, so that the order of cells,
+//! threads and ranks has no effect.
 //!
 //! # Layout
 //!
-//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one ghost cell on every
-//! side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
-//! third of the speed. Memory comes from `mmap` with huge pages advised before the first access.
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one
+//! ghost cell on every side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array
+//! distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes from `mmap` with huge pages advised before
+//! the first access.
 //!
-//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers that a cell reads and
-//! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
-//! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
+//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers
+//! that a cell reads and writes therefore lie at nine addresses and two distances from them, which fit into the
+//! registers of the processor; 27 addresses do not. D3Q19 leaves four places unused; they are never accessed and cost
+//! no memory.
 
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{Avx2, Avx512};
@@ -50,8 +53,8 @@ pub struct Link {
     pub far: u32,
 }
 
-/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends of rows are the
-/// dearest, a line of the cache for each number.
+/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends
+/// of rows are the dearest, a line of the cache for each number.
 fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
     (0..dimension)
         .filter(|&a| a != split)
@@ -359,7 +362,8 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its first cell.
+    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its
+    /// first cell.
     pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
         let [s, m, _] = self.order;
         let cells = self.cells;
@@ -406,8 +410,8 @@ impl<S: Stored> Populations<S> {
         self.sums(|i| self.incoming(cell, i))
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
-    /// in memory: density deviation, then the three momenta.
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which
+    /// they lie in memory: density deviation, then the three momenta.
     #[inline(never)]
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
         // Whole vectors: a row has room for them.
@@ -498,7 +502,8 @@ impl<S: Stored> Populations<S> {
         totals
     }
 
-    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a place of its own.
+    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a
+    /// place of its own.
     pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
         let [slow, middle, _] = self.order;
         let rows = self.cells[slow] * self.cells[middle];
@@ -581,7 +586,8 @@ const AHEAD: usize = 256;
 /// Density deviation and momenta of the cells of a row from where it has each population.
 ///
 /// # Safety
-/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the instructions of `N`.
+/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the
+/// instructions of `N`.
 #[inline(always)]
 unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     velocities: &[[i8; 3]],

@@ -2,11 +2,12 @@
 //!
 //! u(x) = A Σ_n a_n cos(k_n·x + φ_n),  a_n ⊥ k_n,  |a_n| = 1,  A = (2 D/N)^½ in D dimensions
 //!
-//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1} exp(-k² σ²/2):
+//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1}
+//! exp(-k² σ²/2):
 //! |k| σ is the length of a vector of D + 2 normal numbers. The longitudinal correlation of the ensemble is
-//! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in groups of D: in a
-//! random frame the mode along each axis points along the next one. Their a_n are an orthogonal frame, so that the mean square of
-//! every component is exactly one, not only on average over seeds.
+//! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in
+//! groups of D: in a random frame the mode along each axis points along the next one. Their a_n are an orthogonal
+//! frame, so that the mean square of every component is exactly one, not only on average over seeds.
 //!
 //! All values are functions of seed and position: they are the same on any rank, in any order, and after a restart.
 
@@ -235,8 +236,8 @@ mod tests {
         }
     }
 
-    /// The correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), across it that plus r/(D - 1) times its
-    /// derivative (Batchelor 1953). Averages over space of a sum of waves are sums over waves.
+    /// The correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), across it that plus r/(D - 1)
+    /// times its derivative (Batchelor 1953). Averages over space of a sum of waves are sums over waves.
     #[test]
     fn correlations_are_those_of_the_length() {
         let length = 3.0;

@@ -1,9 +1,11 @@
-//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to that of the fluid. One file per model.
+//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to
+//! that of the fluid. One file per model.
 //!
-//! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with which the cells
-//! collided **one step before**, by second-order central differences. The pass writes the velocity of each cell beside the
-//! populations and reads the field of the previous step ([`field`]), so that the field costs 36 bytes per cell and step and no separate pass.
-//! The delay is of the order of dt, far below the time scale of resolved eddies.
+//! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with
+//! which the cells collided **one step before**, by second-order central differences. The pass writes the velocity of
+//! each cell beside the populations and reads the field of the previous step ([`field`]), so that the field costs 36
+//! bytes per cell and step and no separate pass. The delay is of the order of dt, far below the time scale of resolved
+//! eddies.
 
 pub mod field;
 
@@ -13,8 +15,8 @@ use crate::family::{self, Description};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in a case is that of
-/// its module.
+/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in
+/// a case is that of its module.
 macro_rules! eddy_viscosities {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
         $(pub mod $module;)*
@@ -39,7 +41,8 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the
+            /// case.
             #[must_use]
             pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
                 match self {
@@ -84,7 +87,8 @@ pub trait Model {
         None
     }
 
-    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient
+    /// g_ab = ∂u_a/∂x_b.
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
     /// ν_t in lattice units.
@@ -130,8 +134,8 @@ impl Eddies for Resolved {
     }
 }
 
-/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so that it need not
-/// be compiled for each.
+/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so
+/// that it need not be compiled for each.
 impl Eddies for Option<EddyViscosity> {
     const ACTIVE: bool = true;
 

@@ -163,8 +163,8 @@ fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
     triangles(outline).iter().map(|t| t.to_vec()).collect()
 }
 
-/// A simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H. Meisters, Amer. Math.
-/// Monthly 82 (1975) 648).
+/// A simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H. Meisters,
+/// Amer. Math. Monthly 82 (1975) 648).
 fn triangles(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..outline.len()).collect();
     let mut found = Vec::new();

@@ -15,7 +15,8 @@ pub struct Images {
 }
 
 impl Images {
-    /// The images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans the domain has no end.
+    /// The images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans the
+    /// domain has no end.
     #[must_use]
     pub fn new(solid: Arc<dyn Solid>, frame: Frame, periodic: [bool; 3], margin: f64) -> Self {
         let [low, high] = solid.extent();
@@ -99,8 +100,8 @@ impl Images {
             .map(move |shift| [plus(low, *shift), plus(high, *shift)])
     }
 
-    /// The surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and has no ends. Of a box or
-    /// prism that joins or overlaps its image it is the part of one period.
+    /// The surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and has no
+    /// ends. Of a box or prism that joins or overlaps its image it is the part of one period.
     #[must_use]
     pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
         let mut solid = Arc::clone(&self.solid);
@@ -118,8 +119,8 @@ impl Images {
         }
     }
 
-    /// The axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so that they may overlap their
-    /// images.
+    /// The axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so that they
+    /// may overlap their images.
     #[must_use]
     pub fn may_overlap(&self) -> Option<usize> {
         let [low, high] = self.solid.extent();

@@ -1,9 +1,10 @@
 //! Signed distance of a triangulated surface, and the parts of a line inside it.
 //!
-//! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the nearest point, which is
-//! right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243).
-//! The sign for shells that may cross each other, or touch along edges, is that of the winding number ([`crossings`]): inside is what at least
-//! one of them holds. An open surface has a distance without a sign.
+//! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the
+//! nearest point, which is right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE
+//! Trans. Vis. Comput. Graph. 11 (2005) 243). The sign for shells that may cross each other, or touch along edges, is
+//! that of the winding number ([`crossings`]): inside is what at least one of them holds. An open surface has a
+//! distance without a sign.
 //!
 //! Triangles are wound alike, and shells that are inside out are turned ([`shells`]).
 
@@ -96,8 +97,8 @@ fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
 }
 
 impl Mesh {
-    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles without an area are left
-    /// out, and so is all but one of those with the same corners.
+    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles
+    /// without an area are left out, and so is all but one of those with the same corners.
     ///
     /// # Errors
     /// A sentence where nothing is left, or where the surface has no two sides.
@@ -226,8 +227,8 @@ impl Mesh {
         }
     }
 
-    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length between 0 and 1, apart
-    /// and rising.
+    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length
+    /// between 0 and 1, apart and rising.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         let length = norm(along);
         let distance = self.distance(from);
@@ -350,7 +351,8 @@ impl Mesh {
     }
 }
 
-/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of cubes side by side.
+/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of
+/// cubes side by side.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;

@@ -25,19 +25,21 @@ pub trait Solid: Debug + Send + Sync {
     /// The smallest box that holds it, infinite where it has no end.
     fn extent(&self) -> [Point; 2];
 
-    /// The parts of the way from `from` by `along` that lie inside, as parts of its length between 0 and 1, apart and rising. They are added
-    /// to `found`, which is empty.
+    /// The parts of the way from `from` by `along` that lie inside, as parts of its length between 0 and 1, apart and
+    /// rising. They are added to `found`, which is empty.
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         trace(self, from, along, found);
     }
 
-    /// Its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\] inside the true one.
+    /// Its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\] inside
+    /// the true one.
     fn outline(&self, tolerance: f64) -> Vec<[f64; 2]>;
 
     /// Its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the true one.
     fn facets(&self, tolerance: f64) -> Facets;
 
-    /// The part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same section all along this axis.
+    /// The part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same section all
+    /// along this axis.
     fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {
         None
     }
@@ -50,13 +52,14 @@ pub trait Solid: Debug + Send + Sync {
 
 /// Shortest step along a line, as a part of its length: thinner chords are passed over.
 const STEP: f64 = 1e-4;
-/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than such a step.
+/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than
+/// such a step.
 const GRAZING: u32 = 16;
 /// The longest of them.
 const LONGEST: f64 = 1e-2;
 
-/// [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length passes over nothing
-/// (J. C. Hart, The Visual Computer 12 (1996) 527).
+/// [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length passes
+/// over nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
 pub(super) fn trace<S: Solid + ?Sized>(
     solid: &S,
     from: Point,

@@ -75,9 +75,9 @@ impl Network {
         network
     }
 
-    /// The part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away springs lowers every
-    /// eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is alike everywhere it differs by the
-    /// square of the inverse of its width.
+    /// The part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away springs
+    /// lowers every eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is alike
+    /// everywhere it differs by the square of the inverse of its width.
     pub(super) fn stiffest_part(self) -> Self {
         if self.nodes.len() <= LARGEST {
             return self;

@@ -1,7 +1,8 @@
 //! Time of a run on one core.
 //!
-//! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of `jobs/plans`. The pass over the
-//! lattice scales with the measured speed of the fluid, everything else with that of grains in contact ([`Machine`]).
+//! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of
+//! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
+//! grains in contact ([`Machine`]).
 
 use super::{Amounts, Machine, outputs};
 use crate::case::coupling::Coupling;
@@ -81,7 +82,8 @@ const LINK: f64 = 4.3e-9;
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
 const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
-/// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19 has it in its covered cells.
+/// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19
+/// has it in its covered cells.
 const JOINT: f64 = 2.2e-7;
 /// What eddies add to a covered cell of D3Q19.
 const COVERED_EDDIES: f64 = 6e-8;

@@ -1,8 +1,9 @@
 //! A bound of the error over the number of cells and the Reynolds number, from all measured rows of an obstacle.
 //!
-//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th percentile of ln e + p ln N - q ln(1 + Re) over the rows;
-//! p and q have the smallest loss of the quantile regression (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a
-//! grid. The bound holds from the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
+//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th
+//! percentile of ln e + p ln N - q ln(1 + Re) over the rows; p and q have the smallest loss of the quantile regression
+//! (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a grid. The bound holds from
+//! the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
 //! the bound of the most.
 
 use super::measured::{Row, rows};
@@ -12,10 +13,11 @@ use std::sync::LazyLock;
 
 /// Part of the rows that lie below the bound, before its margin.
 const CONFIDENCE: f64 = 0.95;
-/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this margin, bounds without one of
-/// the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
+/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this
+/// margin, bounds without one of the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
 const MARGIN: f64 = 3.0;
-/// Up to this Reynolds number inertia changes forces and flows by less than the rows differ: rows of creeping flow count.
+/// Up to this Reynolds number inertia changes forces and flows by less than the rows differ: rows of creeping flow
+/// count.
 const CREEPING: f64 = 1.0;
 /// Steps of p, from a fifth to 3.5, and of q, from 0 to 0.8.
 const STEP: f64 = 0.1;
@@ -103,8 +105,8 @@ impl Bound {
         (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
 
-    /// The smallest number of cells with at most this error; the most of the rows where it is not reached. Faster flow than that of the rows
-    /// gets the cells of boundary layers, which thin as the square root of the Reynolds number.
+    /// The smallest number of cells with at most this error; the most of the rows where it is not reached. Faster flow
+    /// than that of the rows gets the cells of boundary layers, which thin as the square root of the Reynolds number.
     pub(crate) fn cells_for(&self, target: f64, reynolds: f64) -> f64 {
         let [few, many] = self.cells;
         let slower = reynolds.min(self.most_reynolds);
@@ -233,7 +235,8 @@ mod tests {
     /// One other problem says nothing of how problems differ.
     const ENOUGH: usize = 2;
 
-    /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the bound.
+    /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the
+    /// bound.
     #[test]
     fn a_problem_that_is_left_out_keeps_the_bound_of_the_others() {
         let (mut judged, mut kept) = (0, 0);

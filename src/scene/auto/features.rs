@@ -17,7 +17,8 @@ use crate::scene::Scene;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
 
-/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows has 0.61.
+/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows
+/// has 0.61.
 const DENSE: f64 = 0.6;
 
 /// Rows of the table for layers that viscosity spreads in time.
@@ -233,9 +234,9 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     list
 }
 
-/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid fraction, over their diameter; at
-/// most 1. Errors of packed spheres go with it: on simple, body-centred and face-centred cubic lattices from 0.216 to 0.65 they
-/// are one curve.
+/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid
+/// fraction, over their diameter; at most 1. Errors of packed spheres go with it: on simple, body-centred and
+/// face-centred cubic lattices from 0.216 to 0.65 they are one curve.
 fn pores(solid: f64) -> f64 {
     (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
 }
@@ -313,8 +314,8 @@ fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     })
 }
 
-/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
-/// volume, as it may turn. None where it fills the way from wall to wall.
+/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by
+/// the sphere of its volume, as it may turn. None where it fills the way from wall to wall.
 fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
     let volume = match &body.shape {
         Shape::Cuboid { edges } => edges.iter().product(),
@@ -386,9 +387,9 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
     (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
 }
 
-/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that oscillates (Stokes), and (nu t)^½ of a
-/// flow that starts, at the end of a run that is shorter than the way of the flow along what it grows at (Rayleigh). Layers thicker than half of what
-/// they grow in are no layers.
+/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that
+/// oscillates (Stokes), and (nu t)^½ of a flow that starts, at the end of a run that is shorter than the way of the
+/// flow along what it grows at (Rayleigh). Layers thicker than half of what they grow in are no layers.
 fn layers(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(String, f64)> {
     let nu = lbm.kinematic_viscosity;
     let widths = gaps(case, lbm).into_iter().map(|(_, length)| length);

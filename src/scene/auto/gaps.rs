@@ -1,9 +1,11 @@
-//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with exact distances of discs and
-//! spheres. The distance of two polyhedra is the largest over their face normals, which is exact where a face is nearest and less elsewhere.
+//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with exact
+//! distances of discs and spheres. The distance of two polyhedra is the largest over their face normals, which is exact
+//! where a face is nearest and less elsewhere.
 //!
-//! In the plane, water that flows along an axis takes its widest way. The narrowest place of that way decides the flow. By the duality of
-//! paths and cuts it is found without paths: solids and walls are joined in the order of their gaps, and the gap that completes a chain
-//! from wall to wall, or round a periodic axis, is the narrowest place of the widest way. Narrower gaps hold water that hardly moves.
+//! In the plane, water that flows along an axis takes its widest way. The narrowest place of that way decides the flow.
+//! By the duality of paths and cuts it is found without paths: solids and walls are joined in the order of their gaps,
+//! and the gap that completes a chain from wall to wall, or round a periodic axis, is the narrowest place of the widest
+//! way. Narrower gaps hold water that hardly moves.
 
 use crate::case::Case;
 use crate::case::boundary::Boundary;
@@ -33,7 +35,8 @@ pub(crate) struct Gap {
     pub(crate) beside: f64,
     /// Whether a solid beside it is not round.
     pub(crate) faces: bool,
-    /// One over the sum of the curvatures of both sides \[m\]: the radius beside a flat wall, half of it between equal discs.
+    /// One over the sum of the curvatures of both sides \[m\]: the radius beside a flat wall, half of it between equal
+    /// discs.
     pub(crate) radius: f64,
 }
 

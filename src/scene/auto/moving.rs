@@ -11,9 +11,9 @@
 //! ```
 //!
 //! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with the
-//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than what
-//! the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and
-//! 2 F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
+//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than
+//! what the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and 2
+//! F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
 
 use super::density::Cause;
 use crate::scene::Scene;
@@ -36,8 +36,8 @@ const FILM: [f64; 2] = [6.0, 3.0];
 
 /// Stokes number from which a sphere rebounds from a wall in a liquid.
 const REBOUNDS: f64 = 10.0;
-/// Width of the thinnest film whose pressure the cells show, in cells: beside runs (`jobs/automatic/openings`) the estimate
-/// is then 2 to 4 times the change that the guards saw.
+/// Width of the thinnest film whose pressure the cells show, in cells: beside runs (`jobs/automatic/openings`) the
+/// estimate is then 2 to 4 times the change that the guards saw.
 const FILM_CELLS: f64 = 2.0;
 
 /// Returns the causes of changes of density of all bodies of a scene.
@@ -209,7 +209,8 @@ mod tests {
             .collect()
     }
 
-    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its start.
+    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its
+    /// start.
     #[test]
     fn a_driven_disc_sounds_once_and_sucks() {
         let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);

@@ -1,9 +1,10 @@
-//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
+//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the
+//! scene is made of.
 //!
-//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice or, where it is larger, the change of density that the loss of pressure along the
-//! flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies outside what was
-//! measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U
+//! dt/h)² for the compressibility of the lattice or, where it is larger, the change of density that the loss of
+//! pressure along the flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies
+//! outside what was measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};

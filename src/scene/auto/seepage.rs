@@ -1,7 +1,7 @@
 //! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the submerged weight of the bed
-//! and the pressure difference of the flow,
+//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the
+//! submerged weight of the bed and the pressure difference of the flow,
 //!
 //! ```text
 //! sigma = c (rho_s - rho) g H + dp,   c = 0.6
@@ -10,11 +10,12 @@
 //!                                     a = sigma/(c rho_s H), moves half a diameter
 //! ```
 //!
-//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load. `measured_seepage.csv` lists the
-//! resulting errors of the flow: the largest error of two beds, one near the critical gradient and one that the flow presses down, at this and every
-//! smaller overlap or interval. Both errors add up. The plan promises twice their sum and the error of the law of resistance
-//! ([`resistance`](super::resistance)); nothing where that is not known. Porosity is computed from exact overlaps, because other methods cost as much
-//! at equal error.
+//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load.
+//! `measured_seepage.csv` lists the resulting errors of the flow: the largest error of two beds, one near the critical
+//! gradient and one that the flow presses down, at this and every smaller overlap or interval. Both errors add up. The
+//! plan promises twice their sum and the error of the law of resistance ([`resistance`](super::resistance)); nothing
+//! where that is not known. Porosity is computed from exact overlaps, because other methods cost as much at equal
+//! error.
 //!
 //! Within the limits of the plan the settlement of columns (consolidation in water, oil and glycerine, and silt)
 //! differs by at most 0.8 % from that of a coupling in each solid step, the mass that erodes from sand by 0.5 %
@@ -30,8 +31,8 @@ use serde::Deserialize;
 use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_seepage.csv");
-/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since another bed
-/// is another problem than that of the rows.
+/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since
+/// another bed is another problem than that of the rows.
 const OF_CONTACTS: f64 = 0.3;
 const OF_INTERVAL: f64 = 0.2;
 /// Part of a bed that is solid, at most; of the order that spheres take in a random packing.
@@ -137,8 +138,8 @@ impl Bed {
     }
 }
 
-/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
-/// a part of its diameter.
+/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops
+/// what falls within a part of its diameter.
 pub(super) fn stiffness(
     scene: &Scene,
     target: f64,
@@ -291,7 +292,8 @@ mod tests {
         assert!(covering("overlap", 1.01 * softest.value).is_none());
     }
 
-    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19 / 159) m/s2.
+    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19
+    /// / 159) m/s2.
     const COLUMN: &str = r#"{
         "accuracy": "draft",
         "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},
@@ -339,7 +341,8 @@ mod tests {
         assert_eq!(scene.chosen.promised, None);
     }
 
-    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in random beds, Ergun's 4 and 21 %.
+    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in
+    /// random beds, Ergun's 4 and 21 %.
     #[test]
     fn the_promise_covers_the_law_of_resistance() {
         let mut grains = Vec::new();

@@ -49,7 +49,8 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     (Coupling::BounceBack(links), reason)
 }
 
-/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores, whatever couples them.
+/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores,
+/// whatever couples them.
 fn lie_packed(case: &Case) -> bool {
     /// As many touch a sphere in a loose packing.
     const NEIGHBOURS: u32 = 6;
@@ -90,7 +91,8 @@ pub(crate) fn without_stiffness(case: &Case) -> bool {
     matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
 }
 
-/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that do not move.
+/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that
+/// do not move.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
@@ -167,8 +169,8 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     }
 }
 
-/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in seepage that of
-/// the rows measured. And why.
+/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in
+/// seepage that of the rows measured. And why.
 fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let in_water = scene
         .flow

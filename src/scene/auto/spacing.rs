@@ -1,4 +1,5 @@
-//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
+//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of
+//! cells along every edge.
 
 use super::bound::Bound;
 use super::features::{self, Feature};
@@ -236,12 +237,12 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     Some((size, reason.into()))
 }
 
-/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number. Up to [`ASIDE`] finer, one is
-/// preferred that puts no round obstacle at a position of symmetry.
+/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number. Up to
+/// [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
 ///
-/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow to the next whole
-/// number of cells. Of the spacings in this range the one is taken that lengthens the domain least, relative to its edges. Edges grow
-/// and do not shrink, so that all that the case places in the domain stays in it.
+/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
+/// to the next whole number of cells. Of the spacings in this range the one is taken that lengthens the domain least,
+/// relative to its edges. Edges grow and do not shrink, so that all that the case places in the domain stays in it.
 fn whole_cells(
     case: &Case,
     wanted: f64,
@@ -284,8 +285,9 @@ fn whole_cells(
     })
 }
 
-/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the staircases of opposite sides are
-/// equal, and their errors add up: such discs broke three times as many promises as others.
+/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the
+/// staircases of opposite sides are equal, and their errors add up: such discs broke three times as many promises as
+/// others.
 fn symmetric(case: &Case, h: f64) -> bool {
     let on_lattice = |x: f64| (2.0 * x / h - (2.0 * x / h).round()).abs() < ON_LATTICE;
     let mut round = case.bodies.iter().filter(|body| body.shape.round());

@@ -2,15 +2,16 @@
 //!
 //! The step is the longest that keeps
 //!
-//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
+//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most
+//!   (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
 //! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the
 //!   target, and 3 %;
 //! - all changes of density that the flow needs ([`super::density`]) together at three quarters of
 //!   `guards.max_compression`;
 //! - 200 steps in a period, 100 in the run, one in every interval of output;
-//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
-//!   begin, unless the relaxation time would fall below the range of two relaxation times.
+//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end
+//!   or before averages begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
 //! It is shortened so that the intervals of probes and outputs are whole numbers of steps.
 //!
@@ -40,8 +41,8 @@ use crate::units::LatticeUnits;
 
 /// Largest relaxation time.
 const MOST_TAU: f64 = 1.5;
-/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a flume they failed
-/// at 0.5302 and held at 0.5491.
+/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a
+/// flume they failed at 0.5302 and held at 0.5491.
 const LEAST_TAU: f64 = 0.51;
 const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
 /// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D and around what moves, held
@@ -154,8 +155,8 @@ fn common(a: f64, b: f64) -> f64 {
     long
 }
 
-/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples: of all of them,
-/// or else of those of probes, or else of the shortest.
+/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples:
+/// of all of them, or else of those of probes, or else of the shortest.
 fn dividing(scene: &Scene, longest: f64) -> f64 {
     let finite = |every: &f64| every.is_finite() && *every > 0.0;
     let all: Vec<f64> = intervals(scene).filter(finite).collect();
@@ -173,8 +174,9 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples at the nearest
-/// steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would no longer hold.
+/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples
+/// at the nearest steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would
+/// no longer hold.
 fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
     let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
     let shorter = dividing(scene, longest);
@@ -324,8 +326,8 @@ fn limits(
     limits
 }
 
-/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to spare; none where they
-/// are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
+/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to
+/// spare; none where they are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
     let grains = scene.grains.as_ref()?;

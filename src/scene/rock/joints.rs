@@ -1,15 +1,16 @@
 //! A joint set: parallel planes with an orientation and a distribution of their spacing.
 //!
-//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's steepest
-//! line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north, 0 … 360°.
+//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's
+//! steepest line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north,
+//! 0 … 360°.
 //!
 //! ```text
 //! n = (sin dip sin direction, sin dip cos direction, cos dip)       upward normal
 //! ```
 //!
-//! Spacing is measured along the normal. One plane passes through the origin of the set; the gaps on both sides are drawn one after another.
-//! Scan lines mostly show a negative exponential spacing, that of randomly placed joints: S. D. Priest, J. A. Hudson, Int. J. Rock Mech. Min.
-//! Sci. & Geomech. Abstr. 13 (1976) 135.
+//! Spacing is measured along the normal. One plane passes through the origin of the set; the gaps on both sides are
+//! drawn one after another. Scan lines mostly show a negative exponential spacing, that of randomly placed joints: S.
+//! D. Priest, J. A. Hudson, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 13 (1976) 135.
 
 use nalgebra::Vector3;
 
@@ -104,8 +105,8 @@ pub fn upward_normal(dip: f64, direction: f64) -> Vector3<f64> {
 }
 
 impl JointSet {
-    /// Distances (m) from the origin of the coordinates, along the normal, of the planes between two bounds, in rising order. `place` is
-    /// the set's number: sets with one seed differ.
+    /// Distances (m) from the origin of the coordinates, along the normal, of the planes between two bounds, in rising
+    /// order. `place` is the set's number: sets with one seed differ.
     #[must_use]
     pub fn offsets(&self, seed: u64, place: u32, low: f64, high: f64) -> Vec<f64> {
         let first = self.normal.dot(&self.origin);

@@ -1,15 +1,16 @@
 //! Lists of blocks in files: two formats are read, one is written.
 //!
-//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and either `half_spaces`, each
-//! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is `fixed` are optional. Lengths are in m:
+//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and
+//! either `half_spaces`, each `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is
+//! `fixed` are optional. Lengths are in m:
 //!
 //! ```json
 //! {"blocks": [{"id": 0, "half_spaces": [[1, 0, 0, 2.5]], "material": "granite", "fixed": true}]}
 //! ```
 //!
-//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or in an array: `centerX`,
-//! `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance from the centre. Friction (`phi`) and
-//! cohesion of a face are not used, because the contact law defines friction.
+//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or
+//! in an array: `centerX`, `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance
+//! from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines friction.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

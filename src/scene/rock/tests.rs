@@ -84,7 +84,8 @@ fn dip_and_dip_direction_are_those_of_a_compass() {
     assert_eq!(upward_normal(90.0, 270.0), -Vector3::x());
 }
 
-/// A cube under planes of 45° that dip to the east: what is below the k-th from the lower edge is a wedge of volume (k s)².
+/// A cube under planes of 45° that dip to the east: what is below the k-th from the lower edge is a wedge of volume (k
+/// s)².
 #[test]
 fn planes_of_45_degrees_cut_wedges() {
     let s = 0.5_f64.sqrt() / 4.0;

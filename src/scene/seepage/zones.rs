@@ -234,7 +234,8 @@ fn columns(axes: &[&'static str]) -> Vec<Column> {
         .collect()
 }
 
-/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic conductivity [m s].
+/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic
+/// conductivity [m s].
 ///
 /// # Errors
 /// A sentence that names the line or the column.

@@ -1,11 +1,13 @@
 //! How a hole erodes, in numbers: at its faces, bond by bond, while the bulk stands; or by failure of the bulk.
 //!
-//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of discs whose
-//!   contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six) without friction.
-//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall of the hole.
-//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk are the grains that
-//!   started beside the hole and more than [`BEHIND`] mean diameters behind its present faces and from its ends, as far as they are
-//!   still there.
+//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of
+//!   discs whose contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six)
+//!   without friction.
+//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall
+//!   of the hole.
+//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk
+//!   are the grains that started beside the hole and more than [`BEHIND`] mean diameters behind its present faces and
+//!   from its ends, as far as they are still there.
 
 use super::hole::{BEHIND, Hole, depth};
 use crate::analysis::erosion_law::HoleFaces;

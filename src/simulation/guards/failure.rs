@@ -1,7 +1,7 @@
 //! The message about a cell that fails a check: its position, its values, its surroundings, and a remedy.
 //!
-//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records the outcomes. For all other
-//! failures the message names the nearest limit and refers to `solver plan`.
+//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records
+//! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
 use crate::coupling::lattice::LatticeFlow;
@@ -186,8 +186,8 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the sphere round them.
-/// Collective.
+/// The body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the sphere
+/// round them. Collective.
 fn solid<Sp: Space>(
     at: [f64; 3],
     particles: &Particles<Sp>,
@@ -308,8 +308,8 @@ fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
         .max_by(|a, b| a.used.total_cmp(&b.used))
 }
 
-/// As [`nearest`], of what the water must keep. That tau is above 1/2 says nothing, and time steps that the program chose for
-/// accuracy are at their limits by choice.
+/// As [`nearest`], of what the water must keep. That tau is above 1/2 says nothing, and time steps that the program
+/// chose for accuracy are at their limits by choice.
 fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
     let own = |limit: &str| {
         limit.starts_with(SOLID)

@@ -1,9 +1,11 @@
-//! A check of every cell of a slab: the fastest cell, the most compressed cell, and the first cell whose values are not finite.
+//! A check of every cell of a slab: the fastest cell, the most compressed cell, and the first cell whose values are not
+//! finite.
 //!
-//! The threads of the rank reduce each row to its extreme values, several cells at a time. Only rows that may contain the result are
-//! then processed cell by cell, the most extreme first, because the extreme value of a row may be in a cell inside a body, which does not
-//! count. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
-//! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
+//! The threads of the rank reduce each row to its extreme values, several cells at a time. Only rows that may contain
+//! the result are then processed cell by cell, the most extreme first, because the extreme value of a row may be in a
+//! cell inside a body, which does not count. Values and cells do not depend on ranks and threads: rows are the same on
+//! any number of ranks, a cell has the same bits alone and in its row, and of equal values the first cell in the order
+//! of the lattice counts.
 
 use crate::coupling::lattice::LatticeFlow;
 use crate::dem::space::Space;

@@ -1,12 +1,13 @@
 //! Comparison of inflow and outflow through the openings of a lattice.
 //!
-//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly and over all
-//! ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are averaged over a *window* of
-//! checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least [`LEAST_LOOKS`] checks. A lattice fluid is
-//! compressible, so that inflow and outflow differ while pressure builds up. They are compared when all ramps of the boundaries have
-//! ended and two whole windows have passed since:
+//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly
+//! and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are
+//! averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
+//! [`LEAST_LOOKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up.
+//! They are compared when all ramps of the boundaries have ended and two whole windows have passed since:
 //!
-//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than [`IMBALANCE`];
+//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than
+//!   [`IMBALANCE`];
 //! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
 //!
 //! Both are warnings: the density ends the run of a domain that continues to fill (`guards.max_compression`).

@@ -62,8 +62,9 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
                     speed * (a / b) * x.sin() * y.cos() * z.cos(),
                     0.0,
                 ];
-                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²) and
-                // B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three times that.
+                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²)
+                // and B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three
+                // times that.
                 let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
                 let drho = -0.375
                     * speed

@@ -149,7 +149,8 @@ fn a_cone_settles_as_deep_as_it_is() {
         grain.at[2] + grain.radius <= surface - (depth - r).max(0.0) + 1e-12
     });
     let seen = sample(&grains, &[point(5)]);
-    // The innermost grains are at r = d/sqrt(2): above them less than 4 d, so they go down to 3 d below the surface at most.
+    // The innermost grains are at r = d/sqrt(2): above them less than 4 d, so they go down to 3 d below the surface at
+    // most.
     let expected = |column: [usize; 2]| {
         let corners = [0.5, 1.5].iter().flat_map(|a| [0.5, 1.5].map(|b| (*a, b)));
         let highest = corners.map(|(a, b)| {
@@ -196,7 +197,8 @@ fn trenches_have_the_length_and_depth_they_were_dug_with() {
     assert!(near(seen.settlement_percentile, 2.0 * D));
 }
 
-/// What flies alone is no surface, what falls together is, and a column without any grain goes down to its lowest ground.
+/// What flies alone is no surface, what falls together is, and a column without any grain goes down to its lowest
+/// ground.
 #[test]
 fn a_grain_in_flight_is_no_ground() {
     let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
@@ -272,7 +274,8 @@ fn one_column_that_sinks_with_its_grains_is_a_depression() {
     );
 }
 
-/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller settlement.
+/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller
+/// settlement.
 #[test]
 fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
     let sunk = |columns: &[([usize; 2], f64)]| {
@@ -331,8 +334,8 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     assert!(near(sample(&low, &[point]).points[0].front, 4.0 / 6.0));
 }
 
-/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at every height is a rectangle,
-/// though the upper half of the moving ground has more cells.
+/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at
+/// every height is a rectangle, though the upper half of the moving ground has more cells.
 #[test]
 fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     let point = Point {

@@ -163,7 +163,8 @@ impl BodyMap {
             && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(place, d)))
     }
 
-    /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local coordinates).
+    /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local
+    /// coordinates).
     #[must_use]
     pub fn encloses<S: Stored>(&self, cell: [usize; 3], populations: &Populations<S>) -> bool {
         let velocities = populations.velocities();

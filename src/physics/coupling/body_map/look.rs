@@ -131,8 +131,8 @@ const REACH: f64 = 1.5;
 /// Cells watched.
 const WATCHED: usize = 8;
 
-/// The cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. Most often none has,
-/// and none of the others needs a look.
+/// The cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. Most
+/// often none has, and none of the others needs a look.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
     /// In the raw frame, with the value of [`beyond`] when they were found, by rising size.
@@ -196,8 +196,9 @@ fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     square(0) + beside - rigid.radius * rigid.radius
 }
 
-/// A distance that no cell centre with `|d² - R²|` of this size is nearer to the surface than: that over `d + R`, which is at most 2 R and
-/// the reach of a look. A little less, so that rounding cannot matter; beyond the searched box it is at least half a cell.
+/// A distance that no cell centre with `|d² - R²|` of this size is nearer to the surface than: that over `d + R`,
+/// which is at most 2 R and the reach of a look. A little less, so that rounding cannot matter; beyond the searched box
+/// it is at least half a cell.
 fn slack(size: f64, radius: f64) -> f64 {
     if size.is_finite() {
         (size / (2.0 * radius + 2.5) * (1.0 - 1e-6) - 1e-9).clamp(0.0, 0.4)
@@ -207,7 +208,8 @@ fn slack(size: f64, radius: f64) -> f64 {
     }
 }
 
-/// Whether a disc or sphere that has moved by its slack holds the same cells as when it was looked at. If so, it has a new slack.
+/// Whether a disc or sphere that has moved by its slack holds the same cells as when it was looked at. If so, it has a
+/// new slack.
 fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))

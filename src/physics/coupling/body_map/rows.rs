@@ -31,8 +31,8 @@ impl Row {
 }
 
 impl Rows {
-    /// Takes new rows, from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are left out, so that the same cells
-    /// in two dimensions are the same rows.
+    /// Takes new rows, from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are left out, so
+    /// that the same cells in two dimensions are the same rows.
     pub(super) fn take(
         &mut self,
         low: [i32; 2],

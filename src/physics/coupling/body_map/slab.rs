@@ -29,7 +29,8 @@ impl Slab {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// One value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain, one outside.
+    /// One value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain, one
+    /// outside.
     pub(super) fn layout(&self, inside: u32, outside: u32) -> Vec<u32> {
         let range = |a: usize| -self.ghosts(a)..self.cells[a] + self.ghosts(a);
         let mut values = Vec::with_capacity((0..3).map(|a| range(a).len()).product());

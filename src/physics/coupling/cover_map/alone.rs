@@ -1,9 +1,9 @@
 //! Which bodies stand apart from all others and from the walls.
 //!
-//! Full cells of two bodies are neighbours only where the bodies nearly touch: each reaches to the corner that the cells share. A body whose
-//! bounding sphere keeps a distance from those of all others and from the walls therefore has no such cells, and the lattice need not look
-//! at their neighbours ([`crate::lbm::saturation::Solid::alone`]). What is found holds until a body has moved by half of what it was found
-//! with to spare.
+//! Full cells of two bodies are neighbours only where the bodies nearly touch: each reaches to the corner that the
+//! cells share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has
+//! no such cells, and the lattice need not look at their neighbours ([`crate::lbm::saturation::Solid::alone`]). What is
+//! found holds until a body has moved by half of what it was found with to spare.
 
 use super::super::body_map::Grid;
 use super::super::solid_fraction::Method;
@@ -31,7 +31,8 @@ pub(super) struct Alone {
     sorted: Sorted,
 }
 
-/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in one instruction.
+/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in
+/// one instruction.
 #[derive(Debug, Default)]
 struct Sorted {
     centre: [Vec<f64>; 3],
@@ -118,7 +119,8 @@ impl Alone {
         }
         self.found_for.clear();
         self.found_for.extend(spheres);
-        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a cell at each of two bodies.
+        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a
+        // cell at each of two bodies.
         let reach = match method {
             Method::Exact => 0.25,
             Method::Samples(_) | Method::Linear => 2.0,

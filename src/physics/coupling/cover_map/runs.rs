@@ -23,8 +23,8 @@ struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     runs: Vec<Run>,
-    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the negative. What is beyond the end of
-    /// the last run is room.
+    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the
+    /// negative. What is beyond the end of the last run is room.
     parts: Vec<f32>,
 }
 
@@ -111,7 +111,8 @@ impl Runs {
         }
     }
 
-    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows lie in one part each.
+    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows
+    /// lie in one part each.
     pub(super) fn tell(&self, cover: &mut Part<'_>, slot: u32, before: &Self) {
         // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
         const AHEAD: usize = 16;
@@ -213,7 +214,8 @@ fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
 }
 
-/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with AVX2 and a call without.
+/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with
+/// AVX2 and a call without.
 pub(super) struct Walk<'a, 'f> {
     pub(super) rows: &'a Rows,
     pub(super) form: &'a Form<'f>,

@@ -199,8 +199,8 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
     }
 }
 
-/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several with planes of
-/// their own.
+/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several
+/// with planes of their own.
 #[test]
 fn workers_cover_what_one_covers() {
     let grains = |step: i32| {
@@ -272,7 +272,8 @@ fn workers_cover_planes_of_a_block() {
     }
 }
 
-/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners, fractions and parts.
+/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners,
+/// fractions and parts.
 #[test]
 fn a_gpu_finds_the_same_cells() {
     use crate::lbm::gpu::balls::on_host;

@@ -162,7 +162,8 @@ fn momentum_closes_with_the_consistent_drag() {
     }
 }
 
-/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values, the closure.
+/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values,
+/// the closure.
 #[test]
 fn extremes_of_all_couplings_are_kept() {
     let mut seepage = Bench::default().seepage();
@@ -195,8 +196,8 @@ fn other_laws_say_by_how_much_they_miss() {
         bed(&mut seepage);
         seepage
     };
-    // The drag is the share eps of the whole force. Ergun has 150 where Kozeny and Carman have 180, and takes each grain's own
-    // diameter: sum V/d^2 over the two sizes (one to two) against that of Sauter's mean.
+    // The drag is the share eps of the whole force. Ergun has 150 where Kozeny and Carman have 180, and takes each
+    // grain's own diameter: sum V/d^2 over the two sizes (one to two) against that of Sauter's mean.
     let sizes = [(1.0, 2.5_f64), (2.0, 2.0)];
     let sum = |power: i32| -> f64 { sizes.iter().map(|(n, d)| n * d.powi(power)).sum() };
     let own = sum(1) * (sum(3) / sum(2)).powi(2) / sum(3);
@@ -265,8 +266,8 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     }
 }
 
-/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss, and the drag of
-/// the resistance closes the balance of momentum as it does without inertia.
+/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss,
+/// and the drag of the resistance closes the balance of momentum as it does without inertia.
 #[test]
 fn momentum_closes_with_the_resistance_of_ergun() {
     let mut seepage = Bench {
@@ -298,8 +299,8 @@ fn momentum_closes_with_the_resistance_of_ergun() {
     }
 }
 
-/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell: the load stays that
-/// of a bed at the cap.
+/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell:
+/// the load stays that of a bed at the cap.
 #[test]
 fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
     let mut seepage = Bench::default().seepage();
@@ -520,8 +521,8 @@ fn a_plug_that_moves_between_equal_pressures_keeps_its_speed() {
     assert!(speed_after(false, 1e-3) < 0.25 * SLOW);
 }
 
-/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its grains: the
-/// pressure below rises as Darcy's law says for a flux v.
+/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its
+/// grains: the pressure below rises as Darcy's law says for a flux v.
 #[test]
 fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
     let (speed, interval) = (-1e-4, 1e-3);

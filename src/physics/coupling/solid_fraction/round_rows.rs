@@ -1,4 +1,5 @@
-//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer in one loop.
+//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer
+//! in one loop.
 //!
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! one row alone.
@@ -36,7 +37,8 @@ impl RowCells {
 /// The rows of the layers of a ball or disc; buffers reused.
 #[derive(Debug, Default)]
 pub(crate) struct RoundRows {
-    /// How far each row lies beside the centre along the axis between the slowest and the fastest: nearest, farthest, beyond.
+    /// How far each row lies beside the centre along the axis between the slowest and the fastest: nearest, farthest,
+    /// beyond.
     beside: [Vec<f64>; 3],
     /// Ends of the cells of each row: outer, full, deep.
     low: [Vec<i32>; 3],

@@ -4,9 +4,9 @@
 //! f = C_d rho A |U| U eps^-chi / 2,   chi = 3.7 - 0.65 exp[-(1.5 - log10 Re)^2/2],   Re = rho d |U|/mu
 //! ```
 //!
-//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water past the
-//! grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial velocity for U. As a
-//! resistance it is [`super::permeability`] of this drag.
+//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water
+//! past the grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial
+//! velocity for U. As a resistance it is [`super::permeability`] of this drag.
 
 use super::dallavalle::Dallavalle;
 use super::{Bed, Grain, Law};

@@ -1,8 +1,8 @@
 //! Porosity by points: a grain is represented by 29 points (17 in 2-D) of equal weight.
 //!
-//! One point is the centre; 14 (8 in 2-D) lie on each of two shells, in the 6 + 8 directions of the axes and corners. Each shell
-//! represents 14/29 of the volume, the centre the innermost 1/29. A point lies at the mean radius of its shell. When a centre crosses a
-//! face, the porosity changes by 1/29 of the grain instead of the whole.
+//! One point is the centre; 14 (8 in 2-D) lie on each of two shells, in the 6 + 8 directions of the axes and corners.
+//! Each shell represents 14/29 of the volume, the centre the innermost 1/29. A point lies at the mean radius of its
+//! shell. When a centre crosses a face, the porosity changes by 1/29 of the grain instead of the whole.
 
 use super::Method;
 use crate::darcy::grid::Grid;

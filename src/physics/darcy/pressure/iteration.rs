@@ -1,7 +1,7 @@
 //! The linear solver: conjugate gradients with a multigrid cycle, from the last pressure.
 //!
-//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed pressure, or the largest
-//! source.
+//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
+//! pressure, or the largest source.
 
 use super::Pressure;
 use crate::darcy::Error;
@@ -118,7 +118,8 @@ impl Pressure {
         Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
     }
 
-    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration. Collective.
+    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration.
+    /// Collective.
     fn flowing(&self) -> f64 {
         let mut most = 0.0_f64;
         for face in &self.boundary {

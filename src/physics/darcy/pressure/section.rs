@@ -17,8 +17,8 @@ pub struct Through {
 }
 
 impl Pressure {
-    /// What crosses the faces below the cells of a plane across `axis`, of the cells in these ranges along the other axes. The plane may
-    /// be one past the last.
+    /// What crosses the faces below the cells of a plane across `axis`, of the cells in these ranges along the other
+    /// axes. The plane may be one past the last.
     #[must_use]
     pub fn through(&self, axis: usize, plane: usize, ranges: &[Range<usize>; 3]) -> Through {
         let mut discharge = ExactSum::new();

@@ -1,8 +1,8 @@
 //! Springs and friction of blocks, with mass-proportional damping.
 //!
 //! The narrow phase of [`crate::dem::polyhedron`] handles pairs of blocks, a block and a sphere, and a block at a wall;
-//! [`crate::dem::polyhedron::force`] computes their force. This file contains the parameters, and the same law for two spheres and a sphere
-//! at a wall:
+//! [`crate::dem::polyhedron::force`] computes their force. This file contains the parameters, and the same law for two
+//! spheres and a sphere at a wall:
 //!
 //! ```text
 //! F_n = k_n overlap - c_n d(gap)/dt, at least 0
@@ -10,7 +10,8 @@
 //! area = pi R overlap,   R = r1 r2/(r1 + r2), the radius at a wall
 //! ```
 //!
-//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for a block's patch.
+//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for
+//! a block's patch.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -34,7 +35,8 @@ use super::{
 use crate::dem::dashpot::{over_step, part_of_step};
 use crate::error::{Remedy, Report};
 
-/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking of faces in contact.
+/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking
+/// of faces in contact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Blocks")]
@@ -57,7 +59,8 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Mass-proportional damping α of all free bodies [1/s]: the velocity of a body without contacts decays as exp(-α t).
+    /// Mass-proportional damping α of all free bodies [1/s]: the velocity of a body without contacts decays as exp(-α
+    /// t).
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass_damping: f64,
@@ -310,8 +313,8 @@ impl ContactModel for Blocks {
         TimeLimits::of_spring(mass, pairs.map(stiffest).fold(0.0, f64::max))
     }
 
-    /// All faces rest on others whole: with the stiffness K of all of them together in the stiffest direction, and neighbours that swing
-    /// against the block, no frequency is above sqrt(2 K/m).
+    /// All faces rest on others whole: with the stiffness K of all of them together in the stiffest direction, and
+    /// neighbours that swing against the block, no frequency is above sqrt(2 K/m).
     fn time_limits_of_block(
         &self,
         material: u32,
@@ -362,8 +365,9 @@ pub struct Constants {
 }
 
 impl Blocks {
-    /// `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls of `materials`
-    /// materials, for stiffness per area over the block's largest face. The explicit step must stay well below: 0.1 is usual.
+    /// `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls of
+    /// `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
+    /// below: 0.1 is usual.
     #[must_use]
     pub fn critical_time_step<'a>(
         &self,

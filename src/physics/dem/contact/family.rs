@@ -1,4 +1,5 @@
-//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to the concrete law.
+//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to
+//! the concrete law.
 
 use super::{ContactLaw, PairProperties};
 use crate::dem::engine::bodies::Bodies;
@@ -7,9 +8,9 @@ use crate::dem::space::Space;
 
 /// Makes the two enums of a family of contact laws from a list.
 ///
-/// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case, `parameters` implements
-/// [`ContactParameters`](super::ContactParameters), and each `law` that can come of them implements
-/// [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
+/// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case,
+/// `parameters` implements [`ContactParameters`](super::ContactParameters), and each `law` that can come of them
+/// implements [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
 macro_rules! contact_laws {
     (
         $(#[$about:meta])* $vis:vis $Contact:ident,

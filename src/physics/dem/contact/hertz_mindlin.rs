@@ -1,5 +1,5 @@
-//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb friction, for spheres of
-//! elastic material.
+//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb
+//! friction, for spheres of elastic material.
 //!
 //! ```text
 //! F_n = 4/3 E* sqrt(R*) overlap^(3/2) - c_n d(gap)/dt                 pushing; pulling only with `attraction`
@@ -10,21 +10,23 @@
 //! 1/E* = (1 - nu1²)/E1 + (1 - nu2²)/E2,    1/G* = 2 (2 - nu1)(1 + nu1)/E1 + 2 (2 - nu2)(1 + nu2)/E2
 //! ```
 //!
-//! The variant is the incremental one with the tangent stiffness of Mindlin's contact without slip (H-MDns of Di Renzo and Di Maio): the
-//! partial slip of Mindlin and Deresiewicz at the edge of the contact is neglected. `F_s'` is the spring's force of the last step, rotated
-//! with the contact. If the contact has shrunk from radius a' to a, the force is reduced in proportion. Without this reduction a spring that
-//! is loaded at large overlaps and unloaded at small ones would return more work than it received (Thornton et al.).
+//! The variant is the incremental one with the tangent stiffness of Mindlin's contact without slip (H-MDns of Di Renzo
+//! and Di Maio): the partial slip of Mindlin and Deresiewicz at the edge of the contact is neglected. `F_s'` is the
+//! spring's force of the last step, rotated with the contact. If the contact has shrunk from radius a' to a, the force
+//! is reduced in proportion. Without this reduction a spring that is loaded at large overlaps and unloaded at small
+//! ones would return more work than it received (Thornton et al.).
 //!
-//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that of the linear spring
-//! with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed. With attraction
-//! `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing linear one (Schwager and Pöschel).
-//! [`damping`] finds the zeta of either.
+//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that
+//! of the linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed.
+//! With attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing
+//! linear one (Schwager and Pöschel). [`damping`] finds the zeta of either.
 //!
-//! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder Technology 71
-//! (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004) 525,
-//! doi:10.1016/j.ces.2003.09.037 and 60 (2005) 1303, doi:10.1016/j.ces.2004.10.004; T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465,
-//! doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004, doi:10.1209/0295-5075/94/50004;
-//! C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30, doi:10.1016/j.powtec.2012.08.012.
+//! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder
+//! Technology 71 (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004)
+//! 525, doi:10.1016/j.ces.2003.09.037 and 60 (2005) 1303, doi:10.1016/j.ces.2004.10.004; T. Schwager, T. Pöschel,
+//! Granular Matter 9 (2007) 465, doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004,
+//! doi:10.1209/0295-5075/94/50004; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30,
+//! doi:10.1016/j.powtec.2012.08.012.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -47,8 +49,9 @@ use super::{
 use crate::dem::dashpot::over_step;
 use crate::error::{Remedy, Report};
 
-/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed; incremental shear
-/// of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and `poisson_ratio` of the materials.
+/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed;
+/// incremental shear of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and
+/// `poisson_ratio` of the materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "HertzMindlin")]
@@ -64,12 +67,13 @@ pub struct Input {
     /// Whether the dashpot may pull while the grains separate. The restitution is the same with and without it.
     #[serde(default)]
     pub attraction: bool,
-    /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step. Default: the sum of
-    /// the two largest initial speeds and the speed of a fall through the domain.
+    /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step.
+    /// Default: the sum of the two largest initial speeds and the speed of a fall through the domain.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub impact_speed: Option<f64>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -259,7 +263,8 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
             0.0
         };
     }
-    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a logarithm.
+    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a
+    // logarithm.
     let phase_over_root = if (zeta - 1.0).abs() < 1e-9 {
         2.0
     } else if zeta < 1.0 {

@@ -1,5 +1,5 @@
-//! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials, and the facts of
-//! the scene that a law is resolved against.
+//! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials,
+//! and the facts of the scene that a law is resolved against.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -15,8 +15,8 @@ use crate::error::{Remedy, Report};
 
 /// The parameters of a law as they stand in a case. `F` is the family of resolved laws that the result belongs to.
 pub trait ContactParameters<F> {
-    /// The law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes back where no law can
-    /// be made.
+    /// The law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes back
+    /// where no law can be made.
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
 
     /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
@@ -103,8 +103,8 @@ impl SceneFacts<'_> {
     }
 }
 
-/// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an override at
-/// its path. Duplicate pairs and unknown materials are findings.
+/// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an
+/// override at its path. Duplicate pairs and unknown materials are findings.
 pub(super) fn pair_table<P: Clone, O>(
     (path, scene): (&str, &SceneFacts<'_>),
     base: PairTable<P>,
@@ -135,8 +135,8 @@ pub(super) fn pair_table<P: Clone, O>(
     table
 }
 
-/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter of the
-/// grain), as in k_n/d = 150e6 N/m2.
+/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter
+/// of the grain), as in k_n/d = 150e6 N/m2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaled {

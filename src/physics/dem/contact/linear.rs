@@ -5,10 +5,11 @@
 //! F_s = cut(F_s' - k_s slip dt - c_s slip)       cut to length mu max(F_n, 0)
 //! ```
 //!
-//! `F_s'` is the spring's force of the last step, rotated with the contact. The dashpots are given as fractions of critical damping of the
-//! pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with attraction has the restitution
-//! `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`. Without attraction it is shorter, and the
-//! restitution is larger. While the contact slides, the spring keeps the limit force and the shear dashpot does not act.
+//! `F_s'` is the spring's force of the last step, rotated with the contact. The dashpots are given as fractions of
+//! critical damping of the pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with
+//! attraction has the restitution `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`.
+//! Without attraction it is shorter, and the restitution is larger. While the contact slides, the spring keeps the
+//! limit force and the shear dashpot does not act.
 //!
 //! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
 
@@ -38,8 +39,8 @@ use crate::error::Report;
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Linear")]
 pub struct Input {
-    /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the weight of what lies
-    /// above; in seepage with `accuracy`, from the load on the bed.
+    /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the
+    /// weight of what lies above; in seepage with `accuracy`, from the load on the bed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_stiffness: Option<Scaled>,
     /// Shear to normal stiffness k_s/k_n [1].
@@ -58,15 +59,17 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Whether the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the rebound is slightly
-    /// faster than the damping ratio implies. A dashpot that pulls ends within a step: at a time step dt the restitution of one impact is off
-    /// its mean by up to 0.4 c dt/m, 3 % for a damping ratio of 0.2 and 12 % for 0.5 at the default step; pushing only, by 1 %.
+    /// Whether the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the
+    /// rebound is slightly faster than the damping ratio implies. A dashpot that pulls ends within a step: at a time
+    /// step dt the restitution of one impact is off its mean by up to 0.4 c dt/m, 3 % for a damping ratio of 0.2 and 12
+    /// % for 0.5 at the default step; pushing only, by 1 %.
     #[serde(default)]
     pub attraction: bool,
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -254,7 +257,8 @@ pub struct Constants {
     square: f64,
 }
 
-/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times stiffness.
+/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times
+/// stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     normal: f64,

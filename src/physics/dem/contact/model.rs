@@ -17,7 +17,8 @@ pub trait ContactModel {
     /// Coefficient of friction of a pair of materials.
     fn friction(&self, materials: [u32; 2]) -> f64;
 
-    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4 of the diameter.
+    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4
+    /// of the diameter.
     fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
 
     /// Normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
@@ -25,9 +26,9 @@ pub trait ContactModel {
         self.normal_stiffness([material; 2], diameter) / diameter
     }
 
-    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction. Grains are bonded
-    /// once they are prepared. A law with another stiffness therefore has no bonds: bonds of full strength on soft springs would open so
-    /// wide that lists of neighbours held hundreds of pairs for each grain.
+    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction.
+    /// Grains are bonded once they are prepared. A law with another stiffness therefore has no bonds: bonds of full
+    /// strength on soft springs would open so wide that lists of neighbours held hundreds of pairs for each grain.
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>);
 
     /// Springs and dashpots of a contact, for stability.
@@ -41,7 +42,8 @@ pub trait ContactModel {
         None
     }
 
-    /// The fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a case that sets it.
+    /// The fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a case
+    /// that sets it.
     fn impact_speed(&self) -> Option<(f64, &'static str)> {
         None
     }
@@ -75,8 +77,8 @@ pub trait ContactModel {
 /// What bounds the solid time step of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLimits {
-    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is expected, shortened
-    /// by the dashpot.
+    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is
+    /// expected, shortened by the dashpot.
     pub spring: f64,
     /// Rayleigh's time \[s\] of an elastic sphere.
     pub rayleigh: Option<f64>,
@@ -138,8 +140,8 @@ pub struct Springs {
 }
 
 impl Springs {
-    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that has neither
-    /// friction nor a bond does not stick: it has no shear spring.
+    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that
+    /// has neither friction nor a bond does not stick: it has no shear spring.
     pub(in crate::dem) fn damped(
         stiffness: [f64; 2],
         sticks: bool,

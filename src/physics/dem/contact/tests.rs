@@ -1,4 +1,5 @@
-//! A contact law takes one file and one line: a list with the linear law and a toy, from the text of a case to two spheres that collide.
+//! A contact law takes one file and one line: a list with the linear law and a toy, from the text of a case to two
+//! spheres that collide.
 
 mod toy;
 

@@ -1,5 +1,6 @@
-//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies defines here how they
-//! move, which pairs of near spheres may touch, and how forces are computed. The defaults are those of spheres.
+//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies
+//! defines here how they move, which pairs of near spheres may touch, and how forces are computed. The defaults are
+//! those of spheres.
 
 use super::super::Contact;
 use super::super::particles::SPHERE;
@@ -58,7 +59,8 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// What [`Self::near`] and the forces need to know of every entry as it stands now.
     fn pose(_: &mut Self::Scratch, _: &Particles<S>, _parallel: bool) {}
 
-    /// Whether a pair, the second centre `between` (m) from the first's, may be within `gap` (m); only where their spheres are.
+    /// Whether a pair, the second centre `between` (m) from the first's, may be within `gap` (m); only where their
+    /// spheres are.
     #[inline(always)]
     fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
         true

@@ -1,8 +1,8 @@
 //! Contacts of grains with walls of facets.
 //!
-//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step, and each
-//! takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear survives an
-//! interior edge.
+//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step,
+//! and each takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear
+//! survives an interior edge.
 
 use super::*;
 
@@ -31,8 +31,8 @@ pub(in crate::dem) struct Held<M> {
     pub(super) history: M,
 }
 
-/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
-/// take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
+/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each
+/// step, and take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
 #[derive(Debug)]
 pub(in crate::dem) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
@@ -68,8 +68,8 @@ impl<C, M> Default for Facets<C, M> {
 }
 
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
-    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The loads are those from grain
-    /// `first` on.
+    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The
+    /// loads are those from grain `first` on.
     #[inline(always)]
     pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -141,7 +141,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         pair.held = (start, ghosts::index(self.next.len()));
     }
 
-    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from grain `first` on.
+    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from
+    /// grain `first` on.
     #[inline(always)]
     pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -179,8 +180,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         to
     }
 
-    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall replaces: where two walls
-    /// touch or lie in one plane, a sphere is pushed once.
+    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall
+    /// replaces: where two walls touch or lie in one plane, a sphere is pushed once.
     pub(super) fn find_doubled<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         (from, to): (usize, usize),
@@ -205,8 +206,9 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         (self.together, self.doubled, self.found) = (together, doubled, found);
     }
 
-    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a nearer one, of two as
-    /// near that with the first wall, in the same direction, or one with a facet on which the contact with an edge or a vertex stands.
+    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a
+    /// nearer one, of two as near that with the first wall, in the same direction, or one with a facet on which the
+    /// contact with an edge or a vertex stands.
     pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &self,
         pairs: impl Iterator<Item = u32>,
@@ -290,7 +292,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     }
 }
 
-/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in
+/// `found` has.
 pub(super) fn history_of<M: Copy + Default>(
     surface: &Surface,
     held: &[Held<M>],
@@ -312,8 +315,8 @@ pub(super) fn history_of<M: Copy + Default>(
     })
 }
 
-/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that has moved at all
-/// places from which a facet may be near a body of the domain.
+/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that
+/// has moved at all places from which a facet may be near a body of the domain.
 fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
     let lengths = region.periodic_lengths();
     let mut places = vec![wall.point];

@@ -1,5 +1,5 @@
-//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their bytes in
-//! messages.
+//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their
+//! bytes in messages.
 //!
 //! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
 

@@ -1,9 +1,9 @@
 //! Lists of pairs: which pairs are near, and which of them a step tests.
 //!
-//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half the
-//! skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps are looked
-//! at next. The distance between two such looks adapts to the motion. In a bed nearly at rest the active pairs are
-//! the contacts.
+//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half
+//! the skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps
+//! are looked at next. The distance between two such looks adapts to the motion. In a bed nearly at rest the active
+//! pairs are the contacts.
 
 use super::*;
 use crate::dem::neighbors::threads_for;
@@ -58,8 +58,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         );
         self.lists.named_owned = particles.owned();
         self.list_offsets(particles);
-        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
-        // no more room than needed: it is most of the memory of a grain.
+        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes,
+        // which gets no more room than needed: it is most of the memory of a grain.
         let mut search = Search::default();
         let candidates = search.look(particles, gap);
         self.list_facets(particles, gap, &search);

@@ -1,18 +1,18 @@
 //! Forces between spheres, and their motion, by parts of the grains: one for each thread.
 //!
-//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part computes every active
-//! pair that one of its grains is in:
+//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part
+//! computes every active pair that one of its grains is in:
 //!
 //! 1. Pairs that come in from earlier parts, whose second is in the part. It has copies of them.
 //! 2. Its own pairs, whose first is in the part. They are contiguous in the list.
 //! 3. Its pairs with planes and its contacts with facets.
 //!
-//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts. A pair
-//! between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids follow space (the
-//! module `preparation::numbering` of the library).
+//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts.
+//! A pair between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids
+//! follow space (the module `preparation::numbering` of the library).
 //!
-//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts still read where
-//! the grains were. A solid step therefore has one meeting of the threads.
+//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts
+//! still read where the grains were. A solid step therefore has one meeting of the threads.
 
 use super::*;
 use integrate::{Loads, Phase};
@@ -82,8 +82,8 @@ impl<S: Space, C, M> Default for Parts<S, C, M> {
 }
 
 impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
-    /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains, how many
-    /// listed pairs have a first of lower id, and how many listed planes a grain before it.
+    /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains,
+    /// how many listed pairs have a first of lower id, and how many listed planes a grain before it.
     fn cut(
         &mut self,
         count: usize,
@@ -168,7 +168,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
 /// Pairs, the places of those to compute, and the place of the first.
 type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
 
-/// What one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of its grains.
+/// What one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of its
+/// grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     coming: &'a mut [Pair<L::Scale, L::History>],
@@ -178,7 +179,8 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
 }
 
 impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
-    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first` on.
+    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first`
+    /// on.
     #[inline(always)]
     fn act_on<const PERIODIC: bool>(
         &self,
@@ -284,8 +286,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.lists.parts.moved.resize(entries, Motion::default());
     }
 
-    /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains in `phase`: whether this
-    /// was done, and the fastest.
+    /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains
+    /// in `phase`: whether this was done, and the fastest.
     pub(super) fn forces_by_parts<const PERIODIC: bool>(
         &mut self,
         particles: &mut Particles<S>,

@@ -4,9 +4,9 @@
 //! x'' + alpha x' = F/m + g,     dL/dt + alpha L = M,     w = R I^-1 R^T L
 //! ```
 //!
-//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::dem::polyhedron::rotation`]. Mass-proportional
-//! damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of force and moment in
-//! the axes of space, as for grains. Driven blocks turn with their prescribed spin.
+//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::dem::polyhedron::rotation`].
+//! Mass-proportional damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of
+//! force and moment in the axes of space, as for grains. Driven blocks turn with their prescribed spin.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;

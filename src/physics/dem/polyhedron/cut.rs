@@ -1,9 +1,9 @@
 //! Vertices and faces of a set of half-spaces: a cube, cut by one plane after another.
 //!
-//! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else from this
-//! classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are sorted by angle,
-//! because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are repeated from a smaller cube:
-//! corners then do not lie on edges far longer than the solid.
+//! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else
+//! from this classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are
+//! sorted by angle, because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are
+//! repeated from a smaller cube: corners then do not lie on edges far longer than the solid.
 
 use nalgebra::Vector3;
 
@@ -132,8 +132,8 @@ impl Cut {
             .fold(0.0, f64::max)
     }
 
-    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the axes; none where
-    /// nothing of it is left, or it is not closed.
+    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the axes; none
+    /// where nothing of it is left, or it is not closed.
     pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;
         for _ in 0..6 {

@@ -4,17 +4,20 @@
 //! minimise s   subject to   a_i . x - s <= d_i   for the half-spaces i of both blocks
 //! ```
 //!
-//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method solves the dual,
+//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method
+//! solves the dual,
 //!
 //! ```text
 //! maximise -sum l_i d_i   subject to   sum l_i a_i = 0,  sum l_i = 1,  l_i >= 0
 //! ```
 //!
-//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero. The blocks
-//! are then apart, and the multipliers of the first block's planes sum up to the normal of a separating plane. Otherwise
-//! the search ends with the point that is deepest inside both blocks. The last basis of a pair is a good start for the next step.
+//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero.
+//! The blocks are then apart, and the multipliers of the first block's planes sum up to the normal of a separating
+//! plane. Otherwise the search ends with the point that is deepest inside both blocks. The last basis of a pair is a
+//! good start for the next step.
 //!
-//! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73, doi:10.1016/j.compgeo.2012.03.012.
+//! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73,
+//! doi:10.1016/j.compgeo.2012.03.012.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -28,8 +31,8 @@ pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
 pub(super) enum Verdict {
     /// The deepest common point, and how deep it is \[m\].
     Overlap { point: Vector3<f64>, depth: f64 },
-    /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far outside one
-    /// of the half-spaces every point is at least \[m\].
+    /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far
+    /// outside one of the half-spaces every point is at least \[m\].
     Apart { axis: Vector3<f64>, gap: f64 },
     /// Undecided because of rounding: another test is needed.
     Open,
@@ -82,8 +85,8 @@ impl Basis {
     }
 }
 
-/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and of the
-/// second. `basis` is where to start and where it ended.
+/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and
+/// of the second. `basis` is where to start and where it ended.
 pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u16; 4]) -> Verdict {
     let far = |k: usize| {
         let normal = Vector3::from(TETRAHEDRON[k]) / 3_f64.sqrt();

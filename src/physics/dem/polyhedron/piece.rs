@@ -1,7 +1,7 @@
 //! A convex solid in its place, cut in two by one plane after another: how joints divide a rock mass into blocks.
 //!
-//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records which of its faces
-//! are cuts. After the last cut, [`Piece::solid`] makes a block of it.
+//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records
+//! which of its faces are cuts. After the last cut, [`Piece::solid`] makes a block of it.
 
 use nalgebra::Vector3;
 

@@ -6,14 +6,15 @@
 //!
 //! The full inertia tensor `I` replaces the scalar of the published equation, which holds for spheres and cubes only.
 //!
-//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed in space, by
-//! five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is exact: a torque-free body
-//! keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of second order: the energy
-//! oscillates by O(dt²) and does not drift.
+//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed
+//! in space, by five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is
+//! exact: a torque-free body keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of
+//! second order: the energy oscillates by O(dt²) and does not drift.
 //!
-//! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys. 107 (1997)
-//! 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the integrator of S. M.
-//! Johnson, J. R. Williams, B. K. Cook (2008); tests compare order, energy and angular momentum with its properties.
+//! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys.
+//! 107 (1997) 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the
+//! integrator of S. M. Johnson, J. R. Williams, B. K. Cook (2008); tests compare order, energy and angular momentum
+//! with its properties.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

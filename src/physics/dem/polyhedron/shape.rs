@@ -1,8 +1,9 @@
-//! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the principal axes.
+//! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the
+//! principal axes.
 //!
-//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be anywhere
-//! in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor are exact sums over
-//! tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
+//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be
+//! anywhere in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor
+//! are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -14,7 +15,8 @@ use super::shape_error::ShapeError;
 
 /// Thinner than this over its width, a solid is flat.
 const FLAT: f64 = 1e-9;
-/// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single precision.
+/// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single
+/// precision.
 const STL_PLANE: f64 = 2e-6;
 
 /// An edge between two faces.
@@ -102,7 +104,8 @@ impl Polyhedron {
         Ok(Self::between(&planes, 2.0 * width)?.moved(&middle))
     }
 
-    /// The solid in all `planes`; normals need not be unit vectors: `normal . x <= offset`. Redundant planes are left out.
+    /// The solid in all `planes`; normals need not be unit vectors: `normal . x <= offset`. Redundant planes are left
+    /// out.
     ///
     /// # Errors
     /// Where they leave no volume, or do not close.
@@ -198,8 +201,8 @@ impl Polyhedron {
         Ok(Self::between(&unit, far(&unit))?.moved(&middle))
     }
 
-    /// A closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all clockwise.
-    /// Triangles of one plane become one face.
+    /// A closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all
+    /// clockwise. Triangles of one plane become one face.
     ///
     /// # Errors
     /// Where the surface is not convex, not closed or flat.
@@ -474,7 +477,8 @@ fn centred(
     Ok((local, middle + inside, width, noise))
 }
 
-/// A direction across all of `normals`, which lie in a plane: that plane's normal, on the side it is away from the origin.
+/// A direction across all of `normals`, which lie in a plane: that plane's normal, on the side it is away from the
+/// origin.
 fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let first = normals[0];
     let far = |of: &dyn Fn(&Vector3<f64>) -> f64| {

@@ -1,13 +1,13 @@
 //! Surfaces in domains with periodic axes.
 //!
-//! A surface repeats with the domain. Its images are made once, as far as half a period beyond the domain, so that a sphere in the
-//! domain finds every facet that it can touch. Vertices that meet an image of another one are one vertex: an edge at the seam is an
-//! interior edge, and a surface that joins its own image has no rim there. Two facets that meet an image of each other back to back,
-//! as the ends of a box of one period, lie inside the solid and are left out.
+//! A surface repeats with the domain. Its images are made once, as far as half a period beyond the domain, so that a
+//! sphere in the domain finds every facet that it can touch. Vertices that meet an image of another one are one vertex:
+//! an edge at the seam is an interior edge, and a surface that joins its own image has no rim there. Two facets that
+//! meet an image of each other back to back, as the ends of a box of one period, lie inside the solid and are left out.
 //!
-//! The place of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the number of the
-//! facet that was given, and the place of its image beside the position of the sphere before it is brought into the domain. The
-//! name remains when the sphere passes a periodic face, and is the same on all ranks.
+//! The place of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the
+//! number of the facet that was given, and the place of its image beside the position of the sphere before it is
+//! brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
 
 use super::super::ghosts::index;
 use super::super::region::wraps;
@@ -49,7 +49,8 @@ const MEET: f64 = 1e-6;
 const MOST: f64 = 2e7;
 
 impl Surface {
-    /// The surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its corner `lower` \[m\].
+    /// The surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its corner
+    /// `lower` \[m\].
     ///
     /// # Errors
     /// A sentence where there would be too many images.
@@ -235,8 +236,8 @@ impl Surface {
         }
     }
 
-    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face: it may pass
-    /// the face, and then has the other images beside it.
+    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
+    /// it may pass the face, and then has the other images beside it.
     pub(in crate::dem) fn images_beyond(
         &self,
         facet: u32,
@@ -272,8 +273,8 @@ fn too_many() -> Error {
     ))
 }
 
-/// For each vertex the number of its place in the domain and by how many periods it stands beside it; then these places. Vertices
-/// of the same image are never joined.
+/// For each vertex the number of its place in the domain and by how many periods it stands beside it; then these
+/// places. Vertices of the same image are never joined.
 fn reduce(
     vertices: &[Vector3<f64>],
     (lower, lengths): ([f64; 3], [f64; 3]),

@@ -1,5 +1,5 @@
-//! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile that
-//! has the same bits however it is run.
+//! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile
+//! that has the same bits however it is run.
 
 use std::sync::{Arc, OnceLock};
 
@@ -95,8 +95,8 @@ fn a_block_on_a_slope() {
     }
 }
 
-/// An asymmetric block that flies through a periodic face and nothing else: momentum and angular momentum stay to the last
-/// bit, energy to the second order of the step.
+/// An asymmetric block that flies through a periodic face and nothing else: momentum and angular momentum stay to the
+/// last bit, energy to the second order of the step.
 #[test]
 fn a_free_block_keeps_energy_and_angular_momentum() {
     let mut region = about_origin::<Volume>(1.0);
@@ -380,8 +380,8 @@ fn tile(x: f64) -> Wall<Volume> {
     )
 }
 
-/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than half of its base, and
-/// over seams between boxes, polygons and both.
+/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than
+/// half of its base, and over seams between boxes, polygons and both.
 #[test]
 fn a_block_slides_over_edges_and_seams() {
     let (speed, mu) = (1.0, 20.0_f64.to_radians().tan());
@@ -430,7 +430,8 @@ fn a_block_slides_over_edges_and_seams() {
     }
 }
 
-/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its edge.
+/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its
+/// edge.
 #[test]
 fn a_spinning_cube_is_braked_by_its_patch() {
     let (edge, mu) = (0.3, 8.0_f64.to_radians().tan());

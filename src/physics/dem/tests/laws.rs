@@ -81,7 +81,8 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
     }
 }
 
-/// At the default step, a tenth of 2 sqrt(m/k), the restitution is that of continuous time wherever in a step the contact begins.
+/// At the default step, a tenth of 2 sqrt(m/k), the restitution is that of continuous time wherever in a step the
+/// contact begins.
 #[test]
 fn the_restitution_at_the_default_step_is_the_exact_one() {
     for zeta in [0.05_f64, 0.2, 0.5] {
@@ -128,8 +129,8 @@ fn rebound(zeta: f64, part: f64) -> f64 {
 fn compare_collision(table: &str, friction: f64, gamma: f64) {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
     let normal_damping = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
-    // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a contact begins: both
-    // are worth half a step of decay.
+    // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a
+    // contact begins: both are worth half a step of decay.
     let first_order = 0.5 * gamma * 1e-7;
     let parameters = linear::Parameters {
         friction,
@@ -388,8 +389,8 @@ fn grains_roll_or_slide_down_an_incline() {
     }
 }
 
-/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is but for the
-/// deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
+/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is
+/// but for the deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
 #[test]
 fn a_block_slides_or_stays_on_an_incline() {
     const G: f64 = 9.81;
@@ -580,8 +581,8 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     }
 }
 
-/// A pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both forces (N), and the
-/// step at which the bond failed.
+/// A pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both forces
+/// (N), and the step at which the bond failed.
 fn compare_cohesive(
     table: &str,
     overlap: f64,

@@ -30,8 +30,8 @@ fn region() -> Region<Volume> {
     region
 }
 
-/// A square of one period across z, as `n` by `n` squares of two triangles; its corner stands at `from`, and coordinates are rounded
-/// as in a binary STL file.
+/// A square of one period across z, as `n` by `n` squares of two triangles; its corner stands at `from`, and
+/// coordinates are rounded as in a binary STL file.
 fn mesh(n: u32, from: f64) -> Wall<Volume> {
     let place = |k: u32| f64::from(single(from + PERIOD * f64::from(k) / f64::from(n)));
     let vertices = (0..=n)

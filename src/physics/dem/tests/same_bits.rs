@@ -388,8 +388,8 @@ fn threads_do_not_show() {
     assert!(one == two);
 }
 
-/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and steps after all bonds were
-/// taken away.
+/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and
+/// steps after all bonds were taken away.
 #[test]
 fn threads_do_not_show_in_lists_that_last() {
     let layer = |threads: usize| {

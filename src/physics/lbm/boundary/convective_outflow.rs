@@ -1,19 +1,19 @@
-//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the mean
-//! pressure may be held.
+//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the
+//! mean pressure may be held.
 //!
 //! ```text
 //! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j κ        x' the next cell upstream
 //! ```
 //!
 //! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their
-//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given, or
-//! the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
+//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given,
+//! or the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
 //! stays as it is. A vortex leaves with little reflection.
 //!
 //! By itself the condition lets the pressure float. Where a pressure is held, κ is the one number for the whole patch
 //! that gives the mean pressure which the plane wave asks for ([`super::sound`]): with the means a of the populations
-//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p + q,
-//! its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
+//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p +
+//! q, its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
 //!
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave
 //! remembers.
@@ -327,7 +327,8 @@ impl<S: Stored> Rule<S> for Links {
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
                 let (from, to) = (leaving.upstream.at(parity), link.link.incoming(parity));
-                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule gives nothing.
+                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule
+                // gives nothing.
                 unsafe {
                     let upstream = numbers.add(from).read().to_f64();
                     let value = leaving.weight.mul_add(excess, leaving.carried(upstream));

@@ -59,9 +59,9 @@ impl<S: Stored> Boundaries<S> {
         });
     }
 
-    /// What left through all faces in the step just done, on this rank, in quanta: mass, then momentum. The momentum is that of the cells
-    /// (positions within an array) for which `counts` holds, and of the deviations from rest, as that of the loads on bodies is: the
-    /// pressure at rest cancels over a whole surface only.
+    /// What left through all faces in the step just done, on this rank, in quanta: mass, then momentum. The momentum is
+    /// that of the cells (positions within an array) for which `counts` holds, and of the deviations from rest, as that
+    /// of the loads on bodies is: the pressure at rest cancels over a whole surface only.
     #[must_use]
     pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
         let velocities = populations.velocities();
@@ -118,8 +118,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose cells
-    /// (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose
+    /// cells (positions within an array) `counts` holds. Walls let nothing through and are not walked.
     pub fn mass_through(
         &self,
         populations: &Populations<S>,

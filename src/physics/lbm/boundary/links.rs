@@ -24,7 +24,8 @@ pub struct Crossing<'a, S: Stored> {
     pub outside: [bool; 3],
     /// Where it crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
-    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on the border of a patch.
+    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on
+    /// the border of a patch.
     pub share: f64,
     /// The two numbers at its ends.
     pub link: Link,
@@ -89,7 +90,8 @@ impl Mirror {
         let source = cell.wrapping_add_signed(-populations.offset(find(along)));
         let number = |direction: usize| u8::try_from(direction).unwrap_or(u8::MAX);
         Self {
-            // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the set.
+            // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the
+            // set.
             links: [populations.link(source, leaves), populations.link(cell, i)],
             leaves: number(leaves),
             enters: number(enters),
@@ -102,7 +104,8 @@ impl Mirror {
         (from.out(parity), to.incoming(parity))
     }
 
-    /// The cells that the population leaves and enters: positions within an array, where `begins` is the first of each population.
+    /// The cells that the population leaves and enters: positions within an array, where `begins` is the first of each
+    /// population.
     pub(crate) fn cells(&self, opposite: &[usize], begins: &[u32]) -> [u32; 2] {
         // The near end of a link lies behind the position of its cell, in the array of the population that comes in.
         let [from, to] = self.links.map(|link| link.near);
@@ -256,8 +259,8 @@ impl<S> Numbers<S> {
     }
 }
 
-/// Calls `work` with parts of `count` items and the numbers of the slab, by several threads where each has at least `least` items. The parts
-/// are disjoint and together all items.
+/// Calls `work` with parts of `count` items and the numbers of the slab, by several threads where each has at least
+/// `least` items. The parts are disjoint and together all items.
 pub(super) fn each_part<S: Stored>(
     count: usize,
     least: usize,
@@ -308,8 +311,8 @@ impl Counted {
         Self { before }
     }
 
-    /// Calls `give` for all links of some runs, by several threads where they are many: with the number of a run, which of its links, and the
-    /// numbers of the slab. No two calls get the same link.
+    /// Calls `give` for all links of some runs, by several threads where they are many: with the number of a run, which
+    /// of its links, and the numbers of the slab. No two calls get the same link.
     pub(super) fn each<S: Stored>(
         &self,
         runs: Range<usize>,

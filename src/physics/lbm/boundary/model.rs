@@ -1,4 +1,5 @@
-//! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the lattice.
+//! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the
+//! lattice.
 
 use super::nature::{Inflow, Nature, Surface};
 use super::profile::ReadTable;

@@ -1,15 +1,16 @@
 //! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
 //!
-//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the population that
-//! crosses the face where f_j enters, with the same part along the face.
+//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the
+//! population that crosses the face where f_j enters, with the same part along the face.
 //!
-//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by anti-bounce-back
-//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face; the half difference
-//! carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this velocity is zero there. Together
-//! they are the rule above. Anti-bounce-back of each link by itself would also reverse the shear stress in the half
-//! difference: flow between plates would then lose pressure where it enters and leaves, whatever the resolution. With no
-//! velocity along the face the half sum holds no viscous stress, and the rule is second order. u_n, the normal velocity of
-//! the cell, enters only squared. Needs no special corner nodes, in two or three dimensions.
+//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by
+//! anti-bounce-back (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face;
+//! the half difference carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this
+//! velocity is zero there. Together they are the rule above. Anti-bounce-back of each link by itself would also reverse
+//! the shear stress in the half difference: flow between plates would then lose pressure where it enters and leaves,
+//! whatever the resolution. With no velocity along the face the half sum holds no viscous stress, and the rule is
+//! second order. u_n, the normal velocity of the cell, enters only squared. Needs no special corner nodes, in two or
+//! three dimensions.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -34,8 +35,8 @@ use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and d'Humières 2008), bounce-back
-/// for the velocity along the face (Ladd 1994).
+/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and
+/// d'Humières 2008), bounce-back for the velocity along the face (Ladd 1994).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -45,9 +46,9 @@ pub struct Pressure {
     /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
-    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several times that sound takes
-    /// through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every step. Default: `absorb` where this is the
-    /// only opening besides imposed velocities, else `reflect`.
+    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several
+    /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every
+    /// step. Default: `absorb` where this is the only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
     /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure differs
@@ -102,8 +103,8 @@ impl Pressure {
     }
 
     /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that
-    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel
-    /// that.
+    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not
+    /// feel that.
     fn sound(&self, openings: &[Opening]) -> Sound {
         self.sound.unwrap_or(if Self::is_the_outlet(openings) {
             Sound::Absorb

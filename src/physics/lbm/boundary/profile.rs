@@ -27,8 +27,9 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
 pub enum VelocityProfile {
     /// The same everywhere [m/s]: the list of the components, or an object with `velocity`.
     Uniform(UniformVelocity),
-    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s from 0 to 1 between
-    /// the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow: it has no factor.
+    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s
+    /// from 0 to 1 between the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow:
+    /// it has no factor.
     Parabolic {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
@@ -55,8 +56,9 @@ pub enum VelocityProfile {
     },
     /// From a table.
     File {
-        /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in 3-D, `z` on a face
-        /// across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are interpolated linearly between rows.
+        /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in
+        /// 3-D, `z` on a face across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are
+        /// interpolated linearly between rows.
         path: PathBuf,
         /// Its rows, once they are read.
         #[serde(skip)]
@@ -132,8 +134,8 @@ impl VelocityProfile {
         }
     }
 
-    /// Mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles, and where it is not worth the
-    /// time.
+    /// Mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles, and where it
+    /// is not worth the time.
     pub(super) fn mean_of_table(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::File {
@@ -284,7 +286,8 @@ fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
 
 /// A table of velocities over a face: in each row the tangential coordinates \[m\], then the velocity components [m/s].
 ///
-/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
+/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the
+/// outermost one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     dimension: usize,
@@ -368,7 +371,8 @@ mod tests {
     use crate::lbm::boundary::{Place, Site};
     use crate::units::LatticeUnits;
 
-    /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean that is stated.
+    /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean
+    /// that is stated.
     fn means(periodic: [bool; 3], from: [usize; 3], to: [usize; 3]) -> (f64, f64) {
         let site = Site {
             path: "",

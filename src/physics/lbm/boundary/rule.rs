@@ -1,4 +1,5 @@
-//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after every pass.
+//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after
+//! every pass.
 
 use super::links::{Crossing, FaceLink, MirrorRun};
 use super::nature::Nature;
@@ -27,7 +28,8 @@ pub struct Moment {
     pub half_force: [f64; 3],
 }
 
-/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for each rule.
+/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for
+/// each rule.
 pub trait Rule<S: Stored>: Send + Sync {
     /// What the boundary is to what surrounds it.
     fn nature(&self) -> Nature;
@@ -35,8 +37,8 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes a link through the patch. The links of a cell come one after another.
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
 
-    /// Velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point is in cells. None where no
-    /// velocity is imposed.
+    /// Velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point is in
+    /// cells. None where no velocity is imposed.
     fn velocity(&self, _position: [f64; 3]) -> Option<[f64; 3]> {
         None
     }
@@ -65,8 +67,8 @@ pub trait Rule<S: Stored>: Send + Sync {
         0.0
     }
 
-    /// Whether the links at walls may be given as soon as the cells round them have collided; not where the rule reads numbers that the
-    /// walls give, or ghosts beside them.
+    /// Whether the links at walls may be given as soon as the cells round them have collided; not where the rule reads
+    /// numbers that the walls give, or ghosts beside them.
     fn walls_stand_alone(&self) -> bool {
         true
     }

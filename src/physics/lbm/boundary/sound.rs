@@ -1,31 +1,32 @@
 //! Openings that let sound out.
 //!
-//! An opening with a fixed pressure or a fixed velocity returns every sound wave that reaches it, with a phase of π or 0. Between two of
-//! them the sound of a start rings until viscosity has damped it. An opening that absorbs answers the plane wave of its face with the
-//! impedance ρc of the fluid, and returns to its target slowly:
+//! An opening with a fixed pressure or a fixed velocity returns every sound wave that reaches it, with a phase of π
+//! or 0. Between two of them the sound of a start rings until viscosity has damped it. An opening that absorbs answers
+//! the plane wave of its face with the impedance ρc of the fluid, and returns to its target slowly:
 //!
 //! d/dt [(p - P) - ρc (u - û)] = -K (p - P)   where the pressure P is imposed, u the mean velocity out of the domain,
 //! d/dt [(v - U) + (p - P₀)/(ρc)] = -K (v - U)   where the velocity U is imposed, v the mean velocity into the domain,
 //!
-//! with K = σ c/L, L the length of the domain along the normal of the face. These are the locally one-dimensional inviscid relations of
-//! Poinsot and Lele (1992, doi:10.1016/0021-9991(92)90046-2) with the relaxation of Rudy and Strikwerda (1980,
-//! doi:10.1016/0021-9991(80)90174-6); Izquierdo and Fueyo (2008, doi:10.1103/PhysRevE.78.046707) used them with the lattice Boltzmann
-//! method. A wave of frequency ω returns with the amplitude K/(K² + 4ω²)^½; a steady state has p = P or v = U exactly, whatever the
-//! loss of pressure between the openings.
+//! with K = σ c/L, L the length of the domain along the normal of the face. These are the locally one-dimensional
+//! inviscid relations of Poinsot and Lele (1992, doi:10.1016/0021-9991(92)90046-2) with the relaxation of Rudy and
+//! Strikwerda (1980, doi:10.1016/0021-9991(80)90174-6); Izquierdo and Fueyo (2008, doi:10.1103/PhysRevE.78.046707) used
+//! them with the lattice Boltzmann method. A wave of frequency ω returns with the amplitude K/(K² + 4ω²)^½; a
+//! steady state has p = P or v = U exactly, whatever the loss of pressure between the openings.
 //!
-//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on all of it. In a
-//! channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities differ over the face, meet the opening
-//! as if it did not absorb. An impedance in each cell would hold them back with ρc u' instead of ρ U u'. Waves across the channel are not
-//! absorbed.
+//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on all
+//! of it. In a channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities differ
+//! over the face, meet the opening as if it did not absorb. An impedance in each cell would hold them back with ρc u'
+//! instead of ρ U u'. Waves across the channel are not absorbed.
 //!
-//! *The forecast.* Where all other openings impose velocities the mean velocity û out of the domain follows from the balance of mass at
-//! any time. Then the opening asks for the right incoming wave from the first step on, and a start from rest settles to 1.3 % within 4 L/c; without
-//! a forecast û is the velocity at the start.
+//! *The forecast.* Where all other openings impose velocities the mean velocity û out of the domain follows from the
+//! balance of mass at any time. Then the opening asks for the right incoming wave from the first step on, and a start
+//! from rest settles to 1.3 % within 4 L/c; without a forecast û is the velocity at the start.
 //!
-//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f* is p + ρu² + j, with
-//! the mass flux j out of the domain. With one of p and j imposed the other follows, and with it the one unknown of the step: the excess b
-//! of the density deviation over the imposed one, or the excess a of the velocity. One number a patch is remembered, the left side
-//! without d/dt. Sums of integers make it the same on any number of ranks.
+//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f* is
+//! p + ρu² + j, with the mass flux j out of the domain. With one of p and j imposed the other follows, and with it
+//! the one unknown of the step: the excess b of the density deviation over the imposed one, or the excess a of the
+//! velocity. One number a patch is remembered, the left side without d/dt. Sums of integers make it the same on any
+//! number of ranks.
 //!
 //! σ = 0.278 damps the slowest wave between an opening that absorbs and one that does not most: the roots of
 //! -σ/(σ + z) = exp(z), z = 2 s L/c, meet at z = -1.278, a decay as exp(-0.639 c t/L).
@@ -43,7 +44,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sound {
-    /// Lets plane waves out, and keeps the imposed value on the mean over several times that sound takes through the domain.
+    /// Lets plane waves out, and keeps the imposed value on the mean over several times that sound takes through the
+    /// domain.
     Absorb,
     /// Keeps the imposed value at every step, and returns sound.
     Reflect,
@@ -123,8 +125,8 @@ impl PlaneWave {
         self.memory = memory;
     }
 
-    /// Sums over the links of a rank: twice what leaves, the area, and one that the rule adds. Before the first step of an imposed
-    /// velocity the first is the density deviation.
+    /// Sums over the links of a rank: twice what leaves, the area, and one that the rule adds. Before the first step of
+    /// an imposed velocity the first is the density deviation.
     pub(super) fn measure<S: Stored>(
         &self,
         links: &[FaceLink],
@@ -153,13 +155,14 @@ impl PlaneWave {
         [first, second, third, 0]
     }
 
-    /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is the square of the
-    /// normal velocity that the rule takes; `forecast` is the velocity out of the domain.
+    /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is
+    /// the square of the normal velocity that the rule takes; `forecast` is the velocity out of the domain.
     pub(super) fn hear_pressure(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
         let Some([mean, square, _]) = means(sums) else {
             return;
         };
-        // The links let the mass flux j = s - δρ/3 - b/3 - q out, with q for u², and u = j/ρ; the pressure at the face is b/3 + q - u².
+        // The links let the mass flux j = s - δρ/3 - b/3 - q out, with q for u², and u = j/ρ; the pressure at the
+        // face is b/3 + q - u².
         let flux = mean - imposed / 3.0 - square;
         let out = flux * (1.0 - imposed);
         let own = 3.0 * (square - out * out);
@@ -173,9 +176,9 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * self.excess);
     }
 
-    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the sums
-    /// of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter without κ
-    /// (b).
+    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the
+    /// sums of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter
+    /// without κ (b).
     ///
     /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. Sound sees this
     /// pressure p and the velocity u = j/(1 + 3 p) of the plane wave; the pressure that is held is a + b + κ - q, with
@@ -217,7 +220,8 @@ impl PlaneWave {
             self.memory = Some(mean / 3.0);
             return;
         };
-        // What enters is the mass flux j = ρu: p = s + j - j². Of a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3 u).
+        // What enters is the mass flux j = ρu: p = s + j - j². Of a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3
+        // u).
         let p = mean + imposed - imposed * imposed;
         let admittance = 1.0 / C - 3.0 * imposed;
         let slope = admittance * (1.0 - 2.0 * imposed);

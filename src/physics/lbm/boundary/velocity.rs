@@ -1,4 +1,5 @@
-//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it ([`super::turbulent`]).
+//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it
+//! ([`super::turbulent`]).
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -36,8 +37,9 @@ pub struct Velocity {
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
-    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several times that sound
-    /// takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at every step.
+    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several
+    /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at
+    /// every step.
     #[serde(default = "reflect")]
     pub sound: Sound,
 }

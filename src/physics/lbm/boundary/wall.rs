@@ -4,9 +4,9 @@
 //! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
 //! (`jobs/verification/couette`).
 //!
-//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
-//! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
-//! are still in the cache.
+//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall
+//! costs a copy from array to array and next to no memory. Runs go by the plane of their cells, so that the links of a
+//! plane can be given while its numbers are still in the cache.
 
 use super::links::{Counted, Row};
 use crate::lbm::block::{Block, Line};
@@ -116,8 +116,8 @@ impl Walls {
         moving.flat_map(Run::links)
     }
 
-    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is the distance from
-    /// plane to plane: runs that stand alike in planes side by side become one rectangle.
+    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is
+    /// the distance from plane to plane: runs that stand alike in planes side by side become one rectangle.
     pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         let mut all: Vec<Copies> = Vec::new();
         // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
@@ -158,8 +158,8 @@ impl Walls {
         all
     }
 
-    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many; `speed` is the factor of a
-    /// patch.
+    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many;
+    /// `speed` is the factor of a patch.
     pub(super) fn apply<S: Stored>(
         &self,
         planes: Range<usize>,
@@ -171,7 +171,8 @@ impl Walls {
         self.counted.each(runs, populations, |run, some, numbers| {
             let run = &self.runs[run];
             let term = run.term(&speed);
-            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has them.
+            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has
+            // them.
             unsafe { run.row(some, parity).give(term, numbers) };
         });
     }
@@ -179,8 +180,8 @@ impl Walls {
     /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
     ///
     /// # Safety
-    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any link of these
-    /// cells.
+    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any
+    /// link of these cells.
     pub(super) unsafe fn give<S: Stored>(
         &self,
         Block { planes, rows }: &Block,

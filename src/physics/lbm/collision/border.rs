@@ -1,9 +1,9 @@
 //! The cell Reynolds number up to which runs with an operator were stable.
 //!
-//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
-//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a
-//! cylinder behind an inlet (openings in 2-D), square ducts between an inlet and an outlet (openings in 3-D, without and
-//! with an eddy viscosity), a disc and a sphere that start to move.
+//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under
+//! `benches/stability`, one folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls),
+//! a cylinder behind an inlet (openings in 2-D), square ducts between an inlet and an outlet (openings in 3-D, without
+//! and with an eddy viscosity), a disc and a sphere that start to move.
 
 use crate::lbm::lattice::VelocitySet;
 

@@ -1,19 +1,21 @@
-//! Cumulants on D3Q27 (M. Geier, M. Schönherr, A. Pasquali, M. Krafczyk, Comput. Math. Appl. 70 (2015) 507), with Guo forcing: the robust
-//! choice at high Reynolds numbers.
+//! Cumulants on D3Q27 (M. Geier, M. Schönherr, A. Pasquali, M. Krafczyk, Comput. Math. Appl. 70 (2015) 507), with Guo
+//! forcing: the robust choice at high Reynolds numbers.
 //!
-//! The populations become central moments κ_abc about the velocity u. The shear part of the second moments relaxes at ω = 1/τ, their
-//! trace at the bulk rate. All cumulants of third and higher order are set to zero. The result has the moments of a Gaussian with the
-//! covariance s = κ_2'/ρ of the relaxed second moments, which Isserlis' theorem gives in closed form:
+//! The populations become central moments κ_abc about the velocity u. The shear part of the second moments relaxes at
+//! ω = 1/τ, their trace at the bulk rate. All cumulants of third and higher order are set to zero. The result has the
+//! moments of a Gaussian with the covariance s = κ_2'/ρ of the relaxed second moments, which Isserlis' theorem gives
+//! in closed form:
 //!
 //! κ_220 = ρ (s_xx s_yy + 2 s_xy²), κ_211 = ρ (s_xx s_yz + 2 s_xy s_xz),
 //! κ_222 = ρ (s_xx s_yy s_zz + 2 s_xx s_yz² + 2 s_yy s_zx² + 2 s_zz s_xy² + 8 s_xy s_yz s_zx).
 //!
-//! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments represent), so that
-//! the viscosity does not depend on the velocity of the frame. There is no magic parameter: the position of a wall depends weakly on τ.
-//! The transforms are three sweeps of nine, on deviations from the moments of the weights, so that the fluid at rest is exact. A force
-//! changes the first central moment from -F/2 to F/2. The Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and
-//! κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong beside a
-//! wall against which a force presses the fluid.
+//! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments
+//! represent), so that the viscosity does not depend on the velocity of the frame. There is no magic parameter: the
+//! position of a wall depends weakly on τ. The transforms are three sweeps of nine, on deviations from the moments of
+//! the weights, so that the fluid at rest is exact. A force changes the first central moment from -F/2 to F/2. The
+//! Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb
+//! F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong beside a wall
+//! against which a force presses the fluid.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -29,13 +31,14 @@ use crate::lbm::lattice::{Lattice, VelocitySet, unroll};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Cumulants on D3Q27 (Geier et al. 2015): cumulants beyond the stress relax fully to equilibrium. The most robust choice near
-/// tau = 0.5. The position of walls depends weakly on tau.
+/// Cumulants on D3Q27 (Geier et al. 2015): cumulants beyond the stress relax fully to equilibrium. The most robust
+/// choice near tau = 0.5. The position of walls depends weakly on tau.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves best.
+    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves
+    /// best.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: f64,
@@ -129,7 +132,8 @@ const WEIGHT: [f64; 3] = [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0];
 /// Their moments of order 0, 1, 2.
 const MOMENT: [f64; 3] = [1.0, 0.0, 1.0 / 3.0];
 
-/// Numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights; `k` is their sum.
+/// Numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights; `k` is
+/// their sum.
 #[inline(always)]
 fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     let (sum, difference) = (plus + minus, plus - minus);
@@ -378,7 +382,8 @@ mod tests {
             .product()
     }
 
-    /// The same by moments written out and a system of 27 equations, with the cumulants in the form of Geier et al. (2015).
+    /// The same by moments written out and a system of 27 equations, with the cumulants in the form of Geier et al.
+    /// (2015).
     fn reference(g: &[f64; 27], omega: f64, bulk: f64, force: [f64; 3]) -> [f64; 27] {
         let f: Vec<f64> = (0..27).map(|i| g[i] + D3Q27::W[i]).collect();
         let rho: f64 = f.iter().sum();

@@ -1,12 +1,13 @@
 //! Linear (von Neumann) stability of an operator in fluid at rest or in uniform motion.
 //!
-//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step. C is the operator linearised about equilibrium at the velocity of the
-//! fluid, D = diag(e^{-ik·c_i}) the streaming. The wave grows if an eigenvalue of D C lies outside the unit circle. Repeated squaring of the matrix gives the largest
-//! modulus without computing eigenvectors:
+//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step. C is the operator linearised about equilibrium
+//! at the velocity of the fluid, D = diag(e^{-ik·c_i}) the streaming. The wave grows if an eigenvalue of D C lies
+//! outside the unit circle. Repeated squaring of the matrix gives the largest modulus without computing eigenvectors:
 //!
 //! |λ| = (|A^{2n}| / |A^n|)^{1/n},   n = 4096.
 //!
-//! Sources: J. D. Sterling, S. Chen, J. Comput. Phys. 123 (1996) 196; P. Lallemand, L.-S. Luo, Phys. Rev. E 61 (2000) 6546.
+//! Sources: J. D. Sterling, S. Chen, J. Comput. Phys. 123 (1996) 196; P. Lallemand, L.-S. Luo, Phys. Rev. E 61
+//! (2000) 6546.
 
 use super::Collision;
 use crate::lbm::initial::equilibrium;
@@ -36,8 +37,8 @@ impl Wave {
 const NUMBERS: i8 = 16;
 /// How often the matrix is squared.
 const SQUARINGS: i32 = 13;
-/// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at rest are zero, so
-/// that nothing is rounded off.
+/// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at
+/// rest are zero, so that nothing is rounded off.
 const SMALL: f64 = 1e-8;
 /// Amplitude about uniform motion: between its square and the rounding of populations near the weights.
 const SMALL_IN_MOTION: f64 = 1e-5;
@@ -70,8 +71,8 @@ fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     most::<L, Q>(linear, vectors)
 }
 
-/// The wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of [`NUMBERS`] to both sides
-/// along each axis. A wave and its opposite grow alike.
+/// The wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of
+/// [`NUMBERS`] to both sides along each axis. A wave and its opposite grow alike.
 #[must_use]
 pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
@@ -220,7 +221,8 @@ mod tests {
         })
     }
 
-    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots more in every step.
+    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots
+    /// more in every step.
     #[test]
     fn one_rate_lets_nothing_grow_below_two() {
         let bgk = |omega: f64| {
@@ -240,8 +242,8 @@ mod tests {
         assert!((bgk(2.1).factor - 1.1).abs() < 0.02);
     }
 
-    /// The published matrix holds near tau = 1/2 and lets waves of three cells along the diagonals grow from 0.556 on; largest
-    /// eigenvalues by LAPACK: 1.05273777811894 at 0.8.
+    /// The published matrix holds near tau = 1/2 and lets waves of three cells along the diagonals grow from 0.556 on;
+    /// largest eigenvalues by LAPACK: 1.05273777811894 at 0.8.
     #[test]
     fn the_published_matrix_lets_waves_grow() {
         let wave = suga(0.8, Rates::SUGA);
@@ -261,8 +263,9 @@ mod tests {
         assert!(suga(0.51, ones).factor > 1.005);
     }
 
-    /// Orthogonal under the weights, the same moments with the same rates let nothing grow at rest, as the proof in [`super::super::mrt`]
-    /// says: waves of every second length, with the rates of Suga and with higher moments at equilibrium.
+    /// Orthogonal under the weights, the same moments with the same rates let nothing grow at rest, as the proof in
+    /// [`super::super::mrt`] says: waves of every second length, with the rates of Suga and with higher moments at
+    /// equilibrium.
     #[test]
     fn moments_orthogonal_under_the_weights_let_nothing_grow() {
         for tau in [0.5001, 0.52, 0.6, 0.8, 1.2] {

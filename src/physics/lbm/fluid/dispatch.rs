@@ -1,4 +1,5 @@
-//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage precision and processor.
+//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage
+//! precision and processor.
 
 use super::Setup;
 use crate::lbm::block::Block;

@@ -18,8 +18,8 @@ use decomposition::Domain;
 /// What there is no kernel for.
 const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with a body force, and where
-/// solids may cover cells.
+/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with
+/// a body force, and where solids may cover cells.
 #[must_use]
 pub fn kernel_exists(
     set: VelocitySet,
@@ -119,7 +119,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where no cell can be covered.
+    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where
+    /// no cell can be covered.
     pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
         match (&self.gpu, &self.cover) {
             (Some(gpu), Some(_)) if self.covers_on_gpu() => {
@@ -161,8 +162,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// The extreme values of all rows where the populations are on a GPU, in the order of [`Populations::rows`]; none where they are here. None
-    /// of any row where the GPU fails, which the next step reports.
+    /// The extreme values of all rows where the populations are on a GPU, in the order of [`Populations::rows`]; none
+    /// where they are here. None of any row where the GPU fails, which the next step reports.
     pub(in crate::lbm) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
         let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
         let found = gpu.extremes(self.populations.parity(), self.half_force());
@@ -181,7 +182,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the populations are.
+    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the
+    /// populations are.
     pub fn row_moments(&self, [plane, row]: [usize; 2], moments: &mut [Vec<f64>; 4]) {
         let [slow, middle, fast] = self.populations.order();
         match &self.gpu {

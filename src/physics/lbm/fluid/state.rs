@@ -24,7 +24,8 @@ impl<S: Stored> Fluid<S> {
         self.force.at(last)
     }
 
-    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves no water.
+    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves
+    /// no water.
     #[must_use]
     pub fn saved_number(&self, cell: usize, i: usize) -> S {
         if self.holds_water(cell) {
@@ -46,7 +47,8 @@ impl<S: Stored> Fluid<S> {
         (drho, self.corrected(cell, u))
     }
 
-    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change it.
+    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change
+    /// it.
     fn corrected(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
         let terms = self.added.iter();
         terms.fold(velocity, |velocity, term| {
@@ -67,8 +69,8 @@ impl<S: Stored> Fluid<S> {
         self.added.iter().any(|term| term.changes_velocities())
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then the three
-    /// velocities.
+    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then
+    /// the three velocities.
     pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
         self.populations.row_moments(cell, length, states);
         let half = self.half_force();
@@ -107,7 +109,8 @@ impl<S: Stored> Fluid<S> {
         self.populations.row_extremes(cell, length, half, work)
     }
 
-    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\], `row` for work.
+    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\],
+    /// `row` for work.
     pub fn band_states(
         &self,
         planes: Range<usize>,
@@ -138,8 +141,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with turbulence
-    /// that of eddies smaller than a cell too.
+    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with
+    /// turbulence that of eddies smaller than a cell too.
     #[must_use]
     pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
         let (drho, u) = self.state(cell);
@@ -171,15 +174,15 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.fluxes_into(&self.populations, fluxes);
     }
 
-    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is that of those cells
-    /// for which `counts` holds (local coordinates), without the pressure at rest.
+    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is
+    /// that of those cells for which `counts` holds (local coordinates), without the pressure at rest.
     pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries.left(&self.populations, counts)
     }
 
-    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells for which `counts`
-    /// holds (local coordinates).
+    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells
+    /// for which `counts` holds (local coordinates).
     pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries

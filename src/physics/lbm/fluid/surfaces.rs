@@ -1,4 +1,5 @@
-//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links of structures.
+//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links
+//! of structures.
 
 use super::{Fluid, share};
 use crate::lbm::lanes::Stored;
@@ -12,8 +13,8 @@ const HALF: f64 = 0.5;
 const NEAREST: f64 = 0.05;
 
 impl<S: Stored> Fluid<S> {
-    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` gives the share of a thread among
-    /// several in the positions of all cells and ghost cells that may have water beside them.
+    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` gives the
+    /// share of a thread among several in the positions of all cells and ghost cells that may have water beside them.
     pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
         &mut self,
         covered: impl Fn(usize, usize) -> I + Sync,

@@ -328,8 +328,8 @@ fn the_split_axis_does_not_change_a_bit() {
     }
 }
 
-/// Walls of inner planes are given during the pass, those beside the share of another thread after it: with a thread for each plane all
-/// of them.
+/// Walls of inner planes are given during the pass, those beside the share of another thread after it: with a thread
+/// for each plane all of them.
 #[test]
 fn walls_may_be_given_early_or_late() {
     for (set, cells) in [
@@ -461,8 +461,8 @@ fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Se
     s
 }
 
-/// Whatever is left between the shares of threads, at the ends of the slab and beside whole blocks of rows. Rows that fill no whole number
-/// of vectors reach beyond their end.
+/// Whatever is left between the shares of threads, at the ends of the slab and beside whole blocks of rows. Rows that
+/// fill no whole number of vectors reach beyond their end.
 #[test]
 fn two_steps_in_one_sweep_are_two_steps() {
     let mut swept = 0;
@@ -607,8 +607,8 @@ fn a_gpu_makes_the_same_steps() {
     assert_eq!(count, 8 * (4 * 2 + 4 * 3 + 8 * 3 * 2));
 }
 
-/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same populations, and the same
-/// forces on the bodies.
+/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same
+/// populations, and the same forces on the bodies.
 #[test]
 fn a_gpu_makes_the_same_steps_with_solids() {
     let mut touched = 0;

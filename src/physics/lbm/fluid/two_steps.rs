@@ -1,10 +1,11 @@
 //! Two steps in one sweep over the lattice, for water between walls, with eddies or without.
 //!
-//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter. The second step of a
-//! cell needs nothing but the first step of its neighbours. It follows the first two planes and two rows behind, while their populations
-//! are still in the cache: the memory then moves half the bytes (temporal blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig,
-//! G. Wellein, Parallel Process. Lett. 20 (2010) 359). The planes are walked once for every [`ROWS`] rows, so that only as many rows of four
-//! planes lie between the two steps: 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
+//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter.
+//! The second step of a cell needs nothing but the first step of its neighbours. It follows the first two planes and
+//! two rows behind, while their populations are still in the cache: the memory then moves half the bytes (temporal
+//! blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig, G. Wellein, Parallel Process. Lett. 20 (2010) 359). The
+//! planes are walked once for every [`ROWS`] rows, so that only as many rows of four planes lie between the two steps:
+//! 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
 //!
 //! Order of the work at plane p and rows up to y, each at its distance behind the one before:
 //!
@@ -15,8 +16,9 @@
 //! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
 //! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass beside |
 //!
-//! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are done. Every number is
-//! computed from the same numbers by the same operations as in two single steps, so that the bits are the same.
+//! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are
+//! done. Every number is computed from the same numbers by the same operations as in two single steps, so that the bits
+//! are the same.
 
 use super::dispatch::Step;
 use super::{CoverView, Fluid, View, between, share};
@@ -31,8 +33,8 @@ use crate::thread_pool;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor follows longer pieces of
-/// memory better: from 8 to 48 the speed is the same (`benches/README.md`).
+/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor
+/// follows longer pieces of memory better: from 8 to 48 the speed is the same (`benches/README.md`).
 const ROWS: usize = 32;
 
 /// Planes of a thread from which on it has some to sweep.
@@ -54,7 +56,8 @@ fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Whether two steps may be made at once: nothing but walls acts on the populations between them. The same on every rank.
+    /// Whether two steps may be made at once: nothing but walls acts on the populations between them. The same on every
+    /// rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
@@ -234,7 +237,8 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass reads there.
+    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass
+    /// reads there.
     ///
     /// # Safety
     /// The pass of the step must be done there and beside, and nobody may work on these cells.

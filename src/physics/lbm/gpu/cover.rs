@@ -1,6 +1,7 @@
-//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds fractions and owners, which are
-//! sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many of them that a list of those, twelve bytes each from all
-//! over memory, takes longer. Bodies are sent before each pass.
+//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds
+//! fractions and owners, which are sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many
+//! of them that a list of those, twelve bytes each from all over memory, takes longer. Bodies are sent before each
+//! pass.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters, WARP};
 use super::lists::CoveredCells;
@@ -52,14 +53,15 @@ impl Kernels {
 /// covered cells, and the fraction before.
 pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
-/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the bodies while the open cells
-/// collide.
+/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the
+/// bodies while the open cells collide.
 pub(super) struct OnGpu {
     pub(super) stream: Arc<CudaStream>,
     /// On that stream: the cover was made; the covered cells have collided.
     pub(super) made: CudaEvent,
     pub(super) passed: CudaEvent,
-    /// On the stream of the fluid: the populations are those before a pass; the open cells no longer need each of the two covers.
+    /// On the stream of the fluid: the populations are those before a pass; the open cells no longer need each of the
+    /// two covers.
     pub(super) ready: CudaEvent,
     done: [CudaEvent; 2],
     pub(super) kernels: Kernels,

@@ -1,4 +1,5 @@
-//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies that follow each.
+//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies
+//! that follow each.
 //!
 //! | after the pass | copies, in this order |
 //! |---|---|

@@ -13,7 +13,8 @@ pub enum Level {
     Avx512,
 }
 
-/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers and desktops.
+/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers
+/// and desktops.
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")
@@ -55,7 +56,8 @@ impl Level {
     }
 }
 
-/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set ([`Level::run`]).
+/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set
+/// ([`Level::run`]).
 pub(crate) trait Work {
     /// The loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction set.
     fn run(self);

@@ -24,7 +24,8 @@ pub struct Cover {
     pub(super) order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
     pub(super) fraction: Vec<f32>,
-    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus the number of the list.
+    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus
+    /// the number of the list.
     pub(super) owner: Vec<u32>,
     /// One for each worker.
     lists: Vec<Shelf>,
@@ -45,8 +46,8 @@ pub struct Cover {
     motions: u64,
 }
 
-// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the cover alone, and what
-// changes besides is atomic or behind its lock.
+// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the
+// cover alone, and what changes besides is atomic or behind its lock.
 unsafe impl Sync for Cover {}
 
 impl Cover {
@@ -90,7 +91,8 @@ impl Cover {
         }
     }
 
-    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the cells itself.
+    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the
+    /// cells itself.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
@@ -206,7 +208,8 @@ impl Cover {
         }
     }
 
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
+    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the
+    /// negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         self.whole().cover(position, slot, fraction);
     }
@@ -324,8 +327,8 @@ impl Cover {
         }
     }
 
-    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are its local
-    /// coordinates. Ghost cells count, what is behind walls does not.
+    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are
+    /// its local coordinates. Ghost cells count, what is behind walls does not.
     #[must_use]
     pub fn velocity_beside<const D: usize>(
         &self,
@@ -371,7 +374,8 @@ impl Cover {
         }
     }
 
-    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw frame.
+    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw
+    /// frame.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
         for sums in &mut self.sums {
             for &slot in &sums.touched {
@@ -434,7 +438,8 @@ enum Access<'a> {
     Shared(&'a [Shelf], usize),
 }
 
-/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other workers lie beside it.
+/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other
+/// workers lie beside it.
 #[derive(Debug)]
 #[repr(align(128))]
 pub struct Part<'a> {
@@ -499,8 +504,8 @@ impl Part<'_> {
         }
     }
 
-    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and stay so; else it does nothing
-    /// and returns false.
+    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and
+    /// stay so; else it does nothing and returns false.
     #[inline]
     pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
         let first = position - self.first;

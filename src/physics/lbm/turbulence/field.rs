@@ -1,9 +1,9 @@
 //! The velocity field from which the eddy viscosity is computed.
 //!
-//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
-//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces
-//! u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is stored in f32: its
-//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
+//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell, u_ghost
+//! = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces u_ghost
+//! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is
+//! stored in f32: its rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
 //!
 //! Beside bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of
 //! the surfaces at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
@@ -12,9 +12,10 @@
 //! du/dx = [l² (u_h - u) + h² (u - u_l)] / [l h (l + h)]
 //! ```
 //!
-//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so that the difference
-//! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
-//! each cell says where they stand, and only cells that have one leave the vector path.
+//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so
+//! that the difference goes over to the central one. The coupling names surfaces and their velocities after every move
+//! ([`Field::wall`]); a number beside each cell says where they stand, and only cells that have one leave the vector
+//! path.
 
 use crate::lbm::block::{Block, Line};
 use crate::lbm::boundary::{Frame, Patch, Surface, holder};
@@ -161,7 +162,8 @@ impl View {
             if b < self.dimension {
                 let stride = self.strides[b];
                 unroll!(axes a < 3 => {
-                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have room for whole vectors.
+                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have room for
+                    // whole vectors.
                     let (high, low) = unsafe {
                         (
                             <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
@@ -461,11 +463,12 @@ impl Ghosts {
         ghosts
     }
 
-    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component. `ramp` gives the factor of a
-    /// patch.
+    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component.
+    /// `ramp` gives the factor of a patch.
     ///
     /// # Safety
-    /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the ghosts follow from.
+    /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the
+    /// ghosts follow from.
     unsafe fn fill(
         &self,
         Block { planes, rows }: &Block,
@@ -509,7 +512,8 @@ impl Ghosts {
     /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
     ///
     /// # Safety
-    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody else may work on them.
+    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody
+    /// else may work on them.
     pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
         // SAFETY: promised by the caller.
         unsafe { self.fill(cells, written.write, ramp) };
@@ -662,7 +666,8 @@ impl Field {
         self.beside.clear();
     }
 
-    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and room for what it finds.
+    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and room for
+    /// what it finds.
     pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<Wall>) + Sync) {
         let mut found = std::mem::take(&mut self.found);
         let threads = thread_pool::threads();
@@ -750,8 +755,8 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the cells of some planes. `ramp`
-    /// gives the factor of a patch at this time.
+    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the
+    /// cells of some planes. `ramp` gives the factor of a patch at this time.
     pub(crate) fn complete(
         &mut self,
         planes: impl Iterator<Item = Range<usize>>,

@@ -2,8 +2,9 @@
 //!
 //! ν_t = (C_w Δ)² (S^d:S^d)^{3/2} / [ (S:S)^{5/2} + (S^d:S^d)^{5/4} ]
 //!
-//! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in pure shear, grows
-//! with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with angular velocity Ω.
+//! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in
+//! pure shear, grows with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with
+//! angular velocity Ω.
 
 #![allow(
     rustdoc::broken_intra_doc_links,

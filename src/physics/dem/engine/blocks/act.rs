@@ -23,7 +23,8 @@ pub(super) struct Tally {
     pub(super) deepest: Record,
 }
 
-/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both meet.
+/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both
+/// meet.
 pub(super) struct Span<S: Space> {
     pub(super) between: S::Vector,
     pub(super) squared: f64,
@@ -50,7 +51,8 @@ impl<'a, S: Space> World<'a, S> {
         self.view.polyhedron(k).map(|(shape, _)| shape)
     }
 
-    /// Where a block meets a block or a sphere, and whether the pair's second comes first in it: a block comes before a sphere.
+    /// Where a block meets a block or a sphere, and whether the pair's second comes first in it: a block comes before a
+    /// sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -157,8 +159,8 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from `base` in
-    /// `pairs`. Returns the calls of the narrow phase and the deepest contact.
+    /// [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from
+    /// `base` in `pairs`. Returns the calls of the narrow phase and the deepest contact.
     pub(super) fn act_on_pieces(
         &self,
         (active, base): (&[u32], usize),
@@ -251,7 +253,8 @@ impl<'a, S: Space> World<'a, S> {
         action
     }
 
-    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of [`Approach`].
+    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of
+    /// [`Approach`].
     pub(super) fn act_at_wall(
         &self,
         k: usize,
@@ -282,8 +285,8 @@ impl<'a, S: Space> World<'a, S> {
         record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
     }
 
-    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the calls of the narrow
-    /// phase.
+    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the
+    /// calls of the narrow phase.
     pub(super) fn meet_faces(
         &self,
         k: usize,

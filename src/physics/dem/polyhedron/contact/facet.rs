@@ -1,7 +1,7 @@
 //! Contacts of a block with the facets of a surface.
 //!
-//! Each facet takes the points of the block that it hides from the block's centroid: the part of the block behind the plane
-//! of the facet, inside the cone of sight through the facet.
+//! Each facet takes the points of the block that it hides from the block's centroid: the part of the block behind the
+//! plane of the facet, inside the cone of sight through the facet.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -24,9 +24,9 @@ pub struct Hidden {
 }
 
 impl Narrow {
-    /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of sight to it the
-    /// facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
-    /// points to the side of the centroid.
+    /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of
+    /// sight to it the facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and
+    /// counter-clockwise about `normal`, which points to the side of the centroid.
     pub fn hide(
         &mut self,
         block: &Placed,
@@ -64,7 +64,8 @@ impl Narrow {
             sum.first += (flat[0] + flat[1] + flat[2]) * (area / 3.0);
             sum.second += spread(&flat) * (area / 12.0);
         }
-        // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no volume.
+        // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no
+        // volume.
         self.grown.clear();
         self.grown.push(HalfSpace { normal, offset });
         for (k, a) in self.vertices.iter().enumerate() {
@@ -95,8 +96,8 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// The contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none where they hide nothing but
-    /// rounding.
+    /// The contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none where they hide
+    /// nothing but rounding.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {
         let volume = self.part.volume;

@@ -11,14 +11,15 @@ use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
 use super::{Geometry, Model, Narrow, Other};
 
-/// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
-/// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
+/// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane
+/// are apart: of two rounded answers to "which is outside" one could be counted twice, or none.
 const GROWN: f64 = 1.0 / 68_719_476_736.0;
 
 /// A vector area smaller than this over the area has no direction to trust.
 const CANCELLED: f64 = 0.05;
 
-/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface in it.
+/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface
+/// in it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Overlap {
     pub(super) volume: f64,
@@ -26,7 +27,8 @@ pub(super) struct Overlap {
     pub(super) area: Vector3<f64>,
     /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
     pub(super) surfaces: [f64; 2],
-    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see [`super::pressure`].
+    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see
+    /// [`super::pressure`].
     pub(super) pressure: Wrench,
 }
 
@@ -195,7 +197,8 @@ impl Narrow {
     /// The contact of two blocks that press on each other; none where rounding leaves nothing of the overlap.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.at(&overlap.centroid)?;
-        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area that does not vanish.
+        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area
+        // that does not vanish.
         let [one, two] = overlap.surfaces;
         let area = overlap.area.norm().max(CANCELLED * one.min(two));
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());

@@ -301,8 +301,8 @@ fn a_block_slides_and_sticks_on_a_slope() {
     }
 }
 
-/// The slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the steepest on which
-/// there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
+/// The slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the steepest on
+/// which there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
 fn tipping(width: f64, height: f64, stiffness: f64, weight: f64) -> f64 {
     let mut best: f64 = 0.0;
     let mut angle = (width / height).atan();
@@ -363,8 +363,8 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
-/// momenta, and energy to some per cent.
+/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's
+/// point and normal have none: they keep momenta, and energy to some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
@@ -423,8 +423,8 @@ fn collisions_keep_energy_and_momenta() {
     }
 }
 
-/// Ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has moved sideways since
-/// the first half, and the largest lean.
+/// Ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has moved
+/// sideways since the first half, and the largest lean.
 fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
     let stiffness = 1e9;
     let mut blocks = Vec::new();

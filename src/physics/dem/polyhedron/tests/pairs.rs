@@ -1,8 +1,8 @@
 //! Ten thousand random pairs against an independent oracle: no contact missed, none invented.
 //!
-//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. Once, and not in every build,
-//! 10,000 pairs of the same kinds were held against parry3d-f64 0.25 (GJK and EPA: 9,999 agree, 1 in the band) and against the
-//! optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9, all agree).
+//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. Once, and not in
+//! every build, 10,000 pairs of the same kinds were held against parry3d-f64 0.25 (GJK and EPA: 9,999 agree, 1 in the
+//! band) and against the optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9, all agree).
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -31,8 +31,8 @@ impl Pair<'_> {
         narrow.blocks(&one, &two, &self.separation, model, history)
     }
 
-    /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without the
-    /// half-spaces.
+    /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without
+    /// the half-spaces.
     fn oracle(&self) -> (Vector3<f64>, f64) {
         let points: [Vec<Vector3<f64>>; 2] = [0, 1].map(|k| {
             let place = if k == 0 {
