@@ -43,7 +43,7 @@ pub enum StartError {
     /// MPI was started before in this process; it can be started once only.
     #[error("MPI was already started in this process; it can be started only once")]
     AlreadyStarted,
-    /// MPI would not allow worker threads beside the one that calls it.
+    /// MPI would not allow worker threads in addition to the thread that calls it.
     #[error(
         "MPI granted thread level {granted}, but worker threads need at least Funneled: \
          use an MPI library built with thread support"
@@ -54,7 +54,7 @@ pub enum StartError {
     },
 }
 
-/// What all ranks return when at least one of them failed: the lowest failing rank's message.
+/// Error that all ranks return when at least one of them failed: the message of the lowest failing rank.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("rank {rank}: {message}")]
 pub struct Disagreement {
@@ -272,7 +272,8 @@ impl Communicator {
         }
     }
 
-    /// The same ranks with messages cut into pieces of at most `bytes` (at least 1, at most 1 GiB).
+    /// Returns a communicator of the same ranks that cuts messages into pieces of at most `bytes` (at least 1, at most
+    /// 1 GiB).
     ///
     /// MPI counts in 32 bits, so longer messages are always cut; a smaller limit suits networks
     /// that fail on large messages. All ranks must set the same limit.
@@ -349,9 +350,9 @@ impl Communicator {
         }
     }
 
-    /// Whether every rank calls this within `patience` of this one. A rank that must leave asks it: where all leave
-    /// they may go in order, where one is alone with its error it has to [`Self::abort`]. After `false` nothing but
-    /// that is allowed.
+    /// Returns `true` if every rank calls this within `patience` of this rank. Call it before an error exit: if all
+    /// ranks leave, they may finalize MPI; a rank that leaves alone has to [`Self::abort`]. After `false` no other call
+    /// is allowed.
     #[must_use]
     pub fn all_arrive(&self, patience: Duration) -> bool {
         let Kind::Mpi(context) = &self.kind else {
@@ -389,7 +390,7 @@ impl Communicator {
     /// Makes a call that waits for other ranks, and takes its time where there are any.
     fn waits<T>(&self, wait: Wait, call: impl FnOnce() -> T) -> T {
         if self.size() > 1 {
-            // The lengths of messages that nobody expects cross in a call of all ranks, too.
+            // The lengths of unannounced messages also cross in a call of all ranks.
             called_together();
             timed(wait, call)
         } else {
@@ -542,7 +543,7 @@ impl Communicator {
         }
     }
 
-    /// Whether `value` is true on all ranks.
+    /// Returns `true` if `value` is true on all ranks.
     #[must_use]
     pub fn all_true(&self, value: bool) -> bool {
         self.all_reduce_min_i64(i64::from(value)) == 1

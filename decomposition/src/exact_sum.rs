@@ -42,7 +42,7 @@ impl Default for ExactSum {
 }
 
 impl PartialEq for ExactSum {
-    /// Whether the exact sums are equal, beyond what a float can hold.
+    /// Returns `true` if the exact sums are equal, including digits that a float cannot hold.
     fn eq(&self, other: &Self) -> bool {
         let (mut one, mut two) = (self.clone(), other.clone());
         one.carry();
@@ -167,7 +167,7 @@ impl ExactSum {
         self.additions = 1;
     }
 
-    /// What the terms that are not finite make of the sum; 0 if all are finite.
+    /// Returns the contribution of the terms that are not finite; 0 if all are finite.
     fn special(&self) -> f64 {
         match (
             self.nans > 0,
@@ -305,7 +305,7 @@ impl Fixed {
         }
     }
 
-    /// Whether all terms were in range.
+    /// Returns `true` if all terms were in range.
     #[must_use]
     pub fn is_valid(self) -> bool {
         self != Self::INVALID

@@ -74,7 +74,7 @@ impl FixedExchange {
         Ok(Self { pattern })
     }
 
-    /// As [`Self::new`], but learns from the senders what to receive; collective. Returns also the
+    /// Makes an exchange like [`Self::new`], but learns from the senders what to receive; collective. Returns also the
     /// receives, `(rank, bytes)` in order of the source rank.
     ///
     /// # Errors
@@ -137,8 +137,8 @@ impl FixedExchange {
         self.pattern.finish();
     }
 
-    /// What came last for receive number `index`, as whole items of `T`. Waits if an exchange is
-    /// still under way.
+    /// Returns the latest data of receive number `index`, as whole items of `T`. Waits if an exchange is still under
+    /// way.
     ///
     /// # Panics
     /// If there is no such receive.

@@ -32,7 +32,7 @@ pub struct HaloBytes {
 }
 
 impl HaloBytes {
-    /// The same size in both directions on both sides.
+    /// Returns equal sizes for both directions and both sides.
     #[must_use]
     pub fn symmetric(bytes: usize) -> Self {
         Self::crossing(bytes, bytes)
@@ -127,8 +127,8 @@ impl HaloExchange {
         self.pattern.finish();
     }
 
-    /// What came last from the lower and from the upper neighbour, as whole items of `T`. Waits if
-    /// an exchange is still under way.
+    /// Returns the latest data from the lower and from the upper neighbour, as whole items of `T`. Waits if an exchange
+    /// is still under way.
     #[must_use]
     pub fn received<T: Pod>(&self) -> (Option<&[T]>, Option<&[T]>) {
         let lower = self.has_lower.then(|| self.pattern.received(0));

@@ -25,7 +25,7 @@ pub enum PatternError {
         /// Ranks there are.
         size: usize,
     },
-    /// What this rank sends to itself is not what it expects from itself.
+    /// A rank expects from itself other data than it sends to itself.
     #[error("rank {rank} sends itself {sent:?} bytes but expects {expected:?}")]
     SelfMismatch {
         /// This rank.
@@ -35,7 +35,7 @@ pub enum PatternError {
         /// Sizes of the messages expected, in bytes.
         expected: Vec<usize>,
     },
-    /// What this rank expects is not what the other sends.
+    /// This rank expects other data than the other rank sends.
     #[error("rank {from} sends {sent} bytes to rank {to}, which expects {expected}")]
     Mismatch {
         /// The sender.
@@ -230,7 +230,8 @@ impl Persistent {
                 if message.partner != post.rank() {
                     let bytes = post.receive(message.partner, message.tag);
                     let count = bytes.len().min(buffer.bytes);
-                    // SAFETY: the buffer holds that many bytes and is lent to nobody while messages are under way.
+                    // SAFETY: the buffer holds that many bytes, and no borrow of it exists while messages are under
+                    // way.
                     unsafe { buffer.start.as_ptr().copy_from(bytes.as_ptr(), count) };
                 }
             }
@@ -325,13 +326,13 @@ fn match_own(
         .collect())
 }
 
-/// As many whole `T` as fit into `bytes`.
+/// Returns `bytes` as whole items of `T`; bytes of an incomplete last item are left out.
 fn typed<T: Pod>(bytes: &[u8]) -> &[T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice(&bytes[..items * size_of::<T>()]).unwrap_or(&[])
 }
 
-/// As many whole `T` as fit into `bytes`.
+/// Returns `bytes` as whole items of `T` that can be changed; bytes of an incomplete last item are left out.
 fn typed_mut<T: Pod>(bytes: &mut [u8]) -> &mut [T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice_mut(&mut bytes[..items * size_of::<T>()]).unwrap_or(&mut [])

@@ -120,7 +120,7 @@ impl Slabs {
         self.bounds.len() - 1
     }
 
-    /// Whether the plane after the last one is the first.
+    /// Returns `true` if the plane after the last one is the first.
     #[must_use]
     pub fn periodic(&self) -> bool {
         self.periodic

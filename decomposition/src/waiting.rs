@@ -52,7 +52,7 @@ static SENT: AtomicU64 = AtomicU64::new(0);
 static SENT_BYTES: AtomicU64 = AtomicU64::new(0);
 static CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// What is waited for.
+/// Kind of call that waits for other ranks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Wait {
     /// Messages from one rank to another: halos, ghosts, migration.
@@ -77,7 +77,7 @@ impl Waited {
         self.messages + self.collectives
     }
 
-    /// What was added since `earlier`.
+    /// Returns the difference from the `earlier` value.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -94,7 +94,7 @@ impl std::ops::AddAssign for Waited {
     }
 }
 
-/// How long this process has waited for other ranks so far.
+/// Returns the time that this process has waited for other ranks so far.
 #[must_use]
 pub fn waited() -> Waited {
     let read = |sum: &AtomicU64| Duration::from_nanos(sum.load(Ordering::Relaxed));
@@ -104,7 +104,7 @@ pub fn waited() -> Waited {
     }
 }
 
-/// What this process has sent to other ranks since it started.
+/// Messages, bytes and collective calls of this process since it started.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Messages from one rank to another.
@@ -116,7 +116,7 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// What was added since `earlier`.
+    /// Returns the difference from the `earlier` value.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -127,7 +127,7 @@ impl Traffic {
     }
 }
 
-/// What this process has sent to other ranks so far.
+/// Returns what this process has sent to other ranks so far.
 #[must_use]
 pub fn traffic() -> Traffic {
     Traffic {

@@ -103,7 +103,7 @@ fn share(n: usize, group: &dyn Group) -> (usize, usize) {
     }
 }
 
-/// A number that tells any two places apart and is not round.
+/// Returns a number that differs between any two positions and is not round.
 fn value(i: usize) -> f64 {
     let mut x = 0.1_f64;
     for bit in 0..40 {
@@ -312,7 +312,7 @@ fn read_checkpoint(
             .zip(&numbers)
             .all(|((z, y, x), v)| v.to_bits() == value(4096 * z + 64 * y + x).to_bits());
     let ids: Vec<u64> = reader.read_all("id")?;
-    // A box that one rank gets wrong is everyone's error, and nobody waits.
+    // A box that is wrong on one rank is an error of all ranks, and no rank waits.
     let beyond = if rank + 1 == size { planes } else { 0 };
     let refused = reader.read::<u64>("id", &[beyond], &[1]).is_err();
     reader.close()?;

@@ -133,7 +133,7 @@ pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     }
 }
 
-/// Give an existing file its room on the disk, so that writing into it cannot run out of space.
+/// Allocates the disk space of an existing file, so that writing into it cannot run out of space.
 pub(crate) fn hold(part: &Path, bytes: u64) -> Result<()> {
     OpenOptions::new()
         .write(true)

@@ -45,7 +45,7 @@ pub struct Array<'a> {
     pub data: Numbers<'a>,
 }
 
-/// What a checkpoint holds.
+/// Contents of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of this format.
@@ -56,7 +56,7 @@ pub struct Manifest {
     pub step: u64,
     /// Time, s.
     pub time: f64,
-    /// The HDF5 file's name, beside the manifest.
+    /// Name of the HDF5 file, in the same folder as the manifest.
     pub file: String,
     /// Its size in bytes.
     pub bytes: u64,
@@ -64,7 +64,7 @@ pub struct Manifest {
     pub blake3: String,
     /// Its arrays.
     pub arrays: Vec<ArrayInfo>,
-    /// What the caller gave.
+    /// Attributes given by the caller.
     pub attributes: Value,
 }
 
@@ -104,7 +104,7 @@ const FORMAT: u32 = 1;
 const LONGEST: u64 = 64 << 20;
 /// Axes of an array at most.
 const DIMENSIONS: usize = 8;
-/// Room for what describes the arrays in a file \[bytes\].
+/// Space for the headers that describe the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
 /// Fewer than this many are never kept: the last may be the damaged one.
 const FEWEST: usize = 2;
@@ -142,8 +142,8 @@ impl Manifest {
         Ok(signed.checkpoint)
     }
 
-    /// What the manifest says can be: anyone can compute its hash, so that the hash proves nothing but that no bit has
-    /// changed. What fits the case is for the caller to say.
+    /// Validates the manifest. A matching hash only excludes accidental damage, because anyone can compute it. The
+    /// caller checks that the contents fit the case.
     fn sound(&self, path: &Path, length: u64) -> Result<()> {
         let wrong = |what: String| Err(Error::corrupt(path, what));
         let file = Path::new(&self.file);
@@ -189,7 +189,7 @@ impl Manifest {
                 ));
             }
         }
-        // Beside the arrays the file holds their headers and the caller's attributes.
+        // In addition to the arrays the file holds their headers and the caller's attributes.
         let most = all.saturating_add(HEADERS).saturating_add(4 * length);
         if self.bytes > most {
             return wrong(format!(
@@ -200,7 +200,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// The HDF5 file beside `manifest`.
+    /// Returns the path of the HDF5 file in the folder of `manifest`.
     fn heavy(&self, manifest: &Path) -> PathBuf {
         manifest.with_file_name(&self.file)
     }
@@ -231,7 +231,7 @@ impl Manifest {
     }
 }
 
-/// What is wrong where a manifest is of a format that this program does not read.
+/// Returns the error for a manifest of a format that this program does not read.
 fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
     let tree: Value = serde_json::from_slice(bytes).ok()?;
     let checkpoint = tree.get("checkpoint")?;
@@ -532,7 +532,7 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
         }
     }
     if known.len() < keep {
-        // While there are few, leave even damaged ones for someone to look at.
+        // While there are few, keep even damaged checkpoints for inspection.
         return Ok(());
     }
     let named = |path: &Path| known.iter().any(|k| k.0 == path || k.1.heavy(&k.0) == path);
@@ -552,7 +552,7 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
 pub struct Found {
     /// The manifest's file.
     pub path: PathBuf,
-    /// What it says.
+    /// Contents of the manifest.
     pub manifest: Manifest,
     /// Newer ones that were passed over, each with what was wrong.
     pub passed_over: Vec<String>,
@@ -566,10 +566,11 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
     newest_that(folder, group, |_| Ok(()))
 }
 
-/// As [`newest`], where the manifest also `fits` the caller's case; that is asked before a byte of the file is read.
+/// Returns the newest checkpoint, like [`newest`], whose manifest also `fits` the caller's case. `fits` is called
+/// before a byte of the file is read.
 ///
 /// # Errors
-/// As [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
+/// Those of [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
 pub fn newest_that(
     folder: &Path,
     group: &dyn Group,
@@ -658,8 +659,8 @@ pub struct Reader<'g> {
     transfer: Transfer,
 }
 
-/// Whether a file holds the arrays of its manifest in itself: as they were written, not as links or references to other
-/// files, which could be anything.
+/// Checks that a file holds the arrays of its manifest in itself: as they were written, not as links or references to
+/// other files, which could be anything.
 fn holds(file: &hdf5::File, manifest: &Manifest) -> hdf5::Result<()> {
     within(file, "", 0, &mut 0)?;
     for array in &manifest.arrays {
@@ -755,13 +756,13 @@ impl<'g> Reader<'g> {
         })
     }
 
-    /// What the checkpoint holds.
+    /// Returns the contents of the checkpoint.
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// What the caller gave at writing.
+    /// Returns the attributes that the caller gave at writing.
     #[must_use]
     pub fn attributes(&self) -> &Value {
         &self.manifest.attributes
@@ -855,7 +856,7 @@ impl<'g> Reader<'g> {
     /// # Errors
     /// As [`Reader::read_into`].
     pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
-        // A box that is not in the array gets no room, and its error below.
+        // A box outside the array gets no capacity here, and its error below.
         let room = match self.shape(name) {
             Ok(shape) if hdf::is_inside(start, count, shape) => product(count),
             _ => 0,

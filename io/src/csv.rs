@@ -15,7 +15,7 @@ pub struct Reader<'t> {
     names: StringRecord,
     units: Option<StringRecord>,
     row: StringRecord,
-    /// The row is the first one and has not been given out.
+    /// `true` if the row is the first one and has not been returned.
     pending: bool,
 }
 
@@ -81,7 +81,8 @@ impl<'t> Reader<'t> {
         })
     }
 
-    /// Goes to the next line that counts. A text in memory whose rows may differ in length cannot fail to be read.
+    /// Reads the next row that is no comment and not blank; returns `true` if there is one. Text in memory whose rows
+    /// may differ in length cannot fail to be read.
     fn advance(&mut self) -> bool {
         while matches!(self.rows.read_record(&mut self.row), Ok(true)) {
             let first = self.row.get(0).unwrap_or_default().trim_start();

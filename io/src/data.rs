@@ -139,13 +139,13 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// How many numbers.
+    /// Returns the number of values.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bytes().len() / self.kind().size()
     }
 
-    /// No numbers.
+    /// Returns `true` if there are no values.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes().is_empty()
@@ -169,7 +169,7 @@ impl<'a> Data<'a> {
 pub trait Make {
     /// The number type.
     fn kind(&self) -> Kind;
-    /// How many numbers there are.
+    /// Returns the number of values.
     fn count(&self) -> usize;
     /// Makes the numbers of a range, in C order, and shows them.
     fn show(&self, range: Range<usize>, show: &mut dyn FnMut(Data<'_>));
@@ -247,7 +247,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// How many numbers there are.
+    /// Returns the number of values.
     #[must_use]
     pub fn count(&self) -> usize {
         match self {

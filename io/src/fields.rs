@@ -38,7 +38,7 @@ impl DatasetInfo {
     }
 }
 
-/// What an HDF5 file holds.
+/// Contents of an HDF5 file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FileInfo {
     /// Groups with their attributes, from the root.
@@ -201,7 +201,7 @@ pub struct Values {
     pub values: Vec<f64>,
 }
 
-/// Where a column of this name may stand in a file.
+/// Returns the paths in a file at which a column of this name may be stored.
 fn places(name: &str) -> Vec<String> {
     if name.starts_with('/') {
         vec![name.to_owned()]

@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 pub trait Group {
     /// My number, from 0.
     fn rank(&self) -> usize;
-    /// How many we are.
+    /// Returns the number of ranks.
     fn size(&self) -> usize;
     /// The communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
     fn raw(&self) -> Option<mpi_sys::MPI_Comm>;
-    /// Logical and over the ranks.
+    /// Returns `true` if `ok` is true on all ranks.
     fn all_ok(&self, ok: bool) -> bool;
     /// Sum of `n` over the ranks before me, and over all.
     fn offset_and_total(&self, n: u64) -> (u64, u64);

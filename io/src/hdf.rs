@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
 use crate::plain;
 
-/// How several ranks write one file.
+/// Method by which several ranks write one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Mode {
     /// Together, through MPI-IO.
@@ -46,8 +46,8 @@ pub fn version() -> String {
     format!("{major}.{minor}.{patch}")
 }
 
-/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI,
-/// without which this crate does not build, and `threadsafe`.
+/// Returns the optional features of the linked HDF5: `mpio`, writing one file by all ranks through MPI, without which
+/// this crate does not build, and `threadsafe`.
 #[must_use]
 pub fn features() -> Vec<&'static str> {
     let mut features = vec!["mpio"];
@@ -208,7 +208,7 @@ impl<'a> Content<'a> {
 }
 
 impl Part<'_> {
-    /// How it is written: numbers in memory at once, others in pieces.
+    /// Returns the pieces in which it is written: numbers in memory at once, others one by one.
     fn pieces(&self) -> Pieces {
         match self.data {
             Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
@@ -243,7 +243,7 @@ impl Part<'_> {
     }
 }
 
-/// A box lies in a shape; an empty one lies anywhere.
+/// Returns `true` if a box lies in a shape; an empty box lies in every shape.
 pub(crate) fn is_inside(start: &[usize], count: &[usize], shape: &[usize]) -> bool {
     start.len() == shape.len()
         && count.len() == shape.len()
@@ -322,7 +322,7 @@ fn write_together(
     communicator: mpi_sys::MPI_Comm,
 ) -> Result<()> {
     // From here on a failure on one rank leaves handles that cannot be closed without the others: they are leaked
-    // (ManuallyDrop) and the caller is told to abort, at once where it gave us the means.
+    // (ManuallyDrop) and the caller has to abort, at once if it passed the means.
     let together = |done: Result<()>| {
         let done = done.map_err(|e| e.broken(part));
         if let Err(error) = &done {
@@ -358,7 +358,7 @@ fn write_together(
         )?;
     }
     // An MPI-IO layer may swallow the error of a disk that fills up while it writes (Open MPI's OMPIO 4.1 does), so the
-    // disk promises the room first.
+    // disk space is allocated first.
     agree(
         group,
         match group.rank() {
@@ -581,7 +581,7 @@ impl Pieces {
         }
     }
 
-    /// How many pieces there are.
+    /// Returns the number of pieces.
     pub(crate) fn rounds(&self) -> usize {
         self.rounds
     }
@@ -673,7 +673,7 @@ fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     hdf5::h5check(code).map(|_| ())
 }
 
-/// How a transfer goes to the MPI driver; the serial driver takes only the independent one.
+/// Transfer mode of the MPI driver; the serial driver takes only the independent one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transfer {
     Independent,

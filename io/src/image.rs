@@ -98,7 +98,7 @@ impl Image<'_> {
     }
 }
 
-/// What a lattice file holds.
+/// Contents of a lattice file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageInfo {
     /// When it was written.

@@ -12,7 +12,7 @@ use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, Mode, Part};
 use crate::moment::Moment;
 
-/// What joins the points.
+/// Cells that join the points.
 #[derive(Clone, Copy, Debug)]
 pub enum Cells<'a> {
     /// Each point is its own cell: grains.
@@ -33,7 +33,7 @@ pub enum Cells<'a> {
 pub struct Mesh<'a> {
     /// Positions `[n][3]`, f32 or f64, m.
     pub points: Data<'a>,
-    /// What joins them.
+    /// Cells that join the points.
     pub cells: Cells<'a>,
     /// One row per point.
     pub point_columns: Vec<Column<'a>>,
@@ -154,8 +154,8 @@ pub fn write(
     hdf::write(path, &content, group, mode)
 }
 
-/// Where polygons lie a second time in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file: the
-/// two formats share everything else.
+/// Path of a second copy of the polygons in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file:
+/// the two formats share everything else.
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
 /// A dataset of one integer, held by rank 0.

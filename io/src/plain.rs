@@ -25,7 +25,7 @@ fn refused(path: &Path, reason: &str) -> Error {
     }
 }
 
-/// What a file is, where it is not a plain one.
+/// Returns a message that names the kind of a file that is not a plain one.
 fn kind(kind: fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     if kind.is_dir() {
@@ -57,7 +57,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
         }
         Ok(known.len())
     };
-    // Opening a pipe waits for its other end and opening a device may act on it, so the look comes first.
+    // Opening a pipe waits for its other end and opening a device may act on it, so the kind is checked first.
     look(&fs::metadata(path).map_err(|e| Error::io("read", path, &e))?)?;
     let file = OpenOptions::new()
         .read(true)

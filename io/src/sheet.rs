@@ -199,8 +199,7 @@ fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
         .from_reader(text.as_bytes())
 }
 
-/// Returns a name for a message. A file that is no table may hold secrets: what does not look like a name is not
-/// quoted.
+/// Returns a name for a message. A file that is no table may hold secrets: text that is not like a name is not quoted.
 fn quotable(name: &str, at: usize) -> String {
     let plain =
         |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '[' | ']' | '.' | '^');

@@ -1,4 +1,4 @@
-//! The same files from any number of ranks, in both modes, and no hang when a write fails: real `mpirun` under
+//! Files that are equal from any number of ranks, in both modes, and no hang when a write fails: real `mpirun` under
 //! `timeout`.
 
 #![cfg_attr(
@@ -18,7 +18,7 @@ use std::sync::Mutex;
 
 use io::{Alone, fields};
 
-/// The example beside this test's own binary: cargo builds examples along with integration tests.
+/// Returns the example in the folder of this test's own binary: cargo builds examples along with integration tests.
 fn program() -> PathBuf {
     let mut path = std::env::current_exe().unwrap();
     path.pop();
@@ -41,7 +41,7 @@ fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        // A socket of Munge that nobody answers costs two seconds at every start.
+        // A Munge socket without a server costs two seconds at every start.
         .env("PMIX_MCA_psec", "native")
         // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first
         // cores.

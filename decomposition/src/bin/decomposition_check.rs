@@ -187,7 +187,7 @@ fn reductions(communicator: &Communicator) -> Outcome {
     )
 }
 
-/// Bytes that tell who sent them to whom.
+/// Returns bytes that depend on the sender, the receiver and the position.
 fn letter(from: usize, to: usize, length: usize) -> Vec<u8> {
     let key = (from * 1000 + to) as u64;
     (0..length as u64)
@@ -263,7 +263,7 @@ fn splits(size: usize) -> Vec<Slabs> {
     splits
 }
 
-/// What a plane sends in a round; the sum of its parts tells plane, direction and round apart.
+/// Returns the number that a plane sends in a round. It differs for every plane, direction and round.
 fn cargo(plane: usize, upwards: bool, round: usize, item: usize) -> f64 {
     let number = ((plane * 2 + usize::from(upwards)) * 10 + round) * 10 + item;
     random_f64(number as u64)
