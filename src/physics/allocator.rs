@@ -33,7 +33,7 @@ const STRIDE: usize = 1265;
 const COLOURS: usize = 2048;
 const LINE: usize = 64;
 
-/// How many blocks were taken.
+/// Number of blocks taken.
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
 
 /// A block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets of the
@@ -55,7 +55,7 @@ fn take(layout: &Layout) -> *mut u8 {
     unsafe { start.add(before) }
 }
 
-/// Where a block starts in its huge page.
+/// Returns the offset of the start of a block in its huge page \[bytes\].
 fn before(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
@@ -69,7 +69,7 @@ pub(crate) fn map(bytes: usize) -> *mut u8 {
     let mut start = anonymous(room);
     // Kernels before 6.7 put it anywhere.
     if !start.is_null() && !start.addr().is_multiple_of(HUGE) {
-        // SAFETY: the mapping made above, which nobody has seen.
+        // SAFETY: the mapping made above, which no other code has seen.
         unsafe { release(start, room) };
         start = anonymous(room.saturating_add(HUGE));
         if !start.is_null() {
@@ -92,10 +92,10 @@ pub(crate) fn map(bytes: usize) -> *mut u8 {
     start
 }
 
-/// Gives back what [`map`] gave for `bytes`.
+/// Releases the memory that [`map`] returned for `bytes`.
 ///
 /// # Safety
-/// `start` must be of [`map`] with these `bytes`, and nobody may use the memory any more.
+/// `start` must be of [`map`] with these `bytes`, and the memory may not be used any more.
 pub(crate) unsafe fn unmap(start: *mut u8, bytes: usize) {
     // SAFETY: promised by the caller; `map` could round `bytes` up.
     unsafe { release(start, bytes.max(1).next_multiple_of(HUGE)) };
@@ -120,7 +120,7 @@ fn anonymous(bytes: usize) -> *mut u8 {
 }
 
 /// # Safety
-/// These bytes must be whole pages of a mapping made here, and nobody may use them any more.
+/// These bytes must be whole pages of a mapping made here, and they may not be used any more.
 unsafe fn release(start: *mut u8, bytes: usize) {
     if bytes > 0 {
         // SAFETY: promised by the caller.
@@ -134,9 +134,9 @@ fn is_large(layout: &Layout) -> bool {
     layout.size() >= LARGE && layout.align() <= HUGE
 }
 
-// SAFETY: a block is large by its layout alone, so that it goes back to where it came from. `map` gives memory that
-// nobody else has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing where that would
-// break the alignment; the rest is the promise of `System`.
+// SAFETY: a block is large by its layout alone, so that it is released to its source. `map` gives memory that no other
+// block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing where that would break the
+// alignment; everything else is the promise of `System`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {

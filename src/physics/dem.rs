@@ -154,7 +154,7 @@ pub struct Contact<S: Space> {
     /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is
     /// involved.
     pub shear_force: S::Vector,
-    /// Whether it is bonded.
+    /// `true` if it is bonded.
     pub bonded: bool,
 }
 
@@ -198,7 +198,7 @@ impl<S: Space> Dem<S> {
         Self::of_family(&law, settings, walls)
     }
 
-    /// The same with a law of any list.
+    /// Makes the solver with a law of any list.
     fn of_family(
         law: &impl Family,
         settings: Settings<S>,

@@ -36,7 +36,7 @@ pub struct Problem {
     pub path: String,
     /// The value found, as JSON text (`missing` where there is none).
     pub value: String,
-    /// What is wrong and which range or choice is allowed.
+    /// Reason, and the allowed range or choice.
     pub reason: String,
     /// The smallest change that would pass.
     #[serde(flatten)]
@@ -45,12 +45,12 @@ pub struct Problem {
     pub severity: Severity,
 }
 
-/// What a model finds about its parameters: a [`Problem`] before its value is looked up in the case.
+/// Finding of a model about its parameters: a [`Problem`] before its value is found in the case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// JSON path of the field.
     pub path: String,
-    /// What is wrong and which range or choice is allowed.
+    /// Reason, and the allowed range or choice.
     pub reason: String,
     /// The smallest change that would pass.
     pub remedy: Remedy,
@@ -144,7 +144,7 @@ impl fmt::Display for Remedy {
 }
 
 impl fmt::Display for Assignment {
-    /// As on a command line.
+    /// Writes the assignment as an option of a command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{}={}", self.path, self.value);
         let plain = |c: char| c.is_ascii_alphanumeric() || "._=+-".contains(c);

@@ -2,7 +2,7 @@
 //!
 //! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws,
 //! permeabilities and porosity methods use the macro of this file. Contact laws, collision operators, eddy viscosities,
-//! boundaries, solid operators and shapes of structures have list macros of their own, beside the lists.
+//! boundaries, solid operators and shapes of structures have list macros of their own, next to the lists.
 //! [`Description`] and `describe_choices` are shared by the families of the lattice and of structures.
 //!
 //! A model in the macro of this file is a type that implements the trait of its family, such as

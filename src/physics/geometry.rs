@@ -36,7 +36,7 @@ impl Vector {
     }
 }
 
-/// The same velocity everywhere, as a list or as an object with `velocity`.
+/// Uniform velocity, as a list or as an object with `velocity`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "WrittenVelocity")]
 #[schemars(inline)]
@@ -45,7 +45,7 @@ pub struct UniformVelocity {
     pub velocity: Vector,
 }
 
-/// The same velocity everywhere: the list of its components, or an object.
+/// Uniform velocity: the list of its components, or an object.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
@@ -236,7 +236,7 @@ impl Face {
         self.index() / 2
     }
 
-    /// Whether the face is at the upper end of its axis.
+    /// Returns `true` if the face is at the upper end of its axis.
     #[must_use]
     pub fn is_max(self) -> bool {
         self.index() % 2 == 1

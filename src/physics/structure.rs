@@ -84,7 +84,7 @@ shapes! {
     surface Surface "surface",
 }
 
-/// A finding that a shape has no place in so many dimensions; whether it has.
+/// Returns `true` if a shape fits the dimension of the problem; otherwise reports a finding.
 fn only_in(
     dimension: usize,
     frame: &Frame,

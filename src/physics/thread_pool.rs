@@ -31,7 +31,7 @@ const CALLER_YIELDS: u32 = 50;
 /// Groups of pieces, one bit each.
 const GROUPS: usize = 64;
 
-/// What the pool is to do: a function of the number of the piece.
+/// Work of the pool: a function of the number of the piece.
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 /// A function, its pieces, and the number of threads that may do them.
@@ -101,7 +101,7 @@ static POOL: Mutex<Option<Pool>> = Mutex::new(None);
 /// The most threads that work is shared out to.
 pub const MOST: usize = 64;
 
-/// How many pieces an even loop is best cut into: the threads of this rank.
+/// Returns the best number of pieces for an even loop: the threads of this rank.
 #[must_use]
 pub fn threads() -> usize {
     rayon::current_num_threads().min(MOST)
@@ -126,9 +126,9 @@ pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     (0..pieces).for_each(work);
 }
 
-/// What is shared out to pieces: slices that were cut, one or several.
+/// Data that are divided among pieces: slices that were cut, one or several.
 pub trait Shared: Sync {
-    /// What a piece gets.
+    /// Data of one piece.
     type Share;
 
     /// The share of a piece.
@@ -149,7 +149,7 @@ pub struct Cut<'a, T> {
 unsafe impl<T: Send> Sync for Cut<'_, T> {}
 
 impl<T> Cut<'_, T> {
-    /// Where an item of the slice is.
+    /// Returns the address of an item of the slice.
     fn item(&self, n: usize) -> *mut T {
         self.start.wrapping_add(n)
     }
@@ -209,9 +209,9 @@ several!(A, B);
 several!(A, B, C);
 several!(A, B, C, D);
 
-/// As [`each`], with each piece's share.
+/// Does [`each`], with the data of each piece.
 pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
-    // SAFETY: each piece is done once, and nobody else has what is shared.
+    // SAFETY: each piece is done once, and no other code accesses the shared data.
     each(pieces, |piece| work(piece, unsafe { shared.share(piece) }));
     drop(shared);
 }
@@ -238,13 +238,13 @@ pub fn runs(items: usize, least: usize) -> usize {
     }
 }
 
-/// How many of its runs a thread has begun, on a cache line of its own.
+/// Number of its runs that a thread has begun, on a cache line of its own.
 #[derive(Default)]
 #[repr(align(128))]
 struct Begun(AtomicUsize);
 
-/// As [`each_of`], for pieces of uneven work: a thread does those of its own even share, the same in each call, and
-/// then helps others with theirs. It meets most of what it wrote before.
+/// Does [`each_of`] for pieces of uneven work: a thread does those of its own even part, equal in each call, and then
+/// helps others with theirs. Most data that it reads are those that it wrote before.
 pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     let threads = threads().min(runs);
     if threads <= 1 {
@@ -260,7 +260,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
                 if run >= end {
                     break;
                 }
-                // SAFETY: nobody else has begun this run, and nobody else has what is shared.
+                // SAFETY: no other thread has begun this run, and no other code accesses the shared data.
                 work(run, unsafe { shared.share(run) });
             }
         }
@@ -268,7 +268,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
     drop(shared);
 }
 
-/// As [`each_item`], for items of uneven work: see [`each_run_of`].
+/// Does [`each_item`] for items of uneven work: see [`each_run_of`].
 pub fn each_item_in_runs<T: Send>(
     items: &mut [T],
     least: usize,
@@ -283,7 +283,8 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// As [`each_item_in_runs`], for items of very uneven work, in runs of `some` of them. `rooms` has one for each thread.
+/// Does [`each_item_in_runs`] for items of very uneven work, in runs of `some` of them. `rooms` has one buffer for each
+/// thread.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
@@ -312,7 +313,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
                     break;
                 }
                 for n in first..(first + some).min(share.end) {
-                    // SAFETY: within the slice, and nobody else has taken this number.
+                    // SAFETY: within the slice, and no other thread has taken this number.
                     work(room, unsafe { &mut *all.item(n) });
                 }
             }
@@ -320,7 +321,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     });
 }
 
-/// Room for new items of a list: the part of one piece of the work.
+/// Buffer for new items of a list: the part of one piece of the work.
 pub struct Room<'a, T> {
     slice: &'a mut [MaybeUninit<T>],
     count: usize,
@@ -330,7 +331,7 @@ impl<T> Room<'_, T> {
     /// Adds an item.
     ///
     /// # Panics
-    /// Where there is no more room.
+    /// If the buffer is full.
     #[inline]
     pub fn push(&mut self, item: T) {
         self.slice[self.count].write(item);
@@ -451,7 +452,7 @@ impl Board {
         }
     }
 
-    /// Joins the job of a state; false if it is closed or another one by now.
+    /// Joins the job of a state; returns `true` unless it is closed or another one by now.
     fn join(&self, job: u64) -> bool {
         let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
         self.state
@@ -490,7 +491,7 @@ impl Board {
     }
 }
 
-/// One turn of waiting; false once it is time to sleep.
+/// Waits for one turn; returns `true` until it is time to sleep.
 fn wait(turns: &mut u32, yields: u32) -> bool {
     *turns = turns.saturating_add(1);
     if *turns < SPINS {
@@ -571,7 +572,7 @@ mod tests {
         }
     }
 
-    /// A helper that has no core keeps nobody waiting: the caller does its pieces.
+    /// Checks that no thread waits for a helper without a core: the caller does its pieces.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
         let board = Board {
@@ -679,7 +680,7 @@ mod tests {
                 4,
                 |p| bounds[p],
                 |piece, room| {
-                    // Of its room a piece takes what it needs.
+                    // A piece takes the part of its buffer that it needs.
                     for n in bounds[piece]..bounds[piece + 1] {
                         if n % 3 > 0 {
                             room.push(n);

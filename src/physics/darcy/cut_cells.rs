@@ -17,7 +17,7 @@ const DIVISIONS: [usize; 2] = [32, 8];
 /// Passages this short along a line, over the edge of a sub-cell, are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What a structure leaves of a cell.
+/// Part of a cell that structures leave to the water.
 #[derive(Clone, Debug)]
 enum Left {
     /// All of it.
@@ -88,7 +88,7 @@ impl Division<'_> {
         }
     }
 
-    /// What is left of a cell.
+    /// Returns the part of a cell that structures leave to the water.
     fn left(&self, cell: [usize; 3]) -> Left {
         let centre = self.grid.centre(cell);
         let dimension = self.grid.dimension;
@@ -133,7 +133,7 @@ impl Division<'_> {
                     }
                 }
             }
-            // The ends of a way tell nothing of what is at them.
+            // The ends of a segment do not show the medium at them.
             for level in [0, steps] {
                 for sub in self.layer(axis, level) {
                     let at = self.centre(cell, sub);
@@ -254,7 +254,7 @@ impl<'a> Division<'a> {
     }
 }
 
-/// Centroid of the water of a cell beside these solids \[m\]; none of a cell without water.
+/// Returns the centroid of the water of a cell near these solids \[m\]; none for a cell without water.
 #[must_use]
 pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) -> Option<[f64; 3]> {
     let division = Division::new(grid, solids);
@@ -280,7 +280,7 @@ pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) ->
 }
 
 impl Openness {
-    /// What is left of the cells and faces where these solids stand.
+    /// Returns the openness of the cells and faces reduced by these solids.
     #[must_use]
     pub fn with_structures(mut self, solids: &[Arc<Images>]) -> Self {
         if solids.is_empty() {
@@ -303,7 +303,7 @@ impl Openness {
             }
         }
         let near = |cell: [usize; 3]| {
-            // Further than from a centre to the far corner of a cell beside.
+            // Further than from a centre to the far corner of an adjacent cell.
             let reach = 1.6 * norm(grid.spacing, grid.dimension);
             let centre = grid.centre(cell);
             solids
@@ -388,7 +388,7 @@ mod tests {
         Openness::measure(&grid, &Enclosure::Everything).with_structures(&[solid(text, dimension)])
     }
 
-    /// Whether open faces lead from the first cell to the last.
+    /// Returns `true` if open faces connect the first cell with the last.
     fn leads_through(open: &Openness) -> bool {
         let grid = open.grid;
         let mut seen = vec![false; grid.count()];

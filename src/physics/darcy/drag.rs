@@ -49,14 +49,14 @@ pub trait Law: Sync {
     /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
     fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
 
-    /// The time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\]. `measure` is the
-    /// factor of the grain's velocity beside the flux. Explicit drag is unstable where the coupling interval exceeds
-    /// twice this time.
+    /// Returns the time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\].
+    /// `measure` is the factor of the grain's velocity relative to the flux. Explicit drag is unstable where the
+    /// coupling interval exceeds twice this time.
     fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
         mass / (measure * self.coefficient(bed, grain, 0.0))
     }
 
-    /// Whether the forces on grains at rest balance the loss of pressure of every law of resistance.
+    /// Returns `true` if the forces on grains at rest balance the loss of pressure of every law of resistance.
     fn balances(&self) -> bool {
         false
     }

@@ -10,7 +10,7 @@ use crate::number::real;
 
 type Point = [f64; 3];
 
-/// What the water may fill.
+/// Region that the water may fill.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enclosure {
     /// The whole grid.
@@ -35,8 +35,8 @@ pub const LEAST_OPEN: f64 = 0.01;
 pub struct Openness {
     /// Fraction of a cell's volume inside the walls; 0 for a blocked cell.
     pub inside: Vec<f64>,
-    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 beside a blocked cell; index
-    /// as for cells of a grid with one more cell along that axis.
+    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 next to a blocked cell; index as for
+    /// cells of a grid with one more cell along that axis.
     pub faces: [Vec<f64>; 3],
     /// The grid.
     pub grid: Grid,
@@ -77,7 +77,7 @@ impl Openness {
         self.inside[index] * self.grid.volume()
     }
 
-    /// Whether no water can be in a cell.
+    /// Returns `true` if a cell can hold no water.
     #[must_use]
     pub fn blocked(&self, index: usize) -> bool {
         self.inside[index] <= 0.0
@@ -154,7 +154,7 @@ impl Openness {
         }
     }
 
-    /// Closes faces beside blocked cells, and slivers.
+    /// Closes faces next to blocked cells, and slivers.
     pub(super) fn close_faces(&mut self) {
         for axis in 0..3 {
             let faces = with_one_more(&self.grid, axis);
@@ -315,8 +315,8 @@ fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     sorted
 }
 
-/// Where the line along x through (y, z) crosses the triangles, in rising order. A line through a corner or an edge
-/// counts it for one of its triangles only: edges are half open in y.
+/// Finds the coordinates at which the line along x through (y, z) crosses the triangles, in rising order. A line
+/// through a corner or an edge counts it for one of its triangles only: edges are half open in y.
 fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
     found.clear();
     for triangle in triangles {

@@ -34,7 +34,7 @@ pub(super) struct Matrix<T> {
     pub(super) t: [Vec<T>; 3],
     /// Sums over the faces of each cell; 1 for a cell without any.
     pub(super) diagonal: Vec<T>,
-    /// Of the faces of each cell with an imposed pressure.
+    /// Sum over the faces of each cell with an imposed pressure.
     pub(super) leak: Vec<T>,
 }
 
@@ -64,11 +64,11 @@ pub(super) trait Real:
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// What flows into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, handed to
-/// `put(place in row, sum)`.
+/// Computes the flow into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, and passes it
+/// to `put(index in the row, sum)`.
 ///
-/// Differences before products: where free water lies beside soil its large conductances multiply differences near
-/// zero, and what the soil passes is not lost in rounding.
+/// Differences are taken before products: where free water is next to soil its large conductances multiply differences
+/// near zero, and the flow through the soil is not lost in rounding.
 #[inline(always)]
 pub(super) fn inflow<'a, T: Real>(
     matrix: &'a Matrix<T>,

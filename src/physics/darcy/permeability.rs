@@ -56,12 +56,13 @@ pub trait Law: Sync {
         wen_yu(bed, grain, speed)
     }
 
-    /// Whether K depends on the gradient: pressure and permeability are then computed in turn until both stay.
+    /// Returns `true` if K depends on the gradient: pressure and permeability are then computed in turn until both
+    /// stay.
     fn depends_on_the_gradient(&self) -> bool {
         false
     }
 
-    /// Whether the law may be used with these equations.
+    /// Returns `true` if the law may be used with these equations.
     fn goes_with(&self, _equations: Equations) -> bool {
         true
     }
@@ -105,7 +106,7 @@ pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// What the permeability of every cell depends on.
+/// Quantities that the permeability of every cell depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct BedOfCells<'a> {
     /// Porosity, within its limits.

@@ -118,7 +118,7 @@ impl Pores {
         self.append_parts(centre, radius, parts);
     }
 
-    /// As [`Self::parts`], behind what is in the list.
+    /// Appends the result of [`Self::parts`] to the list.
     #[inline]
     pub fn append_parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         self.method.model().parts(&self.grid, centre, radius, parts);

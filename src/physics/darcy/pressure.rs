@@ -18,10 +18,9 @@
 //! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
 //! ```
 //!
-//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of
-//! its two cells, weighted by
-//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever
-//! the bed beside it does.
+//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of its two
+//! cells, weighted by their resistances. The water of a cell without grains has next to no resistance: it follows the
+//! bed next to it.
 //!
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
@@ -52,8 +51,8 @@ pub enum Equations {
     /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
     #[default]
     Corrected,
-    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial
-    /// velocity in the drag; signs follow Darcy's law.
+    /// Equations as printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water,
+    /// interstitial velocity in the drag; signs follow Darcy's law.
     Paper,
 }
 
@@ -101,7 +100,7 @@ pub enum Condition {
 pub struct Patch {
     /// Axis of the normal.
     pub axis: usize,
-    /// At the upper end of the axis.
+    /// `true` if it is at the upper end of the axis.
     pub upper: bool,
     /// First cell along each axis; of no matter along the normal.
     pub from: [usize; 3],
@@ -112,7 +111,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Returns whether the patch covers the face of a cell.
+    /// Returns `true` if the patch covers the face of a cell.
     fn holds(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
         let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
         self.axis == axis && self.upper == upper && (0..3).all(covers)
@@ -124,7 +123,7 @@ impl Patch {
 /// of open water.
 pub const NUMBERS: usize = 9;
 
-/// How the pressure is computed.
+/// Settings of the pressure solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Form of the equations.
@@ -149,7 +148,7 @@ pub struct Medium<'a> {
     pub source: Option<&'a [f64]>,
 }
 
-/// What a solution cost and how good it is.
+/// Cost and quality of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Iterations.
@@ -186,9 +185,9 @@ struct Conduction {
     factor: [Vec<f64>; 3],
     /// Per axis, one over the open area of a face, 0 for a closed one.
     per_area: [Vec<f64>; 3],
-    /// Of water and grains together.
+    /// Total conductivity: water plus grains.
     conductivity: Vec<f64>,
-    /// Where cells conduct differently along each axis.
+    /// Data of cells that conduct differently along each axis.
     directions: Option<Box<Directions>>,
     /// Flux that the grains carry along each axis \[m/s\].
     carried: [Vec<f64>; 3],
@@ -248,11 +247,11 @@ pub struct Pressure {
     patches: Vec<Patch>,
     boundary: Vec<Boundary>,
     ground: Vec<Ground>,
-    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
+    /// Reduced pressure above `level` \[Pa\]: small differences from a large level keep their digits.
     phi: Vec<f64>,
     /// The middle of the imposed reduced pressures \[Pa\].
     level: f64,
-    /// No pressure has been found or restored yet.
+    /// `true` if no pressure has been found or restored yet.
     fresh: bool,
 }
 
@@ -492,7 +491,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Takes conductivities and what the grains carry; returns whether one is not a number.
+    /// Stores the conductivities and the part that grains carry; returns `true` if one is not a number.
     fn take(&mut self, medium: Medium<'_>) -> bool {
         let nx = self.slab.grid.cells[0];
         let whole = self.slab.layout.whole();
@@ -626,7 +625,7 @@ impl Pressure {
         }
     }
 
-    /// Conductivities along each axis, where cells differ in them; whether one is not a number.
+    /// Computes the conductivities along each axis, where cells differ in them; returns `true` if one is not a number.
     fn direct(&mut self) -> bool {
         let Some(directions) = &mut self.conduction.directions else {
             return false;
@@ -705,7 +704,7 @@ impl Pressure {
         }
     }
 
-    /// What crosses a boundary face, into the grid \[m3/s\].
+    /// Returns the flow through a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
@@ -721,7 +720,7 @@ impl Pressure {
         }
     }
 
-    /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
+    /// Computes the flow that the gradient drives through each cell, from its faces; returns total inflow and outflow.
     fn fluxes(&mut self) -> (f64, f64) {
         let layout = self.slab.layout;
         let [_, sy, sz] = layout.stride;

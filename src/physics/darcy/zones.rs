@@ -1,4 +1,5 @@
-//! Permeability and porosity by region: layers, boxes and rasters of values beside those that follow from the grains.
+//! Permeability and porosity by region: layers, boxes and rasters of values, in addition to those that follow from the
+//! grains.
 //!
 //! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The
 //! cell then has one permeability along each axis:
@@ -88,7 +89,7 @@ pub struct Zone {
     pub porosity: Option<f64>,
     /// Values that vary.
     pub raster: Option<Raster>,
-    /// Whether it holds in cells without grains as well.
+    /// `true` if it also holds in cells without grains.
     pub without_grains: bool,
 }
 
@@ -110,7 +111,7 @@ impl Zone {
     }
 }
 
-/// What zones state for a point. With each the answer whether it holds without grains.
+/// Values that zones state for a point, each with a flag: `true` if it holds without grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -125,12 +126,12 @@ impl Medium {
         stated.map(|(porosity, _)| porosity)
     }
 
-    /// Whether it states a permeability that needs no grains.
+    /// Returns `true` if it states a permeability that needs no grains.
     fn fills(&self) -> bool {
         matches!(self.permeability, Some((Rule::Value(_), true)))
     }
 
-    /// Whether it holds without grains.
+    /// Returns `true` if it holds without grains.
     fn stands(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
             || self.porosity.is_some_and(|(_, without)| without)
@@ -329,7 +330,7 @@ impl Zones {
         part
     }
 
-    /// Whether all that the zones state of the grid is a permeability that needs no grains.
+    /// Returns `true` if the zones state nothing of the grid but a permeability that needs no grains.
     #[must_use]
     pub fn stand_alone(&self) -> bool {
         self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
@@ -341,7 +342,7 @@ impl Zones {
         self.media[usize::from(!outside)..].iter()
     }
 
-    /// Whether a zone has a law that depends on the gradient.
+    /// Returns `true` if a zone has a law that depends on the gradient.
     #[must_use]
     pub fn depend_on_the_gradient(&self) -> bool {
         self.media.iter().any(|medium| {
@@ -393,15 +394,14 @@ fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec
     edges.push(high);
 }
 
-/// The permeabilities of cells with zones: room for each round.
+/// Permeabilities of cells with zones: buffers, reused in each iteration.
 #[derive(Clone, Debug)]
 pub struct Conduct {
     /// Porosity by the grains in the cells that zones reach.
     porosity: Vec<f64>,
-    /// Whether these cells hold grains.
+    /// `true` for cells that hold grains.
     grains: Vec<bool>,
-    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the
-    /// pressure.
+    /// `true` for cells without grains in which a zone holds: a body that the case does not resolve bears the pressure.
     bodies: Vec<bool>,
     /// `true` if zones reach a cell that holds grains.
     ground: Vec<bool>,
@@ -417,7 +417,7 @@ pub struct Conduct {
 }
 
 impl Conduct {
-    /// Room for the zones of a grid with so many cells.
+    /// Allocates buffers for the zones of a grid with `cells` cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
         let cut = if zones.cut > 0 { cells } else { 0 };
@@ -473,13 +473,13 @@ impl Conduct {
         }
     }
 
-    /// Whether a body that the case does not resolve fills a cell or a part of it.
+    /// Returns `true` if a body that the case does not resolve fills a cell or a part of it.
     #[must_use]
     pub fn is_body(&self, cell: usize) -> bool {
         self.bodies[cell]
     }
 
-    /// Returns whether zones state the permeability of the grains of a cell.
+    /// Returns `true` if zones state the permeability of the grains of a cell.
     #[must_use]
     pub fn is_ground(&self, cell: usize) -> bool {
         self.ground[cell]

@@ -164,7 +164,7 @@ impl<S: Space> Particles<S> {
         shape_of(&self.shapes, &self.shape, &self.rotation, k)
     }
 
-    /// Whether any entry may be a polyhedron.
+    /// Returns `true` if any entry may be a polyhedron.
     #[must_use]
     pub fn has_blocks(&self) -> bool {
         self.shape.is_allocated()
@@ -202,14 +202,14 @@ impl<S: Space> Particles<S> {
 }
 
 impl<'a, S: Space> View<'a, S> {
-    /// As [`Particles::polyhedron`].
+    /// Returns the polyhedron of an entry: see [`Particles::polyhedron`].
     #[must_use]
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a RotationState)> {
         shape_of(self.shapes, self.shape, self.rotation, k)
     }
 
-    /// As [`Particles::volume`].
+    /// Returns the volume of an entry: see [`Particles::volume`].
     #[must_use]
     #[inline]
     pub fn volume(&self, k: usize) -> f64 {

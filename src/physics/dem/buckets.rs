@@ -1,12 +1,12 @@
 //! Counting sort by threads: numbers into buckets, those of each bucket in the order in which they are given.
 //!
-//! Each thread has a range of buckets and looks at all items, of which it takes its own: the order is that of one
-//! thread, and looking is short beside sorting.
+//! Each thread has a range of buckets and reads all items, of which it takes its own: the order is that of one thread,
+//! and reading takes little time compared with sorting.
 
 use crate::thread_pool;
 use std::ops::Range;
 
-/// What is sorted into buckets.
+/// Items that are sorted into buckets.
 pub(super) trait Items: Sync {
     /// Calls `put` with bucket and number of all items whose buckets are in a range, in their order.
     fn each(&self, buckets: &Range<usize>, put: impl FnMut(usize, u32));
@@ -15,7 +15,7 @@ pub(super) trait Items: Sync {
 /// Numbers by buckets.
 #[derive(Debug, Default)]
 pub(super) struct Buckets {
-    /// Where the numbers of each bucket begin, and the end.
+    /// Index of the first number of each bucket, and the end.
     start: Vec<u32>,
     numbers: Vec<u32>,
 }

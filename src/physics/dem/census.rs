@@ -1,4 +1,4 @@
-//! What all ranks know of each other: counts and radii of the grains of every rank, and agreement on an error.
+//! Quantities known to all ranks: counts and radii of the grains of every rank, and agreement on an error.
 
 use super::message::{Reader, Writer};
 use super::particles::Particles;

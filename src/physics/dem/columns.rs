@@ -25,7 +25,7 @@ pub(super) enum Crosses {
     EveryStep,
 }
 
-/// Whether a checkpoint holds an array, and under which prefix of column names; "" for none.
+/// Column-name prefix of an array in checkpoints, "" for none; the variant says if the hash of the state covers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Saved {
     /// In the checkpoint and in the hash of the state.
@@ -50,7 +50,7 @@ impl Saved {
 pub(super) trait Array {
     /// Its element.
     type Item: Copy;
-    /// Whether the scene has the array.
+    /// Returns `true` if the scene has the array.
     fn is_present(&self) -> bool;
     /// Appends an element, where the scene has the array.
     fn push(&mut self, value: Self::Item);
@@ -105,7 +105,7 @@ impl<T> Default for Optional<T> {
 }
 
 impl<T: Copy> Optional<T> {
-    /// Whether the array is allocated.
+    /// Returns `true` if the array is allocated.
     #[must_use]
     pub fn is_allocated(&self) -> bool {
         self.is_present
@@ -216,7 +216,7 @@ macro_rules! grain_arrays {
             }
         }
 
-        /// What a new entry consists of.
+        /// Values of a new entry.
         #[derive(Clone, Copy, Debug)]
         pub(super) struct NewEntry<S: Space> {
             $( pub(super) $given: $given_type, )*

@@ -83,7 +83,7 @@ pub struct ContactKinematics<S: Space> {
     pub time_step: f64,
 }
 
-/// How a bond failed.
+/// Mode of failure of a bond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
@@ -108,22 +108,22 @@ pub struct ContactForce<S: Space> {
 
 /// The force of a contact law, compiled into the pair loop.
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
-    /// What is computed once per pair of materials.
+    /// Values computed once per pair of materials.
     type Row: Copy + Debug + Send + Sync;
-    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists
-    /// has one.
+    /// Values computed once per pair that cost roots or divisions: as small as possible, since every pair in the lists
+    /// has them.
     type Scale: Copy + Debug + Send + Sync;
-    /// What the force of a pair is computed from.
+    /// Values that the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
     /// The history of a contact; its default is that of a new contact.
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
-    /// Whether the force has a rolling moment.
+    /// `true` if the force has a rolling moment.
     const ROLLS: bool = false;
-    /// How many numbers a history is.
+    /// Number of values of a history.
     const NUMBERS: usize;
 
-    /// How many materials, and the row of every ordered pair of them.
+    /// Returns the number of materials, and the row of every ordered pair of them.
     fn table(&self) -> PairTable<Self::Row>;
     /// The scale of a pair.
     fn scale(row: &Self::Row, pair: &PairProperties) -> Self::Scale;
@@ -156,7 +156,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 
     // Bonds: a law without bonds leaves the rest as it is.
 
-    /// Whether the history holds a bond.
+    /// Returns `true` if the history holds a bond.
     #[inline(always)]
     fn bonded(_: &Self::History) -> bool {
         false
@@ -165,7 +165,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
-    /// Bonds a pair of this overlap \[m\], negative for a gap; false where its materials do not bond.
+    /// Bonds a pair of this overlap \[m\], negative for a gap; returns `true` if its materials can bond.
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }

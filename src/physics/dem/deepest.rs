@@ -13,7 +13,7 @@ pub struct Deepest {
     pub part: f64,
     /// Id of the body.
     pub body: u64,
-    /// What it overlaps.
+    /// Partner of the overlap.
     pub with: With,
 }
 
@@ -29,7 +29,7 @@ pub enum With {
     Wall(u32),
 }
 
-/// What a part of a step has found: entries instead of ids.
+/// Result of a part of a step: entries instead of ids.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Record {
     /// A little below `part`: rounding hides no contact.
@@ -88,7 +88,7 @@ impl Record {
         if other.part > self.part { other } else { self }
     }
 
-    /// What it says with the ids of the entries.
+    /// Returns the result with the ids of the entries.
     pub(super) fn named(&self, id: impl Fn(u32) -> u64) -> Option<Deepest> {
         let (first, other) = self.at?;
         let with = match other {

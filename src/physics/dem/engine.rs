@@ -67,7 +67,7 @@ struct WallFailure<S: Space> {
     mode: Failure,
 }
 
-/// What a pair does in one step.
+/// Effect of a pair in one step.
 #[derive(Clone, Copy, Debug)]
 struct Action<S: Space> {
     /// On the second; the first feels the opposite.
@@ -96,7 +96,8 @@ struct Lists<S: Space, L: Bodies<S>> {
     active: Vec<u32>,
     /// Active pairs that each thread found.
     chosen: Vec<Vec<u32>>,
-    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
+    /// Offsets that periodic axes add to separations (m): none first, then each that occurs, and by how many box
+    /// lengths.
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -109,14 +110,14 @@ struct Lists<S: Space, L: Bodies<S>> {
 #[derive(Debug)]
 struct SolidLists<S: Space, L: Bodies<S>> {
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
-    /// Room for those that each thread finds.
+    /// Buffers for the pairs that each thread finds.
     planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
-    /// Of each part; one where there are no parts.
+    /// Facet contacts of each part; one entry if there are no parts.
     facets: Vec<Facets<L::Constants, L::History>>,
     space: PhantomData<S>,
 }
 
-/// How long the lists hold.
+/// Period for which the lists are valid.
 #[derive(Debug, Default)]
 pub(super) struct Validity {
     /// `true` if the lists are those of the present grains.
@@ -133,7 +134,7 @@ pub(super) struct Validity {
     pub(super) tested: u64,
 }
 
-/// Results of a step beside loads.
+/// Results of a step in addition to loads.
 #[derive(Debug)]
 pub(super) struct Events<S: Space> {
     pub(super) breaks: Vec<BondBreak<S>>,

@@ -21,7 +21,7 @@ pub(super) struct GhostPlan {
     pub(super) back: Option<Messages>,
 }
 
-/// Tells the messages of grains from those of others.
+/// Tag of the messages of grains, different from those of others.
 const TAG: u8 = 40;
 
 /// Messages of fixed lengths along a plan.

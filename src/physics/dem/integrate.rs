@@ -15,7 +15,7 @@ use super::particles::{Load, Mobility, Motion, Particles};
 use super::space::{Components, Space};
 use crate::thread_pool;
 
-/// How velocities change.
+/// Parameters of the change of velocities.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kick<S: Space> {
     pub(super) gravity: S::Vector,

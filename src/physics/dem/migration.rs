@@ -51,7 +51,7 @@ pub(super) fn wrap<S: Space>(
 /// Grains from which a thread pays.
 const PER_THREAD: usize = 1000;
 
-/// Where a grain should not be.
+/// Reason why a grain is misplaced.
 enum Astray {
     /// Very far away, or nowhere.
     Lost,

@@ -5,7 +5,7 @@
 //! bodies have in common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
 //!
 //! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for
-//! each size class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids.
+//! each size class; classes differ by a factor of 2 in radius. Every smaller body searches these grids for neighbours.
 //! The cost for each grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
 //!
 //! Threads have rows of cells, and then first ends of pairs ([`super::buckets`]).
@@ -24,7 +24,7 @@ use std::ops::Range;
 /// grain stays low.
 #[derive(Debug, Default)]
 pub struct Search {
-    /// Of the large; those of finer classes stay empty.
+    /// Size classes of the large bodies; finer classes stay empty.
     classes: Vec<Class>,
     class_of: Vec<u8>,
     /// First class of the small.
@@ -35,7 +35,7 @@ pub struct Search {
     /// The large, and the cell of each in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
-    /// What each thread found.
+    /// Pairs that each thread found.
     found: Vec<Vec<[u32; 2]>>,
 }
 
@@ -66,7 +66,7 @@ const CLASSES: usize = 24;
 
 /// Width of the cells of the small over the cubic mean of their radii.
 const WIDTH: f64 = 3.4;
-/// The same over their mean diameter, at most: wider cells would hold too many of them.
+/// Maximum width of a cell over the mean diameter of these bodies: wider cells would hold too many of them.
 const WIDEST: f64 = 8.0;
 
 /// One grid, and in each cell all the small whose box overlaps it.
@@ -274,7 +274,7 @@ impl Search {
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
-    /// As the engine's own search, before the pairs are put in order: how many there are. For measurements.
+    /// Returns the number of pairs that the engine's own search finds, before they are put in order. For measurements.
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
@@ -431,7 +431,7 @@ impl Search {
         let moves = |k: usize| particles.mobility[k].free > 0.0;
         let (grid, points) = (&self.grid, &self.points);
         thread_pool::each_item(&mut found, 1, |t, found| {
-            // As many as in a bed of discs, so that a small scene seldom needs more room.
+            // As many as in a bed of discs, so that a small scene seldom needs more capacity.
             found.reserve(4 * count / threads);
             let rows = grid.row_of(t, threads)..grid.row_of(t + 1, threads);
             grid.pairs(rows, |k, m| {
@@ -606,7 +606,7 @@ fn class(largest: f64, radius: f64) -> u8 {
     (largest / radius).log2().floor().clamp(0.0, 23.0) as u8
 }
 
-/// How many cells cover `length` cells.
+/// Returns the number of cells that cover `length` cells.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -689,7 +689,7 @@ mod tests {
         }
     }
 
-    /// The same pairs in the same order by one thread and by three.
+    /// Finds equal pairs in equal order by one thread and by three.
     #[test]
     fn threads_find_the_same() {
         fn pairs<S: Space>(

@@ -20,7 +20,7 @@ use super::space::{Components, Space};
 use super::table::{Columns, Table, Values};
 use crate::error::Error;
 
-/// What moves a grain.
+/// Kind of motion of a grain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Kind {
     /// Forces move it.
@@ -77,7 +77,7 @@ impl<S: Space> Entry<S> for Kind {
 }
 
 entry! {
-    /// What a grain is.
+    /// Shape, mass and material of a grain.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Body {
         /// Unique over all ranks and times.
@@ -90,7 +90,7 @@ entry! {
         pub inertia: f64,
         /// Row in the table of contact parameters.
         pub material: u32,
-        /// Who moves it.
+        /// Kind of its motion.
         pub kind: Kind,
     }
 }
@@ -118,7 +118,7 @@ impl Body {
 }
 
 entry! {
-    /// Where a grain is and how it moves.
+    /// Position and velocities of a grain.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Motion<S: Space> {
         /// Centre \[m\], raw: see the module.
@@ -144,7 +144,7 @@ entry! {
 /// The number of the shape of a sphere.
 pub(super) const SPHERE: u32 = u32::MAX;
 
-/// How many numbers [`Particles::extra`] holds per grain.
+/// Number of values that [`Particles::extra`] holds per grain.
 pub const EXTRA: usize = 12;
 
 /// The divisions of a step, done once: 1/mass and 1/inertia, and 1 for a grain that gravity moves; all 0 unless free.
@@ -176,7 +176,7 @@ grain_arrays! {
     #[derive(Debug)]
     pub struct Particles {
         given {
-            /// What each entry is.
+            /// Body of each entry.
             pub body: Vec<Body>, Creation, Hashed("");
             /// Which image each entry stands for \[box lengths along each axis\]. It depends on when lists were made; a
             /// checkpoint holds the shift that brings the grain into the box instead.
@@ -212,15 +212,15 @@ grain_arrays! {
         pub(super) owned: usize,
         /// The scene's table of shapes, the same on every rank.
         pub(super) shapes: Arc<[Polyhedron]>,
-        /// Who holds which ghosts.
+        /// Plan of the ghosts: which rank holds which.
         pub(super) plan: GhostPlan,
         /// Length of the box along periodic axes, else 0 \[m\].
         pub(super) lengths: [f64; 3],
         /// Lower corner of the box \[m\].
         pub(super) origin: [f64; 3],
-        /// Whether the lists made for these grains still hold.
+        /// `true` if the lists made for these grains are still valid.
         pub(super) listed: bool,
-        /// Whether the contact loads belong to the present positions.
+        /// `true` if the contact loads belong to the present positions.
         pub(super) loaded: bool,
         /// Grains added since lists were last made.
         pub(super) added: u64,
@@ -253,13 +253,14 @@ impl<S: Space> Particles<S> {
         self.body.len()
     }
 
-    /// Whether there are no entries.
+    /// Returns `true` if there are no entries.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.body.is_empty()
     }
 
-    /// Where the image of entry `k` stands \[m\]: inside the box for an owned grain right after the lists were made.
+    /// Returns the position of the image of entry `k` \[m\]: inside the box for an owned grain right after the lists
+    /// were made.
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
@@ -321,7 +322,7 @@ impl<S: Space> Particles<S> {
         self.start.free();
     }
 
-    /// Whether the grains have starts.
+    /// Returns `true` if the grains have initial positions.
     #[must_use]
     pub fn has_start(&self) -> bool {
         self.start.is_allocated()
@@ -495,14 +496,14 @@ impl<S: Space> Particles<S> {
     }
 }
 
-/// What all threads may read of [`Particles`].
+/// Data of [`Particles`] that all threads may read.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, S: Space> {
-    /// How many entries are owned.
+    /// Number of owned entries.
     pub owned: usize,
-    /// What each entry is.
+    /// Body of each entry.
     pub body: &'a [Body],
-    /// Where each entry is and how it moves.
+    /// Position and velocities of each entry.
     pub motion: &'a [Motion<S>],
     /// Loads of the contacts.
     pub contact: &'a [Load<S>],
@@ -510,7 +511,7 @@ pub struct View<'a, S: Space> {
     pub fluid: &'a [Load<S>],
     /// See [`Particles::keep_last_velocity`]; empty where they are not kept.
     pub last_velocity: &'a [S::Vector],
-    /// How forces move each entry.
+    /// Response of each entry to forces.
     pub(super) mobility: &'a [Mobility],
     /// Which image each entry stands for.
     pub shift: &'a [[i32; 3]],
@@ -522,7 +523,7 @@ pub struct View<'a, S: Space> {
 }
 
 impl<S: Space> View<'_, S> {
-    /// As [`Particles::location`].
+    /// Returns the position of the image of entry `k` \[m\]: see [`Particles::location`].
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {

@@ -56,7 +56,7 @@ pub struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// How far \[m\] a point is outside; negative inside.
+    /// Returns the distance \[m\] of a point outside; negative inside.
     #[inline(always)]
     #[must_use]
     pub fn height(&self, point: &Vector3<f64>) -> f64 {

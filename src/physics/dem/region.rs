@@ -69,7 +69,8 @@ pub(super) fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: usize
     (((coordinate - origin) / spacing).floor().max(0.0) as usize).min(planes.saturating_sub(1))
 }
 
-/// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
+/// Returns the number of box lengths that bring a raw `coordinate` into `[lower, lower + length)`. No other function
+/// decides it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a grain beyond 2^31 box lengths is caught as lost"

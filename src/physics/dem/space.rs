@@ -25,7 +25,7 @@ pub trait Components:
     + Sub<Output = Self>
     + SubAssign
 {
-    /// How many components.
+    /// Number of components.
     const COUNT: usize;
     /// Component `k`, below [`Self::COUNT`].
     fn get(&self, k: usize) -> f64;
@@ -128,7 +128,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn rolling(spin: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
     /// A rolling moment carried along with the contact frame, as [`Self::turn`].
     fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
-    /// As a point of space: the plane is z = 0.
+    /// Returns the vector as a point of space: the plane is z = 0.
     fn to_volume(vector: &Self::Vector) -> Vector3<f64>;
     /// Back from space; the plane drops z.
     fn from_volume(vector: &Vector3<f64>) -> Self::Vector;

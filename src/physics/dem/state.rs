@@ -13,7 +13,7 @@ use super::table::{AXES, Columns, small, unsigned};
 pub use super::table::{Table, Values};
 use crate::error::Error;
 
-/// What a run restored from it needs to know of the contacts.
+/// Data of the contacts that a run restored from the state needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
     /// Grain with grain.
@@ -24,7 +24,7 @@ pub struct Contacts {
     pub faces: Table,
     /// Solid steps done.
     pub steps: u64,
-    /// Where each wall of a changed scene was among those saved; none for a new one. Without it the walls are the same.
+    /// Index of each wall of a changed scene among those saved; none for a new one. Without it the walls are unchanged.
     origins: Option<Vec<Option<usize>>>,
 }
 
@@ -61,8 +61,8 @@ impl<S: Space> Dem<S> {
         self.engine.save()
     }
 
-    /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and
-    /// facet; beside it the numbers that the law keeps of it.
+    /// Calls `grains` and `walls` with each contact that this rank reports, in no order: contacts between grains by the
+    /// ids of both, contacts with walls by grain, wall and facet; each with the numbers that the law keeps of it.
     pub fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),

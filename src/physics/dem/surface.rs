@@ -40,7 +40,7 @@ pub struct Surface {
     facets: Vec<Facet>,
     /// Groups of neighbouring facets.
     groups: Vec<Group>,
-    /// How it repeats in a periodic domain.
+    /// Repetition in a periodic domain.
     repeated: Option<Box<Repeated>>,
     /// Projects a velocity onto the directions across its facets; none where these are all directions.
     across: Option<Matrix3<f64>>,
@@ -63,7 +63,7 @@ pub(super) struct Group {
     pub(super) bounds: [Vector3<f64>; 2],
 }
 
-/// Where on a facet its closest point lies, by numbers of vertices.
+/// Feature of a facet that its closest point lies on, by numbers of vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Feature {
     Face,
@@ -202,8 +202,7 @@ impl Surface {
         &self.groups
     }
 
-    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as
-    /// near.
+    /// Returns `true` if the first corner and the size of a facet allow a distance to a point of at most `reach` \[m\].
     #[inline(always)]
     pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
         let Facet { first, size, .. } = self.facets[facet];
@@ -239,13 +238,13 @@ impl Surface {
         Self::new(vertices, &faces.map(|face| face.to_vec()))
     }
 
-    /// How many facets, with the images in a periodic domain.
+    /// Returns the number of facets, with the images in a periodic domain.
     #[must_use]
     pub fn len(&self) -> usize {
         self.facets.len()
     }
 
-    /// No facets: never.
+    /// Returns `true` if there are no facets, which never happens.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.facets.is_empty()
@@ -284,8 +283,8 @@ impl Surface {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of
-    /// its cost.
+    /// Returns `true` if the surface is nearer to a point than `reach` \[m\]: equal to a test of [`Self::clearance`],
+    /// at a fraction of its cost.
     #[must_use]
     pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
         let (point, _) = self.in_domain(point);
@@ -304,7 +303,7 @@ impl Surface {
         })
     }
 
-    /// Returns true if a point lies on one of these facets.
+    /// Returns `true` if a point lies on one of these facets.
     pub(super) fn stands_on(&self, near: &[u32], point: &Vector3<f64>) -> bool {
         near.iter().map(|facet| *facet as usize).any(|facet| {
             let reach = ON * self.facets[facet].size;
@@ -312,7 +311,7 @@ impl Surface {
         })
     }
 
-    /// Whether two facets share a vertex, or are the same; by their numbers or their names.
+    /// Returns `true` if two facets are equal or share a vertex; by their numbers or their names.
     #[must_use]
     pub fn adjacent(&self, a: u32, b: u32) -> bool {
         let [a, b] = [a, b].map(|name| self.numbers(self.named(name) as usize));
@@ -429,8 +428,8 @@ impl Surface {
         found.sort_unstable_by_key(|one| one.facet);
     }
 
-    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through
-    /// this point and comes closer.
+    /// Returns `true` if all facets of `near` that have these vertices have this closest point, and no other facet
+    /// passes through this point and comes closer.
     fn is_minimum(
         &self,
         near: &[u32],
@@ -564,7 +563,7 @@ mod tests {
             ([-0.1, -0.1, -0.1], 0.03_f64.sqrt()),
             ([-0.1, -0.1, 0.5], 0.02_f64.sqrt()),
             ([-0.1, 0.5, 0.5], 0.1),
-            // Beside the edge: the face alone.
+            // Next to the edge: the face alone.
             ([0.01, 0.5, 1.1], 0.1),
         ] {
             let found = touch(&cube, at, 0.3);

@@ -22,7 +22,7 @@ impl Values {
         }
     }
 
-    /// Whether there are no values.
+    /// Returns `true` if there are no values.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -37,7 +37,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// How many rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |(_, values)| values.len())
@@ -207,7 +207,7 @@ impl Table {
         Ok(all)
     }
 
-    /// Whether there is a column of this name.
+    /// Returns `true` if there is a column of this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.columns.iter().any(|(column, _)| column == name)
     }

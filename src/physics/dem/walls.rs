@@ -20,7 +20,7 @@ pub struct Wall<S: Space> {
     pub material: u32,
     /// The facets; none for a plane.
     pub surface: Option<Arc<Surface>>,
-    /// Whether grains pass through it.
+    /// `true` if grains pass through it.
     pub open: bool,
 }
 
@@ -70,7 +70,8 @@ impl<S: Space> Wall<S> {
             .map_or(at, |surface| surface.in_domain(&at).0)
     }
 
-    /// As [`Surface::contacts`] of a centre \[m\] in space; contacts carry the names of their facets.
+    /// Finds the contacts of a centre \[m\] in space, like [`Surface::contacts`]; contacts carry the names of their
+    /// facets.
     #[inline]
     pub(super) fn touched(
         &self,
@@ -87,7 +88,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns true if a point of space \[m\] lies on one of these facets.
+    /// Returns `true` if a point of space \[m\] lies on one of these facets.
     pub(super) fn stands_on(&self, near: &[u32], point: &S::Vector) -> bool {
         let surface = self.surface.as_ref();
         surface.is_some_and(|surface| surface.stands_on(near, &self.local(point)))

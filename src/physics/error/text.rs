@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Whether a character controls a terminal: C0, DEL and C1, including line breaks and tabs.
+/// Returns `true` if a character controls a terminal: C0, DEL and C1, including line breaks and tabs.
 #[must_use]
 pub fn controls(c: char) -> bool {
     c.is_control()
@@ -14,7 +14,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
 }
 
-/// As [`printable`], but line breaks and tabs stay: for texts that the program composes of lines.
+/// Escapes a text like [`printable`], but keeps line breaks and tabs: for texts that the program composes of lines.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))

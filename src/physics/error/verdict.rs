@@ -42,7 +42,7 @@ impl Verdict {
         }
     }
 
-    /// Whether a case with this verdict is run; `allow_unstable` decides about unstable cases.
+    /// Returns `true` if a case with this verdict is run; `allow_unstable` decides about unstable cases.
     #[must_use]
     pub fn runs(self, allow_unstable: bool) -> bool {
         match self {

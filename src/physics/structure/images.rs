@@ -8,7 +8,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Images {
     solid: Arc<dyn Solid>,
-    /// How far each image stands from the solid \[m\].
+    /// Displacement of each image from the solid \[m\].
     shifts: Vec<Point>,
     frame: Frame,
     periodic: [bool; 3],
@@ -49,7 +49,7 @@ impl Images {
         }
     }
 
-    /// Whether none of them comes near the domain.
+    /// Returns `true` if no image is near the domain.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.shifts.is_empty()
@@ -67,7 +67,7 @@ impl Images {
         &self.frame
     }
 
-    /// As [`Solid::distance`], of the nearest image.
+    /// Returns the distance to the nearest image: see [`Solid::distance`].
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
         let images = self.shifts.iter();
@@ -76,7 +76,7 @@ impl Images {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// As [`Solid::chords`], of all images; `found` is emptied first.
+    /// Finds the chords of all images, like [`Solid::chords`]; `found` is emptied first.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         found.clear();
         if let [shift] = self.shifts[..] {
@@ -133,7 +133,7 @@ impl Images {
             })
     }
 
-    /// What is drawn: the surfaces of all images; in 2-D their areas.
+    /// Returns the surfaces of all images for drawing; in 2-D their areas.
     #[must_use]
     pub fn drawn(&self, tolerance: f64) -> Facets {
         let one = if self.frame.dimension == 2 {

@@ -27,7 +27,7 @@ const LEAF: usize = 4;
 pub struct Mesh {
     vertices: Vec<Point>,
     triangles: Vec<[u32; 3]>,
-    /// Of each triangle: its face, its edges from each corner to the next, its corners.
+    /// Normals of each triangle: of its face, of its edges from each corner to the next, at its corners.
     normals: Vec<[Point; 7]>,
     nodes: Vec<Node>,
     extent: [Point; 2],

@@ -175,7 +175,7 @@ impl Prism {
         self.points.iter().copied().zip(next.copied())
     }
 
-    /// Whether a ray to the right crosses the boundary an odd number of times.
+    /// Returns `true` if a ray to the right crosses the boundary an odd number of times.
     fn holds(&self, [x, y]: Flat) -> bool {
         let crossed = self.edges().filter(|(a, b)| {
             (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])

@@ -1,4 +1,4 @@
-//! What the program asks a solid.
+//! Queries of a solid.
 
 use super::{Facets, Point, norm, plus, times};
 use crate::geometry::Mesh;
@@ -98,7 +98,7 @@ pub(super) fn trace<S: Solid + ?Sized>(
     }
 }
 
-/// Where a function of opposite signs at two places is zero: bisection with the secant tried first.
+/// Returns the zero of a function that has opposite signs at two points: bisection with the secant tried first.
 fn root(of: &impl Fn(f64) -> f64, low: [f64; 2], high: [f64; 2]) -> f64 {
     let ([mut a, mut fa], [mut b, mut fb]) = (low, high);
     for round in 0..64 {

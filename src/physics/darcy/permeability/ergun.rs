@@ -48,7 +48,7 @@ impl Law for Ergun {
         true
     }
 
-    /// The equations as printed have the resistance of Kozeny and Carman alone.
+    /// Returns `true` for the corrected equations: those as printed have the resistance of Kozeny and Carman alone.
     fn goes_with(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }

@@ -29,7 +29,7 @@ impl Pressure {
         let mut last = 0.0;
         loop {
             if largest <= self.settings.tolerance * scale {
-                // Beside free water the imbalance at uniform pressure is far larger than what flows in the end.
+                // Next to free water the imbalance at uniform pressure is far larger than the final flow.
                 let flowing = self.flowing().max(least);
                 if flowing >= scale || largest <= self.settings.tolerance * flowing {
                     break;

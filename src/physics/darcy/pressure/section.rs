@@ -1,11 +1,11 @@
-//! What crosses a part of a plane between cells.
+//! Flow through a part of a plane between cells.
 
 use super::Pressure;
 use crate::number::real;
 use decomposition::ExactSum;
 use std::ops::Range;
 
-/// What a section sees.
+/// Flow, area and pressures at a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Through {
     /// Water and grains that cross it along the axis in a second \[m3/s; m2/s in 2-D\].
@@ -17,8 +17,8 @@ pub struct Through {
 }
 
 impl Pressure {
-    /// What crosses the faces below the cells of a plane across `axis`, of the cells in these ranges along the other
-    /// axes. The plane may be one past the last.
+    /// Returns the flow through the faces below the cells of a plane across `axis`, of the cells in these ranges along
+    /// the other axes. The plane may be one past the last.
     #[must_use]
     pub fn through(&self, axis: usize, plane: usize, ranges: &[Range<usize>; 3]) -> Through {
         let mut discharge = ExactSum::new();

@@ -468,8 +468,8 @@ fn numbers_that_are_not_finite_are_refused() {
 }
 
 /// The Darcy example of the manual of PFC: a box of 0.10 x 0.20 x 0.10 m, 1e-5 m3/s through the whole face y = 0, an
-/// outlet of 0.02 x 0.02 m at y = 0.2 m held at zero pressure, grains of 5 mm, no gravity. Beside over-relaxation of
-/// the same balances, and of the exact mean gradient.
+/// outlet of 0.02 x 0.02 m at y = 0.2 m held at zero pressure, grains of 5 mm, no gravity. Compared with
+/// over-relaxation of the same balances, and with the exact mean gradient.
 #[test]
 fn a_box_with_a_small_outlet() {
     const FLOW: f64 = 1e-5;

@@ -248,7 +248,7 @@ pub fn example() -> Value {
 pub struct Blocks {
     /// Per pair of materials.
     pub parameters: PairTable<polyhedron::Law>,
-    /// How contacts of blocks are condensed to a point.
+    /// Method by which contacts of blocks are condensed to a point.
     pub model: Model,
     /// Damping in proportion to mass [1/s] of all bodies, blocks and spheres; 0 for none.
     pub mass_damping: f64,

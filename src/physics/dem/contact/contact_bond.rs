@@ -66,7 +66,7 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub bonding_gap: f64,
-    /// Whether a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the
+    /// `true` if a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the
     /// gap, and fails in the first step if this exceeds its strength.
     #[serde(default)]
     pub unstressed: bool,
@@ -155,7 +155,7 @@ pub struct Parameters {
     pub shear_strength: f64,
     /// Surfaces at most so far apart [m] are bonded.
     pub bonding_gap: f64,
-    /// Whether a bond made across a gap starts without a force.
+    /// `true` if a bond made across a gap starts without a force.
     pub unstressed: bool,
 }
 

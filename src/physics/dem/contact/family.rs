@@ -49,7 +49,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Whether the case states the friction, be it none, and does not just leave it out.
+            /// Returns `true` if the case states the friction, zero included, instead of leaving it out.
             #[must_use]
             $vis fn states_friction(&self) -> bool {
                 match self {
@@ -59,7 +59,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Whether polyhedra can have the law.
+            /// Returns `true` if polyhedra can have the law.
             #[must_use]
             $vis fn of_polyhedra(&self) -> bool {
                 match self {
@@ -89,7 +89,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// The same, to be changed.
+            /// Returns the model for changes.
             $vis fn model_mut(&mut self) -> &mut dyn $crate::dem::contact::ContactModel {
                 match self {
                     $($( Self::$Variant(law) => law, )+)+
@@ -128,7 +128,7 @@ pub(in crate::dem) trait Family {
 
 /// Something to do with a law whose type is known.
 pub(in crate::dem) trait Visitor<S: Space> {
-    /// What comes of it.
+    /// Result of the visit.
     type Output;
     /// Does it.
     fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output;

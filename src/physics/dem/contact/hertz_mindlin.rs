@@ -64,7 +64,7 @@ pub struct Input {
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
-    /// Whether the dashpot may pull while the grains separate. The restitution is the same with and without it.
+    /// `true` if the dashpot may pull while the grains separate. The restitution is equal with and without it.
     #[serde(default)]
     pub attraction: bool,
     /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step.
@@ -311,7 +311,7 @@ pub struct Parameters {
     pub friction: f64,
     /// Dashpots as a fraction zeta of critical damping: [`damping`].
     pub damping: f64,
-    /// Whether the normal dashpot may pull.
+    /// `true` if the normal dashpot may pull.
     pub attraction: bool,
     /// Fastest approach [m/s] that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
     pub impact_speed: f64,

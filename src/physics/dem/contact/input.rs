@@ -1,5 +1,5 @@
-//! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials,
-//! and the facts of the scene that a law is resolved against.
+//! Input shared by all contact laws: quantities that scale with the diameter, overrides for pairs of materials, and the
+//! facts of the scene that a law is resolved against.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -24,18 +24,18 @@ pub trait ContactParameters<F> {
         0.0
     }
 
-    /// Whether polyhedra can have the law.
+    /// Returns `true` if polyhedra can have the law.
     fn of_polyhedra(&self) -> bool {
         false
     }
 
-    /// Whether the case states the friction, be it none, and does not just leave it out.
+    /// Returns `true` if the case states the friction, zero included, instead of leaving it out.
     fn states_friction(&self) -> bool {
         true
     }
 }
 
-/// Whether a friction angle is stated, for all materials or for each of the pairs that are listed.
+/// Returns `true` if a friction angle is stated, for all materials or for each of the pairs that are listed.
 pub(super) fn states_friction(
     angle: Option<f64>,
     mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
@@ -50,17 +50,17 @@ pub struct SceneFacts<'a> {
     pub dimension: usize,
     /// The materials; pairs in laws name them.
     pub materials: &'a [MaterialFacts],
-    /// Whether there are polyhedra.
+    /// `true` if there are polyhedra.
     pub polyhedra: bool,
-    /// How the grains come about.
+    /// Method by which the grains are created.
     pub grains: Preparation,
-    /// Whether contacts are bonded at the start.
+    /// `true` if contacts are bonded at the start.
     pub bond_at_start: bool,
     /// Upper bound of the speed at which two bodies approach each other [m/s].
     pub fastest_approach: f64,
 }
 
-/// What a law may need of a material.
+/// Properties of a material that a law may need.
 #[derive(Clone, Debug, Default)]
 pub struct MaterialFacts {
     /// Its name in the case.
@@ -71,7 +71,7 @@ pub struct MaterialFacts {
     pub poisson_ratio: Option<f64>,
 }
 
-/// How the grains of a scene come about.
+/// Method by which the grains of a scene are created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
     /// They are listed, or there are none.
@@ -80,7 +80,7 @@ pub enum Preparation {
     Growth,
     /// They are deposited.
     Deposition {
-        /// Whether the normal stiffness is lower during the deposition.
+        /// `true` if the normal stiffness is lower during the deposition.
         softened: bool,
     },
 }

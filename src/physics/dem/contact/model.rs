@@ -34,10 +34,12 @@ pub trait ContactModel {
     /// Springs and dashpots of a contact, for stability.
     fn springs(&self, contact: &StaticContact) -> Springs;
 
-    /// What bounds the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] against anything.
+    /// Returns the limits of the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] in
+    /// contact with any body.
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
 
-    /// What bounds the time step of a block of this material and mass \[kg\]; none where the law is not one of blocks.
+    /// Returns the limits of the time step of a block of this material and mass \[kg\]; none if the law is not one of
+    /// blocks.
     fn time_limits_of_block(&self, _: u32, _: &Polyhedron, _mass: f64) -> Option<TimeLimits> {
         None
     }
@@ -48,7 +50,7 @@ pub trait ContactModel {
         None
     }
 
-    /// Whether contacts can be bonded.
+    /// Returns `true` if contacts can be bonded.
     fn bonds(&self) -> bool {
         false
     }
@@ -58,7 +60,7 @@ pub trait ContactModel {
         0.0
     }
 
-    /// How far a bond of given strength opens before it breaks.
+    /// Returns the opening at which a bond of given strength breaks.
     fn bond_opening(&self, _materials: [u32; 2], _diameter: f64) -> Option<BondOpening> {
         None
     }
@@ -74,7 +76,7 @@ pub trait ContactModel {
     }
 }
 
-/// What bounds the solid time step of a body.
+/// Limits of the solid time step of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLimits {
     /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is
@@ -117,7 +119,7 @@ pub struct StaticContact {
     pub overlap: Option<f64>,
     /// Which overlap decides.
     pub depth: Depth,
-    /// Whether it is bonded.
+    /// `true` if it is bonded.
     pub bonded: bool,
 }
 
@@ -156,7 +158,7 @@ impl Springs {
     }
 }
 
-/// How far a bond opens before it breaks.
+/// Opening at which a bond breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BondOpening {
     /// The gap \[m\] across which it was made at most.

@@ -12,7 +12,7 @@ pub struct PairTable<P> {
 }
 
 impl<P: Clone> PairTable<P> {
-    /// The same parameters for every pair of `materials` materials.
+    /// Returns a table with equal parameters for every pair of `materials` materials.
     #[must_use]
     pub fn uniform(materials: u32, parameters: P) -> Self {
         let materials = materials.max(1);

@@ -16,7 +16,7 @@ use crate::error::{Remedy, Report};
 contact_laws! {
     /// The linear law and a toy.
     Contact,
-    /// What comes of them.
+    /// Laws that the choices resolve to.
     Law:
     /// Linear springs with friction, no tension.
     Linear(linear::Input) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);

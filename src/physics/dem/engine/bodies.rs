@@ -15,7 +15,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Own bodies per thread from which threads pay.
     const PER_THREAD: usize = 300;
 
-    /// Whether forces are computed by parts ([`super::parts`]).
+    /// `true` if forces are computed by parts ([`super::parts`]).
     const IN_PARTS: bool = true;
 
     /// The engine of the law.
@@ -56,11 +56,11 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         integrate::advance(particles, kick, phase, parallel)
     }
 
-    /// What [`Self::near`] and the forces need to know of every entry as it stands now.
+    /// Computes the data of every entry at its present position that [`Self::near`] and the forces need.
     fn pose(_: &mut Self::Scratch, _: &Particles<S>, _parallel: bool) {}
 
-    /// Whether a pair, the second centre `between` (m) from the first's, may be within `gap` (m); only where their
-    /// spheres are.
+    /// Returns `true` if a pair, the second centre `between` (m) from the first's, may be within `gap` (m); called only
+    /// if their spheres are.
     #[inline(always)]
     fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
         true

@@ -31,15 +31,16 @@ pub(in crate::dem) struct Held<M> {
     pub(super) history: M,
 }
 
-/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each
-/// step, and take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
+/// Contacts with facets. A grain touches a surface at any number of points, so that contacts are listed anew in each
+/// step. A contact takes over the history of the same facet, or else of an adjacent facet: shear survives an interior
+/// edge.
 #[derive(Debug)]
 pub(in crate::dem) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
     pub(super) near: Vec<u32>,
     pub(super) held: Vec<Held<M>>,
     pub(super) next: Vec<Held<M>>,
-    /// Pairs to look at until the next look at all gaps.
+    /// Pairs to test until all gaps are checked again.
     pub(super) active: Vec<u32>,
     pub(super) found: Vec<Nearest>,
     pub(super) taken: Vec<bool>,
@@ -292,8 +293,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     }
 }
 
-/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in
-/// `found` has.
+/// Returns the history among `held` of a contact with `facet`: its own, else that of an adjacent facet which no contact
+/// in `found` has.
 pub(super) fn history_of<M: Copy + Default>(
     surface: &Surface,
     held: &[Held<M>],
@@ -315,8 +316,8 @@ pub(super) fn history_of<M: Copy + Default>(
     })
 }
 
-/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that
-/// has moved at all places from which a facet may be near a body of the domain.
+/// Returns the displacements of a wall's facets from where they were made \[m\]: one, or in a periodic domain for a
+/// wall that has moved all those for which a facet may be near a body of the domain.
 fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
     let lengths = region.periodic_lengths();
     let mut places = vec![wall.point];
@@ -426,7 +427,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.solids.facets[0].close = close;
     }
 
-    /// How many pairs of a grain and a wall of facets are listed.
+    /// Returns the number of listed pairs of a grain and a wall of facets.
     pub(super) fn facet_pairs(&self) -> usize {
         self.solids.facets.iter().map(|part| part.pairs.len()).sum()
     }

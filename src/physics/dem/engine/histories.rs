@@ -152,7 +152,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// The same as lists by rising key.
+    /// Returns all histories as lists by rising key.
     #[expect(clippy::type_complexity, reason = "two lists of key and history")]
     pub(in crate::dem) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
         let (mut grains, mut walls) = (Vec::new(), Vec::new());

@@ -18,7 +18,7 @@ use super::*;
 use integrate::{Loads, Phase};
 use std::ops::Range;
 
-/// Where a part starts.
+/// First indices of a part.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cut {
     grains: usize,
@@ -26,7 +26,7 @@ struct Cut {
     planes: usize,
 }
 
-/// What a step makes of a part.
+/// Results of a part in a step.
 #[derive(Debug)]
 struct Part<S: Space> {
     /// Its active pairs: places among all.
@@ -61,11 +61,11 @@ pub(super) struct Parts<S: Space, C, M> {
     /// One more than there are parts.
     cuts: Vec<Cut>,
     parts: Vec<Part<S>>,
-    /// Of each part, the active pairs whose second is in a later part.
+    /// For each part, the active pairs whose second is in a later part.
     going: Vec<Vec<u32>>,
-    /// Of each part, copies of the active pairs that come in from earlier parts, in the order of the list.
+    /// For each part, copies of the active pairs that come in from earlier parts, in the order of the list.
     coming: Vec<Vec<Pair<C, M>>>,
-    /// Where grains move to.
+    /// New positions and velocities of the grains.
     moved: Vec<Motion<S>>,
 }
 
@@ -153,7 +153,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
     }
 }
 
-/// What the pairs of a step read.
+/// Input data of the pairs in a step.
 struct World<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
@@ -168,8 +168,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
 /// Pairs, the places of those to compute, and the place of the first.
 type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
 
-/// What one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of its
-/// grains.
+/// Data that one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of
+/// its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     coming: &'a mut [Pair<L::Scale, L::History>],

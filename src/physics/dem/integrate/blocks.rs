@@ -17,17 +17,17 @@ use super::super::polyhedron::{Damping, Polyhedron, RotationState};
 use super::super::space::Space;
 use super::{Fastest, Kick, Phase, SPEED_LIMIT, damped};
 
-/// What moves a body.
+/// Properties and loads that determine the motion of a body.
 #[derive(Clone, Copy)]
 struct Moved<'a, S: Space> {
     body: &'a Body,
     shape: Option<&'a Polyhedron>,
     contact: &'a Load<S>,
-    /// Of the fluid; 0 in a dry scene.
+    /// Load by the fluid; 0 in a dry scene.
     fluid: Load<S>,
 }
 
-/// How velocities change, with damping by mass.
+/// Parameters of the change of velocities, with damping by mass.
 #[derive(Clone, Copy)]
 struct How<'a, S: Space> {
     kick: &'a Kick<S>,

@@ -42,8 +42,8 @@
 //! | corner on face | 3e-12 | 2e-12 | 4e-2 |
 //! | edge on edge | 2e-12 | 3e-5 | 3e-2 |
 //!
-//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient beside
-//! an edge then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks
+//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient next
+//! to an edge then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks
 //! stands for a million steps, at rest to 1e-12 m/s, with patch and point. A patch costs less than a point: it needs no
 //! Newton iteration.
 //!
@@ -89,7 +89,7 @@ pub struct Placed<'a> {
     pub rotation: Matrix3<f64>,
 }
 
-/// How a contact of blocks is condensed.
+/// Method by which a contact of blocks is condensed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "BlockModel")]
@@ -136,7 +136,7 @@ impl Geometry {
     }
 }
 
-/// How often which way was gone: for benches and tests.
+/// Counts of the methods used, for benches and tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ways {
     /// Linear programs solved.
@@ -167,11 +167,11 @@ pub struct Narrow {
     /// Triangles of the first's surface inside the second.
     triangles: Vec<[Vector3<f64>; 3]>,
     rows: Vec<[f64; 4]>,
-    /// How often which way was gone.
+    /// Counts of the methods used.
     pub ways: Ways,
 }
 
-/// What a block meets, as the block sees it.
+/// Partner of a block, in the frame of the block.
 enum Other<'a> {
     Block {
         shape: &'a Polyhedron,
@@ -349,7 +349,8 @@ impl Narrow {
         }
     }
 
-    /// What the exhaustive test makes of a pair: nothing where an axis separates it, else the shortest way out.
+    /// Returns the result of the exhaustive test of a pair: nothing if an axis separates it, else the shortest
+    /// separation.
     fn exhaust(
         &mut self,
         first: &Polyhedron,
@@ -415,7 +416,7 @@ impl Narrow {
         Some(geometry)
     }
 
-    /// What the exhaustive test alone makes of two blocks.
+    /// Returns the result of the exhaustive test alone of two blocks.
     #[cfg(test)]
     pub(super) fn last_resort(
         &mut self,

@@ -44,7 +44,7 @@ impl Cut {
         }
     }
 
-    /// What is left inside half-space number `name`; false where nothing is.
+    /// Cuts by half-space number `name`; returns `true` if any part is left inside.
     pub(super) fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.height(v)).collect();
         let side = |v: u32| {

@@ -43,7 +43,7 @@ use crate::dem::dashpot::{over_step, part_of_step};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stiffness {
-    /// The same for every contact.
+    /// Stiffness equal for every contact.
     PerContact {
         /// Along the normal [N/m].
         normal: f64,
@@ -72,7 +72,7 @@ pub struct Law {
     pub shear_damping: f64,
 }
 
-/// How the second moves relative to the first.
+/// Relative motion of the second body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Velocity [m/s] of the second's centre less that of the first's.
@@ -92,7 +92,7 @@ pub struct Approach {
     pub damped: f64,
 }
 
-/// What a contact does.
+/// Force, moment and state of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Action {
     /// Force \[N\] on the second; the first feels the opposite.
@@ -187,7 +187,7 @@ impl Law {
 /// Returns the moment [N m] on the second of the normal dashpots where the patch turns at the rate `across` its normal.
 fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -> Vector3<f64> {
     let polar = touch.polar();
-    // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
+    // A rotation about an axis moves the points off it: by the arms turned a right angle, Q = J - second moments.
     let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
     let rocking = about_axis(across) * (-dashpot / touch.area);
     let size = rocking.norm();

@@ -1,4 +1,4 @@
-//! Whether two sets of half-spaces meet: the linear program of Boon, Houlsby and Utili,
+//! Test if two sets of half-spaces intersect: the linear program of Boon, Houlsby and Utili,
 //!
 //! ```text
 //! minimise s   subject to   a_i . x - s <= d_i   for the half-spaces i of both blocks
@@ -53,7 +53,7 @@ struct Basis {
 }
 
 impl Basis {
-    /// Of four planes, the first as origin: rows `a_i - a_0`.
+    /// Returns the basis of four planes, the first as origin: rows `a_i - a_0`.
     fn of(planes: &[HalfSpace; 4]) -> Option<Self> {
         let origin = planes[0].normal;
         let [r, s, t] = [1, 2, 3].map(|k| planes[k].normal - origin);
@@ -66,7 +66,7 @@ impl Basis {
         })
     }
 
-    /// Where the four planes moved out by `s` meet, and `s`.
+    /// Returns the point where the four planes moved out by `s` meet, and `s`.
     fn point(&self, planes: &[HalfSpace; 4]) -> (Vector3<f64>, f64) {
         let first = planes[0].offset;
         let rises = Vector3::new(

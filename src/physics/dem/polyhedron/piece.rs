@@ -26,7 +26,7 @@ pub struct Piece {
 #[derive(Clone, Copy, Debug)]
 struct Side {
     plane: HalfSpace,
-    /// Whether a cut made it.
+    /// `true` if a cut made it.
     split: bool,
 }
 
@@ -64,7 +64,7 @@ impl Piece {
         Some([self.part(plane), self.part(&turned)])
     }
 
-    /// What is left of it inside a half-space that cuts it.
+    /// Returns the part inside a half-space that cuts it.
     fn part(&self, plane: &HalfSpace) -> Self {
         let mut cut = self.cut.clone();
         cut.by(plane, self.sides.len(), self.tolerance);
@@ -85,7 +85,7 @@ impl Piece {
         }
     }
 
-    /// How far it reaches along a direction (m, times the length of the direction): the least and the most.
+    /// Returns the minimum and the maximum of its extent along a direction (m, times the length of the direction).
     #[must_use]
     pub fn extent(&self, direction: &Vector3<f64>) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::shape::Polyhedron;
 
-/// Of two edges this parallel (sine) the product is no direction of its own.
+/// Sine of the angle between two edges below which their product is no direction of its own.
 const PARALLEL: f64 = 1e-10;
 
 /// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap

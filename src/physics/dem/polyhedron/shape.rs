@@ -153,7 +153,7 @@ impl Polyhedron {
                     direction: plane.normal.into(),
                 });
             }
-            // All normals in a plane: open along it, or across it where it passes beside the origin.
+            // All normals in a plane: open along it, or across it where it does not contain the origin.
             None => {
                 return Err(ShapeError::Unbounded {
                     direction: common_normal(&normals).into(),
@@ -495,7 +495,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let normal = cross
         .try_normalize(1e-12)
         .unwrap_or_else(|| super::cut::across(&first).0);
-    // All normals on one side of the origin: the solid goes on to the other.
+    // All normals on one side of the origin: the solid is unbounded towards the other.
     if normal.dot(&first) > 0.0 {
         -normal
     } else {

@@ -1,4 +1,4 @@
-//! Tests that need more than one file of the room.
+//! Tests that need more than one file of the module.
 
 mod energy;
 mod motion;

@@ -11,7 +11,7 @@
 use super::{ON, RIM, Surface, index};
 use nalgebra::{Matrix3, Vector3};
 
-/// No facet beside an edge.
+/// Mark of an edge without an adjacent facet.
 const NONE: u32 = u32::MAX;
 /// Sine of the angle to the directions found so far from which on a normal is a direction of its own.
 const DIRECTION: f64 = 1e-4;

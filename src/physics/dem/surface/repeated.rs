@@ -5,9 +5,9 @@
 //! an edge at the seam is an interior edge, and a surface that joins its own image has no rim there. Two facets that
 //! meet an image of each other back to back, as the ends of a box of one period, lie inside the solid and are left out.
 //!
-//! The place of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the
-//! number of the facet that was given, and the place of its image beside the position of the sphere before it is
-//! brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
+//! The position of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the
+//! number of the facet that was given, and the offset in periods of its image from the position of the sphere before it
+//! is brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
 
 use super::super::ghosts::index;
 use super::super::region::wraps;
@@ -17,18 +17,18 @@ use crate::number::{floor_i32, floor_i64, real};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Where a vertex stands: the number of its place in the domain, and by how many periods it stands beside it.
+/// Position of a vertex: its index in the domain, and its offset from there in periods.
 type Place = (u32, [i32; 3]);
 
-/// How a surface repeats.
+/// Repetition of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Repeated {
     lower: [f64; 3],
     /// Periods \[m\], 0 along axes that do not repeat.
     lengths: [f64; 3],
-    /// How many facets were given: they come first.
+    /// Number of given facets: they come first.
     given: u32,
-    /// For each facet the given one, and by how many periods it stands beside it.
+    /// For each facet the given one, and its offset from there in periods.
     images: Vec<(u32, [i32; 3])>,
     /// For each vertex a number that it shares with its images.
     vertices: Vec<u32>,
@@ -174,7 +174,7 @@ impl Surface {
         inner
     }
 
-    /// Whether it repeats by these periods \[m\], 0 along axes without.
+    /// Returns `true` if it repeats by these periods \[m\], 0 along axes without.
     pub(in crate::dem) fn repeats_by(&self, lower: [f64; 3], lengths: [f64; 3]) -> bool {
         let none = lengths.iter().all(|&length| length <= 0.0);
         self.repeated.as_ref().map_or(none, |repeated| {
@@ -237,7 +237,7 @@ impl Surface {
     }
 
     /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
-    /// it may pass the face, and then has the other images beside it.
+    /// it may pass the face, and then the other images are near it.
     pub(in crate::dem) fn images_beyond(
         &self,
         facet: u32,
@@ -273,8 +273,8 @@ fn too_many() -> Error {
     ))
 }
 
-/// For each vertex the number of its place in the domain and by how many periods it stands beside it; then these
-/// places. Vertices of the same image are never joined.
+/// Returns for each vertex its index in the domain and its offset from there in periods; then the positions of these
+/// indices. Vertices of the same image are never joined.
 fn reduce(
     vertices: &[Vector3<f64>],
     (lower, lengths): ([f64; 3], [f64; 3]),

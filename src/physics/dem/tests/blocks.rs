@@ -227,7 +227,7 @@ fn a_stack_of_ten_stands() {
     assert_eq!((now.contacts, now.bonds), (10, 0));
 }
 
-/// A sphere that rolls off a block: momentum is kept, and a sphere on a plane beside a block feels the same law.
+/// Rolls a sphere off a block: momentum is kept, and a sphere on a plane next to a block is subject to the same law.
 #[test]
 fn spheres_and_blocks_meet_either_way_round() {
     // The lower id comes first in a pair: both orders must give the mirrored outcome.

@@ -1,4 +1,4 @@
-//! What of a grain crosses ranks, and when.
+//! Tests of the data of a grain that cross ranks, and of when they do.
 
 use super::*;
 use crate::dem::columns::Crosses;

@@ -147,7 +147,7 @@ fn a_grain_slides_over_the_seam() {
     }
 }
 
-/// At rest over the seam, at its corner and beside it: one contact, which bears the weight.
+/// Places a grain at rest over the seam, at its corner and next to it: one contact, which bears the weight.
 #[test]
 fn a_grain_rests_over_the_seam() {
     for (what, floor) in floors() {

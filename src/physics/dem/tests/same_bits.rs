@@ -1,4 +1,4 @@
-//! The same bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
+//! Equal bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
 //!
 //! Ranks are threads here ([`decomposition::on_threads`]).
 

@@ -1,5 +1,4 @@
-//! The same bits of spheres on any ranks, threads, skins and restarts, for each law of the fissure and each kind of
-//! wall.
+//! Equal bits of spheres on any ranks, threads, skins and restarts, for each law of the fissure and each kind of wall.
 
 use std::sync::Arc;
 

@@ -109,7 +109,7 @@ fn strip(from: f64, to: f64) -> Surface {
     Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
-/// On the seam of two walls of one plane, and beside it, a ball rebounds as from one wall.
+/// Drops a ball on the seam of two walls of one plane, and next to it: it rebounds as from one wall.
 #[test]
 fn two_walls_that_touch_push_once() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What the pairs of a step read.
+/// Input data of the pairs in a step.
 #[derive(Clone, Copy)]
 pub(super) struct World<'a, S: Space> {
     pub(super) view: View<'a, S>,
@@ -16,7 +16,7 @@ pub(super) struct World<'a, S: Space> {
     pub(super) deepest: f64,
 }
 
-/// What a piece of work counts.
+/// Counts of a piece of work.
 pub(super) struct Tally {
     /// Calls of the narrow phase.
     pub(super) calls: u64,
@@ -51,8 +51,8 @@ impl<'a, S: Space> World<'a, S> {
         self.view.polyhedron(k).map(|(shape, _)| shape)
     }
 
-    /// Where a block meets a block or a sphere, and whether the pair's second comes first in it: a block comes before a
-    /// sphere.
+    /// Computes the contact of a block with a block or a sphere. Returns also `true` if the second body of the pair
+    /// comes first in it: a block comes before a sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -135,7 +135,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Whether one of a pair is a sphere: then the narrow phase does not look at the history, nor lets go of it.
+    /// Returns `true` if one of a pair is a sphere: the narrow phase then neither reads nor clears the history.
     pub(super) fn rounded(&self, pair: &BlockPair) -> bool {
         let (i, j) = pair.ends();
         self.shape(i).is_none() || self.shape(j).is_none()
@@ -332,7 +332,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Where block `k` meets a face, given by those of its facets that are near.
+    /// Computes the contact of block `k` with a face, given by those of its facets that are near.
     pub(super) fn meet_face(
         &self,
         k: usize,

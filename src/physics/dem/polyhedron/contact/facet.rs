@@ -12,7 +12,8 @@ use super::{Geometry, Narrow, Placed};
 /// A depth below this over the height of the centroid is rounding: volumes behind facets are differences of cones.
 const ROUNDING: f64 = 1e-11;
 
-/// What facets of one plane hide of a block, as sums over the facets in the block's frame: see [`Narrow::hide`].
+/// Parts of a block hidden by the facets of one plane, as sums over the facets in the block's frame: see
+/// [`Narrow::hide`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hidden {
     /// m³, and its first moment [m⁴].

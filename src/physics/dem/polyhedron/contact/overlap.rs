@@ -11,8 +11,8 @@ use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
 use super::{Geometry, Model, Narrow, Other};
 
-/// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane
-/// are apart: of two rounded answers to "which is outside" one could be counted twice, or none.
+/// Relative enlargement of the second block where surfaces are cut (2^-36), so that faces of both in one plane are
+/// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
 const GROWN: f64 = 1.0 / 68_719_476_736.0;
 
 /// A vector area smaller than this over the area has no direction to trust.
@@ -138,7 +138,7 @@ impl Narrow {
         }
     }
 
-    /// Cuts the polygon down to what is inside a half-space; false where nothing is left.
+    /// Cuts the polygon down to the part inside a half-space; returns `true` if any part is left.
     #[inline]
     pub(super) fn cut(&mut self, plane: impl Fn(&Self) -> HalfSpace) -> bool {
         let plane = plane(self);

@@ -47,7 +47,7 @@ impl Block {
         0.5 * self.mass * self.velocity.norm_squared() + self.rotation.energy(&self.inertia)
     }
 
-    /// How far it leans (rad).
+    /// Returns the inclination (rad).
     fn lean(&self) -> f64 {
         let up = self.rotation.orientation * Vector3::z();
         up.cross(&Vector3::z()).norm().atan2(up.z)
@@ -61,7 +61,7 @@ pub(super) struct World {
     floor: bool,
     /// Normals into the space of the blocks, and their distances \[m\] from the origin.
     walls: Vec<(Vector3<f64>, f64)>,
-    /// How often blocks met blocks or walls.
+    /// Number of impacts of blocks on blocks or walls.
     pub(super) impacts: u32,
     law: Law,
     model: Model,
@@ -216,7 +216,7 @@ impl World {
         }
     }
 
-    /// Whether anything touches.
+    /// Returns `true` if any pair touches.
     pub(super) fn touching(&self) -> bool {
         let walls = self.blocks.iter().flat_map(|block| &block.walls);
         let mut all = walls.chain(self.pairs.iter().map(|(_, _, history)| history));

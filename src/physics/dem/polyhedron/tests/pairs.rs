@@ -209,7 +209,7 @@ fn the_exhaustive_test_and_the_program_agree() {
         let local = pair.orientations[0].inverse() * pair.separation;
         let (axis, wide) = widest_gap(pair.shapes[0], pair.shapes[1], turn.matrix(), &local);
         let (_, gap) = pair.oracle();
-        // The oracle also looks along normals turned round: apart that may be more.
+        // The oracle also tests the reversed normals: the distance along those may be larger.
         let same = if gap < 0.0 {
             (wide - gap).abs() < 1e-11
         } else {
