@@ -7,7 +7,7 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `fluid` | one slab of fluid: the step, its state, surfaces told to the eddy viscosity |
+//! | `fluid` | one slab of fluid: the step, its state, wall surfaces for the eddy-viscosity model |
 //! | `kernel` | the fused pass over the rows of a slab |
 //! | `gpu` | the pass and the walls on a GPU, by the same operators |
 //! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |

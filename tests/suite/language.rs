@@ -169,7 +169,7 @@ fn is_boolean(lines: &[&str]) -> bool {
     let mut signature = String::new();
     for line in &lines[start..] {
         signature.push_str(line.trim());
-        if line.trim_end().ends_with(['{', ';']) {
+        if line.trim_end().ends_with(['{', ';', '}']) {
             break;
         }
     }
@@ -458,6 +458,13 @@ fn each_rule_finds_its_fault_and_nothing_else() {
         check(
             "src/a.rs",
             "/// Returns a test.\nfn test(moves: bool) -> u8 {\n"
+        ),
+        []
+    );
+    assert_eq!(
+        check(
+            "src/a.rs",
+            "/// Does nothing.\nfn test(_: bool) {}\n\nfn moves() -> bool {\n"
         ),
         []
     );

@@ -70,7 +70,7 @@ impl Grid {
 /// second. Grains within this many cells of a slab must be known there.
 pub const GHOSTS: i32 = 2;
 
-/// What a link needs to know beyond geometry.
+/// Data of a link beyond its geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// Radius that the fluid sees over the radius of a grain.
@@ -79,7 +79,7 @@ pub struct Rules {
     pub first_grain: u64,
     /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
     pub isolated: Option<usize>,
-    /// Links look at the cell behind their outer one, two from the body: interpolation needs water there.
+    /// `true` if links read the cell behind their outer one, two from the body: interpolation needs fluid there.
     pub interpolated: bool,
 }
 
@@ -96,17 +96,17 @@ struct Mapped {
     /// It cannot change cells until it has moved this far; negative: not mapped yet.
     slack: f64,
     nearest: Nearest,
-    /// It shares cells with another body: mapped again whenever anything is.
+    /// `true` if it shares cells with another body: mapped again whenever any body is.
     shares: bool,
-    /// It is to be mapped again in this update.
+    /// `true` if it is to be mapped again in this update.
     again: bool,
     /// Its cells in local coordinates, with those that a body of lower id or a structure holds.
     rows: Rows,
-    /// Room for the next look; after one that found other cells those before.
+    /// Buffer for the next search; after a search that found other cells, the previous cells.
     other: Rows,
 }
 
-/// How a polyhedron stands.
+/// Orientation and faces of a polyhedron.
 #[derive(Clone, Debug, Default)]
 struct Turned {
     quaternion: [f64; 4],
@@ -123,19 +123,20 @@ pub struct BodyMap {
     entries: HashMap<u32, Vec<u32>>,
     /// Places of the bodies that share cells.
     sharing: Vec<usize>,
-    /// Whether the entries refreshed last are those mapped, image by image.
+    /// `true` if the entries refreshed last are those mapped, image by image.
     adopted: bool,
     links: Vec<Vec<BodyLink>>,
     directions: Vec<Direction>,
     motion: Vec<Rigid>,
-    /// How polyhedra stand now, by entry; without faces for the others, and empty where there is none.
+    /// Present orientations of the polyhedra, by entry; without faces for other bodies, and empty if there are no
+    /// polyhedra.
     blocks: Vec<Turned>,
     changes: Vec<Change>,
     again: Vec<Again>,
     relink: Vec<AtomicBool>,
-    /// What looks at the bodies that moved have found, for each run of bodies.
+    /// Results of the search of the bodies that moved, for each run of bodies.
     found: Vec<Found>,
-    /// What threads that settle cells have found, and how many rows they settle below each layer.
+    /// Results of the threads that settle cells, and the number of rows they settle below each layer.
     settled: Vec<Settled>,
     rows_below: Vec<usize>,
     /// Links between two cells of water that sheets cut: place of the cell and direction.
@@ -146,9 +147,9 @@ pub struct BodyMap {
 #[derive(Clone, Copy, Debug)]
 struct Again {
     body: usize,
-    /// Its cells are others than before.
+    /// `true` if its cells have changed.
     moved: bool,
-    /// It shared cells before.
+    /// `true` if it shared cells before.
     shared: bool,
 }
 
@@ -157,7 +158,7 @@ struct Again {
 struct Change {
     cell: [i32; 3],
     before: u32,
-    /// What a body gains or loses by it.
+    /// Impulse that a body gains or loses by it.
     impulse: Option<Impulse>,
 }
 
@@ -217,7 +218,7 @@ impl BodyMap {
         self.sheets.clone_from(sheets);
     }
 
-    /// Whether neither body nor structure holds the cell at a place in the map.
+    /// Returns `true` if neither body nor structure holds the cell at an index of the map.
     #[must_use]
     pub fn is_water(&self, place: u32) -> bool {
         self.owner[place as usize] == FLUID
@@ -229,13 +230,13 @@ impl BodyMap {
         &self.links
     }
 
-    /// Whether no body is mapped.
+    /// Returns `true` if no body is mapped.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Whether the last update changed no cell and no link.
+    /// Returns `true` if the last update changed no cell and no link.
     #[must_use]
     pub fn is_as_before(&self) -> bool {
         self.again.is_empty() && self.changes.is_empty()
@@ -421,7 +422,7 @@ impl BodyMap {
         self.links = links;
     }
 
-    /// What covering or uncovering a cell of the slab gives to the body that does it.
+    /// Returns the impulse on the body that covers or uncovers a cell of the slab.
     fn impulse<S: Stored>(
         &self,
         cell: [i32; 3],

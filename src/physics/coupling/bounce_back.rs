@@ -31,9 +31,9 @@ use std::sync::Arc;
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Where the surface lies on a link.
+    /// Position of the surface on a link.
     pub scheme: Scheme,
-    /// Average the loads of two half steps.
+    /// `true` if the loads of two half steps are averaged.
     pub average: bool,
     /// Radius and narrow gaps.
     pub rules: Rules,
@@ -51,9 +51,9 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
-    /// Motions by which gradients were told of the links.
+    /// Motions for which the gradients know the links.
     told: Vec<Rigid>,
-    /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
+    /// `true` if the grains have no loads yet, only the initial state of the fluid, and the map is not yet made.
     fresh: bool,
     space: PhantomData<Sp>,
 }
@@ -112,7 +112,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         )
     }
 
-    /// The eddy viscosity asks for gradients beside the links.
+    /// Registers the links with the gradients of the eddy viscosity.
     fn tell_gradients(&mut self) {
         if self.fluid.velocities().is_none() {
             return;
@@ -142,7 +142,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// How many steps may be made at once where there are no grains. The same on every rank.
+    /// Returns the number of steps that may be made at once if there are no grains. It is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         if self.structures.is_none() {
@@ -335,7 +335,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// What is inside the shells is not the water's.
+    /// Cells inside the shells are left out of the balance of the fluid.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: Some(&self.map),

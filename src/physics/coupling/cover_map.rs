@@ -26,7 +26,7 @@ use crate::thread_pool;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Who is mapped: id, and which image.
+/// Body id and periodic image.
 type Name = (u64, [i32; 3]);
 
 /// One body, or one image of a body, near this slab.
@@ -34,14 +34,14 @@ type Name = (u64, [i32; 3]);
 struct Mapped {
     name: Name,
     slot: u32,
-    /// What it was mapped as; none before the first time.
+    /// Pose at which it was mapped; none before the first time.
     at: Option<Pose>,
     /// Its cells, and those that it has from the next update on.
     cells: Runs,
     next: Runs,
-    /// Of a polyhedron; without faces that of a disc or sphere.
+    /// Surface of a polyhedron; without faces that of a disc or sphere.
     surface: Surface,
-    /// Since its cells were covered.
+    /// `true` if the body has moved since its cells were covered.
     moved: bool,
 }
 
@@ -86,7 +86,7 @@ impl Mapped {
     }
 }
 
-/// Where a body stands, in cells, and how large it is.
+/// Position, in cells, and size of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
     centre: [f64; 3],
@@ -110,9 +110,9 @@ pub struct CoverMap {
     alone: Alone,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
-    /// Bodies have moved since their cells were covered.
+    /// `true` if bodies have moved since their cells were covered.
     behind: bool,
-    /// Room that is used again.
+    /// Buffers, reused between updates.
     pieces: Vec<Piece>,
     scratch: Vec<Scratch>,
 }
@@ -348,8 +348,8 @@ impl CoverMap {
         }
     }
 
-    /// Where the planes of the slab, with their ghosts, are best cut for the threads: so that each has as much surface
-    /// of bodies.
+    /// Returns the planes at which the slab, with its ghosts, is best cut for the threads: each part has about the same
+    /// surface of bodies.
     fn cuts(&self) -> Vec<usize> {
         let slow = self.rows.order[0];
         let planes = self.rows.cells[slow] + 2;

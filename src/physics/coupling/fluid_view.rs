@@ -52,8 +52,8 @@ pub trait FluidView {
     fn start(&self) -> [usize; 3];
     /// Density deviation and velocity of a cell.
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
-    /// The same of all cells of some planes across z ([`bands`]): lattices give them row by row, at a fraction of the
-    /// cost.
+    /// Computes the states of all cells of some planes across z ([`bands`]): lattices compute them row by row, at a
+    /// fraction of the cost.
     fn band_states(&self, planes: Range<usize>, to: &mut BandStates) {
         let [nx, ny, _] = self.cells();
         to.resize(nx * ny * planes.len());
@@ -77,7 +77,7 @@ pub trait FluidView {
     }
     /// Id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
-    /// Whether the centre of a cell is solid: of a body or of a structure.
+    /// Returns `true` if the centre of a cell is inside a body or a structure.
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some()
     }
@@ -88,6 +88,6 @@ pub trait FluidView {
     }
     /// Names of the patches of the faces.
     fn patches(&self) -> Vec<String>;
-    /// What crossed each patch in the last step, on this rank: sum the integers over ranks.
+    /// Returns the flow through each patch in the last step, on this rank: sum the integers over ranks.
     fn fluxes(&self) -> Vec<Flux>;
 }

@@ -24,20 +24,20 @@ pub struct Balanced<'a> {
 }
 
 impl Balanced<'_> {
-    /// Whether a cell of the slab is one of them.
+    /// Returns `true` if a cell of the slab is one of them.
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         self.bodies.is_none_or(|map| map.body_at(cell).is_none())
             && self.structures.is_none_or(|map| !map.holds(cell))
     }
 
-    /// Whether all cells of the slab are.
+    /// Returns `true` if all cells of the slab are.
     #[must_use]
     pub fn holds_all(&self) -> bool {
         self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
     }
 
-    /// How many cells of the slab are; counted by threads.
+    /// Returns the number of cells of the slab that are; counted by threads.
     pub(super) fn count<S: Stored>(&self, populations: &Populations<S>) -> usize {
         if self.holds_all() {
             return populations.cells().iter().product();
@@ -77,8 +77,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// [`Flow::update_bodies`].
     fn restart(&mut self);
 
-    /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries
-    /// summed: for balances. Entries of ghosts are left out, their loads stand at the owners.
+    /// Returns the loads on the bodies from the lattice in the last step, as this rank's entries hold them, owners'
+    /// entries summed: for balances. Entries of ghosts are left out, because the owners have their loads.
     fn last_loads(&self) -> &[Load];
 
     /// The cells whose momentum belongs to the water in its balance with the bodies.
@@ -87,7 +87,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// The structures in the water, if there are any.
     fn structures(&self) -> Option<&StructureMap>;
 
-    /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
+    /// Returns `true` if bodies enclose a fluid cell: they, and walls next to them, hold more than half of its
+    /// neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;
 
     /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the

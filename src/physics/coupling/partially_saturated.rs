@@ -41,9 +41,9 @@ use std::sync::Arc;
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// How solid fractions are found.
+    /// Method by which solid fractions are computed.
     pub fractions: solid_fraction::Method,
-    /// Whether the water inside a body is taken out of its inertia.
+    /// `true` if the fluid inside a body is subtracted from its inertia.
     pub without_inner_water: bool,
     /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
     /// over hydrostatic.
@@ -60,7 +60,7 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
-    /// The covered cells still hold what the fluid was started with.
+    /// `true` if the covered cells still hold the initial state of the fluid.
     fresh: bool,
     space: PhantomData<Sp>,
 }
@@ -120,8 +120,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         }
     }
 
-    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started
-    /// with.
+    /// Gives cells inside a solid the velocity of the solid: otherwise the initial fluid momentum inside the body acts
+    /// on it as a spurious impulse.
     fn begin(&mut self) {
         let Some(cover) = self.fluid.cover() else {
             return;
@@ -316,7 +316,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.structures.as_deref()
     }
 
-    /// Cells that bodies fill in part are in contact with all their neighbours.
+    /// Returns `false`, never `true`: cells that bodies fill in part exchange populations with all their neighbours.
     fn enclosed(&self, _: [usize; 3]) -> bool {
         false
     }

@@ -123,10 +123,10 @@ pub struct Settings {
     pub drag: DragLaw,
     /// Form of the equations.
     pub equations: Equations,
-    /// Whether moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
+    /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
     pub transient: bool,
-    /// Drag at the end of the interval where a grain is faster than it.
+    /// `true` if drag is that at the end of the interval for a grain that it stops faster than the interval.
     pub semi_implicit: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
@@ -139,7 +139,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Returns whether the bed moves with its water.
+    /// Returns `true` if the bed moves with its water.
     fn moves(&self) -> bool {
         self.transient && self.equations == Equations::Corrected
     }
@@ -164,7 +164,7 @@ pub struct Seepage<Sp: Space> {
     limited: Vec<f64>,
     source: Vec<f64>,
     before: Vec<f64>,
-    /// There is a porosity from the coupling before.
+    /// `true` if there is a porosity from the coupling before.
     has_before: bool,
     /// Permeabilities by region.
     zones: Option<(Arc<Zones>, Conduct)>,
@@ -212,7 +212,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// The same with permeabilities and porosities by region.
+    /// Adds permeabilities and porosities by region.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
         let room = Conduct::new(&zones, self.grid().count());
@@ -237,7 +237,7 @@ impl<Sp: Space> Seepage<Sp> {
         &mut self.pressure
     }
 
-    /// Whether a coupling has found the pressure.
+    /// Returns `true` if a coupling has found the pressure.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.has_before
@@ -259,7 +259,7 @@ impl<Sp: Space> Seepage<Sp> {
         if cells > 0.0 { sum / cells } else { 1.0 }
     }
 
-    /// What the last solution cost.
+    /// Returns the cost of the last solution.
     #[must_use]
     pub fn report(&self) -> &Report {
         &self.report
@@ -333,7 +333,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.water.flux[cell]
     }
 
-    /// What a reader of the results should know of the couplings.
+    /// Returns warnings about the couplings for a reader of the results.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
@@ -357,7 +357,7 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
-    /// Whether a body that the case does not resolve bears the pressure of a cell.
+    /// Returns `true` if a body that the case does not resolve bears the pressure of a cell.
     fn is_body(&self, cell: usize) -> bool {
         let zones = self.zones.as_ref();
         zones.is_some_and(|(_, room)| room.is_body(cell))

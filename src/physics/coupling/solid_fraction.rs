@@ -29,7 +29,7 @@ use crate::lbm::links::Plane;
 use crate::number::floor_i32;
 use nalgebra::Matrix3;
 
-/// How fractions are found.
+/// Method by which fractions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// Closed forms.
@@ -86,8 +86,8 @@ pub enum Form<'a> {
     },
 }
 
-/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals
-/// along the row, empty where the first is not below the second.
+/// Intervals of a row of cells that may meet a body, that are inside it, and that are inside with all their neighbours:
+/// empty if the first is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// No cell beyond it meets the body.
@@ -101,7 +101,7 @@ pub struct Row {
 impl Row {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-    /// The row does not meet the body.
+    /// Returns `true` if the row does not meet the body.
     #[must_use]
     #[inline(always)]
     pub fn misses(&self) -> bool {
@@ -115,15 +115,15 @@ const LEVEL: f64 = 1e-12;
 /// Buffers of the body that is mapped.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Of a ball.
+    /// Table of a ball.
     pub(crate) ball: BallTable,
-    /// Of a block.
+    /// Table of a block.
     pub(crate) block: BlockTable,
-    /// Of a disc.
+    /// Table of a disc.
     pub(crate) disc: DiscTable,
-    /// Of a block.
+    /// Rows of a block.
     pub(crate) block_rows: BlockRows,
-    /// Of a ball or disc.
+    /// Rows of a ball or disc.
     pub(crate) round: RoundRows,
 }
 

@@ -35,7 +35,8 @@ struct Group {
     places: Vec<Ends>,
 }
 
-/// Where the ends of a link and the cells behind them lie in maps of the slab, and what they are without moving bodies.
+/// Positions of the ends of a link and of the cells behind them in maps of the slab, and their state without moving
+/// bodies.
 #[derive(Clone, Copy, Debug)]
 struct Ends {
     cells: [u32; 2],
@@ -149,7 +150,7 @@ impl StructureMap {
         Some(Box::new(map))
     }
 
-    /// Names the surfaces to the gradients of the eddy viscosity, beside what they know.
+    /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those that they know.
     pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if self.dimension == 2 {
             fluid.know_fixed_links::<2>(&self.links);
@@ -315,8 +316,8 @@ impl StructureMap {
         }
     }
 
-    /// Where the surfaces cut the way from the centre of a cell along a link: the structure, and the distances from
-    /// both ends as parts of the link.
+    /// Returns the first intersection of the surfaces with a link from the centre of a cell: the structure, and the
+    /// distances from both ends as fractions of the link.
     fn crossing(
         &self,
         cell: [i32; 3],
@@ -462,7 +463,7 @@ impl StructureMap {
         }
     }
 
-    /// Whether the centre of a cell of the slab is in a structure (local coordinates).
+    /// Returns `true` if the centre of a cell of the slab is in a structure (local coordinates).
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));

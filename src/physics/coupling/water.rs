@@ -43,8 +43,8 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// How many steps of water without grains may be made at once ([`crate::lbm::fluid::Fluid::at_once`]). The same on
-    /// every rank.
+    /// Returns the number of steps of water without grains that may be made at once
+    /// ([`crate::lbm::fluid::Fluid::at_once`]). It is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         match self {

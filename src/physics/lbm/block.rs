@@ -11,16 +11,16 @@ pub struct Block {
     pub rows: Range<usize>,
 }
 
-/// What stands at equal distances in memory along a row of a plane, or one in each of consecutive rows.
+/// Items at equal distances in memory along a row of a plane, or one in each of consecutive rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
-    /// How many there are.
+    /// Number of items.
     pub(crate) count: u32,
     /// Distance from one to the next.
     pub(crate) stride: u32,
     /// The row of the first.
     row: u32,
-    /// One in each row; else all are in one.
+    /// `true` if there is one in each row; otherwise all are in one.
     down: bool,
 }
 

@@ -22,7 +22,7 @@
 //! | `model` | [`Model`], what the program asks a boundary of a case |
 //! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
 //! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
-//! | `wall` | half-way bounce-back at walls and imposed velocities, also while the pass goes on |
+//! | `wall` | half-way bounce-back at walls and imposed velocities, also during the pass |
 //! | `profile` | a velocity over a face |
 //! | `turbulent` | turbulence over an imposed velocity |
 //! | `sound` | the plane wave that leaves through an opening |
@@ -82,7 +82,7 @@ macro_rules! boundaries {
         }
 
         impl $list {
-            /// What the program asks about it.
+            /// Returns the model of the boundary.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -134,7 +134,7 @@ macro_rules! boundaries {
 }
 
 boundaries! {
-    /// What the fluid does at a face.
+    /// Boundary condition of the fluid at a face.
     Condition:
     no_slip NoSlip,
     moving_wall MovingWall,
@@ -157,7 +157,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// The same value always.
+    /// Returns a ramp with a constant value.
     #[must_use]
     pub fn constant(value: f64) -> Self {
         Self {
@@ -184,7 +184,7 @@ pub struct Patch<S: Stored = f64> {
     pub name: String,
     /// Axis of the face normal.
     pub axis: usize,
-    /// At the upper end of the axis.
+    /// `true` if it is at the upper end of the axis.
     pub upper: bool,
     /// Corners of the part in cells (the components along the axis are not used); later patches win.
     pub range: [[f64; 2]; 3],
@@ -193,7 +193,7 @@ pub struct Patch<S: Stored = f64> {
 }
 
 impl<S: Stored> Patch<S> {
-    /// Whether water goes through the face at a point, in cells.
+    /// Returns `true` if water passes through the face at a point, in cells.
     fn lets_through(&self, position: [f64; 3]) -> bool {
         self.rule.nature().surface == Surface::Opening
             && self
@@ -283,7 +283,7 @@ fn on_border<S: Stored>(
     match (strongest, imposing) {
         (_, Some(p)) => (p, imposed / count),
         (Some(p), None) => (p, 1.0),
-        // There is always a cell beside.
+        // There is always an adjacent cell.
         (None, None) => (0, 1.0),
     }
 }
@@ -346,12 +346,12 @@ pub struct Boundaries<S: Stored> {
     order: Vec<usize>,
     walls: wall::Walls,
     open: covered::OpenCells,
-    /// The patches whose rules need sums over all ranks, and room for these.
+    /// Patches whose rules need sums over all ranks, and a buffer for these.
     summed: Vec<usize>,
     sums: Vec<u128>,
 }
 
-/// Where a cell lies relative to the whole domain.
+/// Position of a cell in the whole domain.
 pub struct Frame {
     /// Cells of the whole domain.
     pub cells: [usize; 3],
@@ -362,7 +362,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Returns whether a link from a cell leaves the domain along an axis.
+    /// Returns `true` if a link from a cell leaves the domain along an axis.
     fn leaves(&self, at: [usize; 3], c: [i8; 3], a: usize) -> bool {
         !self.periodic[a] && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == self.cells[a]))
     }
@@ -494,8 +494,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may
-    /// read numbers that the walls give, or ghosts beside them.
+    /// Returns `true` if the links at walls of a plane may be given as soon as the cells next to it have collided:
+    /// other rules may read populations that the walls give, or ghosts next to them.
     #[must_use]
     pub fn walls_stand_alone(&self) -> bool {
         self.patches
@@ -503,18 +503,18 @@ impl<S: Stored> Boundaries<S> {
             .all(|patch| patch.rule.walls_stand_alone())
     }
 
-    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step
+    /// Returns `true` if the rules only give their links to the walls, so that [`Self::give_walls`] is all that a step
     /// needs.
     #[must_use]
     pub fn are_walls(&self) -> bool {
         self.patches.iter().all(|patch| patch.rule.is_wall())
     }
 
-    /// Gives what comes back from the walls to some cells, ahead of [`Self::apply`].
+    /// Gives some cells the populations that return from the walls, ahead of [`Self::apply`].
     ///
     /// # Safety
-    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those
-    /// beside them.
+    /// `numbers` must be those of the slab, in the order of `parity`, and no other thread may access these cells or
+    /// their neighbours.
     pub(crate) unsafe fn give_walls(
         &self,
         cells: &Block,
@@ -523,11 +523,11 @@ impl<S: Stored> Boundaries<S> {
         numbers: *mut S,
     ) {
         let speed = |patch: usize| self.velocity_factor(patch, step);
-        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or beside it.
+        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or in an adjacent row.
         unsafe { self.walls.give(cells, speed, parity, numbers) };
     }
 
-    /// What the rules remember from step to step, by patch.
+    /// Returns the values that the rules keep from step to step, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.patches.iter().map(|patch| patch.rule.memory())
     }

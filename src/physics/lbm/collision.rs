@@ -1,7 +1,7 @@
 //! Collision operators, one file each.
 //!
 //! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel
-//! stands below, or in a file `kernel` beside it where it also runs on GPUs ([`super::gpu`]). The kernel is written
+//! stands below, or in a file `kernel` next to it where it also runs on GPUs ([`super::gpu`]). The kernel is written
 //! once for scalars, vectors and GPUs. The list of operators generates the enum of the case and the choice of the pass.
 //!
 //! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and
@@ -106,8 +106,8 @@ pub trait Model {
         None
     }
 
-    /// What is wrong with these parameters at the relaxation time of the fluid. `path` is the place of the family in
-    /// the case.
+    /// Returns a finding for parameters that are wrong at the relaxation time of the fluid. `path` is the place of the
+    /// family in the case.
     fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
         let _ = (path, relaxation_time);
         None
@@ -141,7 +141,7 @@ pub trait Kernels: Copy + Send + Sync + 'static {
     /// For one viscosity and open cells, with a body force where `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
     /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel
-    /// without a force saves is little beside the velocity gradients.
+    /// without a force saves is little compared with the velocity gradients.
     type Local: Collision + 'static;
     /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;
@@ -156,7 +156,7 @@ pub trait Kernels: Copy + Send + Sync + 'static {
 
 /// Receives the kernels of an operator, to choose a pass by them once at the start.
 pub trait Dispatch {
-    /// What is made of the kernels.
+    /// Result of the dispatch.
     type Output;
     /// Kernels that work on every velocity set.
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output;

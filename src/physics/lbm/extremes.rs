@@ -21,7 +21,7 @@ struct Share {
 }
 
 impl Rows {
-    /// Looks at every row.
+    /// Checks every row.
     pub fn look<S: Stored>(&mut self, fluid: &Fluid<S>) {
         if let Some(found) = fluid.extremes_on_gpu() {
             self.threads.resize_with(1, Share::default);
@@ -105,7 +105,7 @@ pub struct Extremes {
     pub squared_speed: f64,
     /// Largest size of the density deviation.
     pub compression: f64,
-    /// Whether every number is finite.
+    /// `true` if every number is finite.
     pub finite: bool,
 }
 
@@ -163,7 +163,7 @@ fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
     }
 }
 
-/// The same, four lanes at a time.
+/// Computes the extremes with four lanes.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn extremes_avx2(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {

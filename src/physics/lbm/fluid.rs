@@ -53,7 +53,7 @@ pub struct Setup<S: Stored = f64> {
     pub patches: Vec<Patch<S>>,
     /// The action of solids on covered cells; none if no cell can be covered.
     pub saturation: Option<Method>,
-    /// What it runs on.
+    /// Device that it runs on.
     pub device: Device,
     /// Terms of the step that are added to force, boundaries, eddies and covered cells.
     pub terms: Vec<term::Make<S>>,
@@ -173,7 +173,7 @@ pub struct Fluid<S: Stored> {
     turbulence: Option<EddyViscosity>,
     /// Velocities for the eddy viscosity; none without one.
     field: Option<VelocityField>,
-    /// Where solids are, if cells can be covered.
+    /// Cover of the cells by solids, if cells can be covered.
     cover: Option<Cover>,
     /// Free surface, if there is one.
     surface: Option<Box<Surface>>,
@@ -191,7 +191,7 @@ pub struct Fluid<S: Stored> {
     communicator: Communicator,
     threads: usize,
     step: u64,
-    /// The GPU holds the populations as they are here.
+    /// `true` if the GPU holds equal populations.
     shared_with_gpu: bool,
 }
 
@@ -345,7 +345,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// What the openings remember from step to step, by patch.
+    /// Returns the values that the openings keep from step to step, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.boundaries.memories()
     }
@@ -355,7 +355,8 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.recall(memories);
     }
 
-    /// How many steps may be made at once, where nobody sees the populations between them. The same on every rank.
+    /// Returns the number of steps that may be made at once, if no code reads the populations between them. It is equal
+    /// on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         if self.gpu.is_some() {
@@ -367,7 +368,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Steps between which nobody sees the populations, at most [`Self::at_once`]. Collective.
+    /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -520,7 +521,7 @@ impl<S: Stored> Fluid<S> {
         self.field.as_ref()
     }
 
-    /// The same, to be set on a restart and inside bodies; then [`Self::spread_velocities`].
+    /// Returns the velocities for changes on a restart and inside bodies; then call [`Self::spread_velocities`].
     pub fn velocities_mut(&mut self) -> Option<&mut VelocityField> {
         self.field.as_mut()
     }
@@ -530,7 +531,7 @@ impl<S: Stored> Fluid<S> {
         self.closed.close(&self.populations, cells);
     }
 
-    /// Returns everything that acts on the populations beside collision and streaming.
+    /// Returns everything that acts on the populations in addition to collision and streaming.
     pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
         terms(
             &self.force,
@@ -551,7 +552,7 @@ impl<S: Stored> Fluid<S> {
             .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
     }
 
-    /// How many threads work on some planes.
+    /// Returns the number of threads that work on some planes.
     fn workers(&self, planes: &Range<usize>) -> usize {
         self.threads.min(planes.len())
     }
@@ -594,9 +595,9 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the
-    /// planes round them are done, while their numbers are in the cache: velocities of the eddies beyond faces, and,
-    /// where `walls` tells the time of the step, walls. Walking along the walls of a cube of 200³ cells afterwards
+    /// Does [`Self::run`]; values that follow from the cells of the [`inner`] planes of each share are computed as soon
+    /// as the planes next to them are done, while their numbers are in the cache: velocities of the eddies beyond
+    /// faces, and, if `walls` has the time of the step, walls. A separate loop over the walls of a cube of 200³ cells
     /// costs an eighth of the pass.
     fn run_followed(
         &self,

@@ -19,14 +19,14 @@
 //! | `program` | a step of a slab as passes and copies |
 //! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
 //!
-//! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at
-//! populations. Kernels are added once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT
-//! and MRT, and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a
-//! force. A GPU does not run several ranks, structures, eddies and openings yet
-//! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
+//! The slab stays on the GPU while steps are made and its rows are checked, and is copied back when populations are
+//! read. Kernels are added once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT,
+//! and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A
+//! GPU does not run several ranks, structures, eddies and openings yet ([`Fluid::new`](super::fluid::Fluid::new)
+//! refuses them).
 //!
 //! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the
-//! processor follows when somebody looks. Of other bodies the processor finds the cells and sends them.
+//! processor gets them on demand. Of other bodies the processor finds the cells and sends them.
 
 #[cfg_attr(
     not(test),
@@ -69,7 +69,7 @@ use std::io::Read;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// What the fluid runs on.
+/// Device that the fluid runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -113,11 +113,12 @@ fn ptx_of(name: &str) -> Option<&'static str> {
 /// The kernels for an operator: its name on GPUs, and the velocity set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// As [`Collision::ON_GPU`]; where solids may cover cells without the force, which is always there.
+    /// Name of the operator: see [`Collision::ON_GPU`]; if solids may cover cells, without the force, which is always
+    /// there.
     pub operator: &'static str,
-    /// As [`super::lattice::Lattice::NAME`].
+    /// Name of the velocity set: see [`super::lattice::Lattice::NAME`].
     pub set: &'static str,
-    /// Whether solids may cover cells.
+    /// `true` if solids may cover cells.
     pub covered: bool,
 }
 
@@ -126,7 +127,7 @@ impl Kernel {
         format!("{kind}{}_{}_{stored}", self.operator, self.set)
     }
 
-    /// Whether it was made for a storage: kernels are added when they have run on a GPU.
+    /// Returns `true` if it was made for a storage: kernels are added when they have run on a GPU.
     #[must_use]
     pub fn exists(&self, stored: &str) -> bool {
         let kind = if self.covered { "mixed_" } else { "" };
@@ -151,7 +152,7 @@ pub struct Gpu {
     /// The populations on the host, held in place for transfers: goes first.
     pinned: Option<Pinned>,
     numbers: CudaSlice<u8>,
-    /// What covers the cells, if anything can.
+    /// Cover of the cells, if they can be covered.
     cover: Option<OnGpu>,
     program: Program,
     /// The copies after the even and the odd pass.
@@ -205,14 +206,14 @@ struct Argument<T>(T);
 // SAFETY: made here of types with `repr(C)` and of numbers alone.
 unsafe impl<T> DeviceRepr for Argument<T> {}
 
-/// What went wrong, in a sentence.
+/// Returns the error of the driver as a sentence.
 fn failed(error: DriverError) -> String {
     format!("the GPU reports: {error}")
 }
 
 /// The first GPU, if there is a driver and a GPU.
 fn context() -> Result<Arc<CudaContext>, String> {
-    // SAFETY: looks for a library.
+    // SAFETY: searches for a library.
     if !unsafe { sys::is_culib_present() } {
         return Err("there is no CUDA driver (libcuda.so.1) on this machine".into());
     }
@@ -248,8 +249,8 @@ pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
 }
 
 impl Gpu {
-    /// Room for the numbers of a slab, and for its cover if there is one, and the kernels for this operator and
-    /// velocity set. `factors` are the patches with a factor of their own.
+    /// Allocates memory for the numbers of a slab, and for its cover if there is one, and loads the kernels for this
+    /// operator and velocity set. `factors` are the patches with a factor of their own.
     ///
     /// # Safety
     /// The cover must be that of each later call, and outlive this.
@@ -351,7 +352,7 @@ impl Gpu {
         self.tell(|there| &there.ready)
     }
 
-    /// Tells the stream of the bodies that the fluid is so far.
+    /// Records for the stream of the bodies that the fluid has reached an event.
     fn tell(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => so_far(there).record(&self.stream).map_err(failed),
@@ -359,7 +360,7 @@ impl Gpu {
         }
     }
 
-    /// What the fluid does from now on waits until the stream of the bodies is so far.
+    /// Makes further work of the fluid wait until the stream of the bodies has reached an event.
     fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => self.stream.wait(so_far(there)).map_err(failed),
@@ -476,7 +477,8 @@ impl Gpu {
         let Some(cover) = &self.cover else {
             let mut launch = self.stream.launch_builder(&self.pass);
             launch.arg(&numbers).arg(&slab).arg(&operator).arg(&rates);
-            // SAFETY: the kernel takes these arguments; the program is that of the slab for which the room was made.
+            // SAFETY: the kernel takes these arguments; the program is that of the slab for which the memory was
+            // allocated.
             return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
         };
         // The covered cells first.
@@ -526,7 +528,7 @@ impl Gpu {
         cover.done(&self.stream).map_err(failed)
     }
 
-    /// Tells the GPU what covers the cells, before a pass or a look at them.
+    /// Sends to the GPU the cover of the cells, before a pass or a check of them.
     ///
     /// # Errors
     /// When the GPU fails.

@@ -95,7 +95,7 @@ pub fn fill<S: Stored>(
 /// Density deviation, velocity and its gradient ∂_a u_b.
 type Given = (f64, [f64; 3], [[f64; 3]; 3]);
 
-/// Whether two cells start with the same bits.
+/// Returns `true` if two cells start with the same bits.
 fn same(a: &Given, b: &Given) -> bool {
     let same = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| a[k].to_bits() == b[k].to_bits());
     a.0.to_bits() == b.0.to_bits()
@@ -103,7 +103,7 @@ fn same(a: &Given, b: &Given) -> bool {
         && a.2.iter().zip(&b.2).all(|(a, b)| same(a, b))
 }
 
-/// What the populations of all cells follow from beside the field.
+/// Data that the initial populations of all cells follow from, in addition to the field.
 struct State<'a> {
     velocities: &'a Velocities,
     relaxation_time: f64,

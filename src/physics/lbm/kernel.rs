@@ -21,21 +21,21 @@ use std::ops::Range;
 /// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// Bytes from the cells at work to those that are asked for. The work on a vector of cells of 19 or 27 populations is
-/// longer than what the processor looks ahead. Nine populations it sees coming, but not beyond the end of a page of 4
-/// KiB: with 512 bytes a lattice of 2400² cells is 15 % faster where memory is slow, and one in the cache as fast as
-/// without.
+/// Returns the bytes from the cells at work to those that are prefetched. The work on a vector of cells of 19 or 27
+/// populations is longer than the prefetch distance of the processor. Nine populations it prefetches by itself, but not
+/// beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is 15 % faster where memory is slow, and
+/// one in the cache as fast as without.
 const fn bytes_ahead<const Q: usize>() -> usize {
     if Q > 9 { 4 * LINE } else { 8 * LINE }
 }
 
-/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the
-/// address is at hand then. Else they are asked for once a line.
+/// Returns `true` if each vector of a population is whole cache lines, so that the next ones are prefetched as it is
+/// read: the address is available then. Otherwise they are prefetched once a line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
 }
 
-/// What happens to a cell: an operator with an eddy viscosity.
+/// Update of a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<C, T> {
     /// The operator.
@@ -52,7 +52,7 @@ pub struct Update<C, T> {
 /// processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &Block);
 
-/// What the threads of one pass share.
+/// Data that the threads of one pass share.
 pub struct Shared<S> {
     base: *mut S,
     /// Position read for each population by the row at plane 0, row 0.
@@ -67,8 +67,8 @@ pub struct Shared<S> {
     whole: [u32; 2],
     /// Wet parts of the rows of each plane; null without a free surface.
     wet: *const WetPlane,
-    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go
-    /// round.
+    /// Positions from which the first cell of the first row reads the populations that stream along the rows and
+    /// against them, for periodic rows.
     around: [Vec<usize>; 2],
 }
 
@@ -82,7 +82,7 @@ impl<S> Shared<S> {
         self.base
     }
 
-    /// What the pass reads and leaves of the velocities.
+    /// Returns the velocities that the pass reads and writes.
     pub(crate) fn velocity(&self) -> &View {
         &self.velocity
     }
@@ -125,14 +125,14 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Takes what left the row that starts `start` numbers after the first one at its ends round to its other end.
+    /// Applies periodicity at the ends of the row that starts `start` numbers after the first one.
     ///
     /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and
     /// the reverse; after an even pass these are what the ghosts of the row have to hold, after an odd pass they are
     /// delivered. Both are the same copies.
     ///
     /// # Safety
-    /// The cells of the row must be done, and nobody else may work on them.
+    /// The cells of the row must be done, and no other thread may access them.
     #[inline(always)]
     unsafe fn go_round(&self, start: usize) {
         let row = self.base.wrapping_add(start);
@@ -235,7 +235,7 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
 }
 
-/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from
+/// Positions of the numbers of the cells at work: an address for each (c_y, c_z) of [`ACROSS`], and the distances from
 /// there to where c_x is 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
     at: &'a [*mut S; 9],
@@ -290,7 +290,8 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
 
 impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
     /// # Safety
-    /// From each of `at` and those beside them on, a vector must be numbers that nobody else reads or writes.
+    /// From each of `at` and the positions next to them on, a vector must be numbers that no other thread reads or
+    /// writes.
     #[inline(always)]
     unsafe fn new(at: &'a [*mut S; 9], along: [isize; 2]) -> Self {
         Self {
@@ -300,7 +301,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
-    /// Where population i is read.
+    /// Returns the address at which population i is read.
     #[inline(always)]
     fn address(&self, i: usize) -> *mut S {
         let c = L::C[i];
@@ -312,7 +313,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
-    /// What [`Site::leave`] left along i.
+    /// Returns the population that [`Site::leave`] left along i.
     #[inline(always)]
     fn outgoing<N: super::lanes::Lanes>(&self, i: usize) -> N
     where
@@ -426,8 +427,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 while k < end {
                     let mut along = along;
                     opaque(&mut along);
-                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread
-                    // works on it.
+                    // SAFETY: a row has capacity for whole vectors (populations: pitch), ghosts included; no other
+                    // thread works on it.
                     let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
                     if T::ACTIVE && eddies.present() {
                         // SAFETY: an interior cell.
@@ -520,7 +521,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     });
                 }
             }
-            // SAFETY: the row is done, and nobody else works on it.
+            // SAFETY: the row is done, and no other thread works on it.
             unsafe { shared.go_round(start) };
         }
     }

@@ -33,17 +33,17 @@ use crate::thread_pool;
 /// The two numbers of a link and where it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyLink {
-    /// Where the two populations lie.
+    /// Positions of the two populations.
     pub link: Link,
     /// Middle of the link in half cells, in the frame of the body's raw position.
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// The outer cell is fluid of this slab: the link counts in the load.
+    /// `true` if the outer cell is fluid of this slab: the link counts in the load.
     pub loads: bool,
-    /// The wall's velocity enters (not in narrow gaps).
+    /// `true` if the wall's velocity enters (not in narrow gaps).
     pub moves: bool,
-    /// The cell behind the outer one is fluid.
+    /// `true` if the cell behind the outer one is fluid.
     pub backed: bool,
 }
 
@@ -68,12 +68,12 @@ impl Plane {
 /// Force, and twice the moment about the origin of the cells, in quanta.
 pub type Load = [i128; 6];
 
-/// How the surface is placed on a link.
+/// Method by which the surface is placed on a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// At the middle of the link.
     HalfWay,
-    /// Where the surface is.
+    /// At the exact position of the surface.
     Interpolated,
 }
 
@@ -187,7 +187,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     });
 }
 
-/// What the links of a body share.
+/// Data that the links of a body share.
 struct Along<'a, S> {
     numbers: *mut S,
     parity: Parity,
@@ -207,7 +207,8 @@ fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) 
     }
 }
 
-/// Where the link from `d`, about the centre, along `c` enters a disc or sphere, as a part of its length.
+/// Returns the point at which the link from `d`, about the centre, along `c` enters a disc or sphere, as a fraction of
+/// its length.
 #[inline(always)]
 fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
@@ -216,8 +217,8 @@ fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     (-dc - root) / cc
 }
 
-/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the
-/// link's start in front of them.
+/// Returns the point of entry, like [`into_ball`], for a convex polyhedron about `centre`: it is entered through the
+/// last of the faces that have the link's start in front of them.
 #[inline(always)]
 fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
     let start = std::array::from_fn(|a| centre[a] + d[a]);
@@ -237,7 +238,7 @@ fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f6
     q
 }
 
-/// What a link needs to know of its direction.
+/// Data of a link that depend on its direction.
 #[derive(Clone, Copy, Default)]
 struct Direction {
     c: [f64; 3],

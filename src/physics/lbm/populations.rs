@@ -35,7 +35,7 @@ use super::quanta::{quanta, sum_of_quanta};
 use crate::number::real;
 use crate::thread_pool;
 
-/// Whether the last pass was even or odd: it decides which end of a link is "in".
+/// Parity of the last pass, even or odd: it decides which end of a link is "in".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parity {
     /// Populations lie in their own cell: the state at start and after an odd pass.
@@ -53,8 +53,8 @@ pub struct Link {
     pub far: u32,
 }
 
-/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends
-/// of rows are the dearest, a line of the cache for each number.
+/// Returns the axis of unit stride: of those across the split one the longer (the first if equal), since the faces at
+/// the ends of rows cost most: one cache line per value.
 fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
     (0..dimension)
         .filter(|&a| a != split)
@@ -63,7 +63,7 @@ fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// Sums of a thread over rows and the moments of one row: room that is kept.
+/// Sums of a thread over rows and the moments of one row: buffers, reused between rows.
 #[derive(Clone, Debug, Default)]
 pub struct RowSums {
     sums: [i128; 4],
@@ -104,9 +104,9 @@ pub struct Populations<S: Stored> {
     cells: [usize; 3],
     /// Distance in elements between neighbours along x, y, z.
     strides: [usize; 3],
-    /// Positions of one array, and the room up to the next.
+    /// Number of positions of one array, up to the next.
     array: usize,
-    /// Where the array of each population begins.
+    /// Start of the array of each population.
     begins: Vec<usize>,
     /// Position of cell (0, 0, 0) within an array.
     origin: usize,
@@ -116,7 +116,7 @@ pub struct Populations<S: Stored> {
     parity: Parity,
     /// Instructions for sums over rows.
     level: Level,
-    /// The numbers of these cells are elsewhere: those here are of an earlier step.
+    /// `true` if the current values are on the GPU; this copy is stale.
     away: bool,
 }
 
@@ -141,7 +141,7 @@ impl Layout {
     pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
-        // Room for whole vectors beyond the last cell; never a multiple of a page.
+        // Capacity for whole vectors beyond the last cell; never a multiple of a page.
         let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
         if pitch.is_multiple_of(512) {
             pitch += 8;
@@ -258,7 +258,7 @@ impl<S: Stored> Populations<S> {
             .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
     }
 
-    /// The same of a cell that is no ghost.
+    /// Returns the position of a cell that is no ghost.
     #[must_use]
     pub fn interior_cell(&self, at: [usize; 3]) -> usize {
         self.cell(at.map(usize::cast_signed))
@@ -321,10 +321,10 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// The whole array.
+    /// Returns the whole array.
     ///
     /// # Panics
-    /// If the numbers are on a GPU and nobody has fetched them: an old state would pass for the present one.
+    /// If the numbers are on a GPU and have not been fetched: an old state would pass for the present one.
     #[must_use]
     pub fn numbers(&self) -> &[S] {
         assert!(!self.away, "the populations are on the GPU");
@@ -389,7 +389,7 @@ impl<S: Stored> Populations<S> {
         std::array::from_fn(|i| self.incoming(cell, i))
     }
 
-    /// Whether the numbers are elsewhere.
+    /// Returns `true` if the current values are on the GPU.
     pub(crate) fn are_away(&self) -> bool {
         self.away
     }
@@ -410,11 +410,11 @@ impl<S: Stored> Populations<S> {
         self.sums(|i| self.incoming(cell, i))
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which
-    /// they lie in memory: density deviation, then the three momenta.
+    /// Computes the moments of a row of `length` cells along the fastest axis from `cell` on, equal to the bit, in the
+    /// order in which they lie in memory: density deviation, then the three momenta.
     #[inline(never)]
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
-        // Whole vectors: a row has room for them.
+        // Whole vectors: a row has capacity for them.
         let padded = length.next_multiple_of(WIDEST);
         for m in moments.iter_mut() {
             m.clear();
@@ -457,7 +457,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// The same with the momenta of some cells only; the density is that of all.
+    /// Sums the density of all cells and the momenta of some cells only.
     #[must_use]
     pub fn totals_within(
         &self,
@@ -533,7 +533,7 @@ impl<S: Stored> Populations<S> {
         at
     }
 
-    /// The same from the outgoing populations: momentum after the collision.
+    /// Returns the moments of the outgoing populations: momentum after the collision.
     #[must_use]
     pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.outgoing(cell, i))
@@ -619,7 +619,7 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
             (&mut *y, m[1]),
             (&mut *z, m[2]),
         ] {
-            // SAFETY: whole vectors have room.
+            // SAFETY: there is capacity for whole vectors.
             unsafe { <f64 as Memory<N>>::store(values.as_mut_ptr().add(k), value) };
         }
     }

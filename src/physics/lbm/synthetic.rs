@@ -75,7 +75,7 @@ impl Fluctuations {
 
 /// Modes of a field; divided by two and by three.
 const COUNT: usize = 96;
-/// What the random numbers are for.
+/// Purpose of the random numbers.
 const PURPOSE: u32 = 31;
 
 /// One wave.

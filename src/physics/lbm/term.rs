@@ -1,4 +1,4 @@
-//! Terms of the fluid step: everything that acts on the populations beside collision and streaming.
+//! Terms of the fluid step: everything that acts on the populations in addition to collision and streaming.
 //!
 //! The step asks the list of its terms ([`super::fluid::Fluid::terms`]) what they allow and what they did: whether two
 //! steps may be made in one sweep, whether a GPU runs them, the momentum that they gave to the water, and the velocity
@@ -17,7 +17,7 @@
 //!
 //! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and
 //! a line where the lattice of a plan is set up (`simulation::setup`); what a plan has to know of it is a
-//! [`scene term`](crate::lbm::term) beside the scene's.
+//! [`scene term`](crate::lbm::term) next to the scene's.
 
 pub mod porous;
 

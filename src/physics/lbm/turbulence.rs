@@ -3,9 +3,9 @@
 //!
 //! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with
 //! which the cells collided **one step before**, by second-order central differences. The pass writes the velocity of
-//! each cell beside the populations and reads the field of the previous step ([`field`]), so that the field costs 36
-//! bytes per cell and step and no separate pass. The delay is of the order of dt, far below the time scale of resolved
-//! eddies.
+//! each cell in addition to the populations and reads the field of the previous step ([`field`]), so that the field
+//! costs 36 bytes per cell and step and no separate pass. The delay is of the order of dt, far below the time scale of
+//! resolved eddies.
 
 pub mod field;
 
@@ -41,8 +41,8 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the
-            /// case.
+            /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the
+            /// family in the case.
             #[must_use]
             pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
                 match self {
@@ -81,7 +81,8 @@ pub trait Model {
     /// The model for `plan`.
     fn describe(&self) -> Description;
 
-    /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+    /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the family in
+    /// the case.
     fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
         let _ = (path, dimension);
         None
@@ -103,13 +104,13 @@ const ASKED: &str = "requested; computed from the velocity gradient of the previ
 
 /// The eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {
-    /// Whether cells have rates of their own.
+    /// `true` if cells have rates of their own.
     const ACTIVE: bool;
-    /// Whether there is a model at all, where the type leaves it open.
+    /// Returns `true` if there is a model at all, for types that do not decide it.
     fn present(&self) -> bool {
         Self::ACTIVE
     }
-    /// As [`Model::fraction`].
+    /// Returns the fraction of the model: see [`Model::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
     /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.

@@ -8,7 +8,7 @@ use crate::lbm::links::{Plane, Rigid};
 use crate::number::floor_i32;
 use crate::thread_pool;
 
-/// What looks at a run of bodies have found.
+/// Results for a run of consecutive bodies.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     again: Vec<Again>,
@@ -18,7 +18,7 @@ pub(super) struct Found {
 }
 
 impl BodyMap {
-    /// Looks at the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
+    /// Checks the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
     pub(super) fn look_again(&mut self) {
         let count = self.bodies.len();
         let runs = thread_pool::runs(count, PER_THREAD);
@@ -57,7 +57,7 @@ impl Found {
         self.gained.clear();
     }
 
-    /// Looks at body `k`.
+    /// Checks body `k`.
     fn look(
         &mut self,
         k: usize,
@@ -105,7 +105,7 @@ impl Found {
     }
 }
 
-/// Whether a body has moved by its slack since it was mapped, or was not mapped yet.
+/// Returns `true` if a body has moved by its slack since it was mapped, or was not mapped yet.
 fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
@@ -131,8 +131,8 @@ const REACH: f64 = 1.5;
 /// Cells watched.
 const WATCHED: usize = 8;
 
-/// The cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. Most
-/// often none has, and none of the others needs a look.
+/// Cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. In most
+/// cases none has changed, and the others need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
     /// In the raw frame, with the value of [`beyond`] when they were found, by rising size.
@@ -140,7 +140,7 @@ pub(super) struct Nearest {
     count: usize,
     /// Lower bound of the size of [`beyond`] of all other cells.
     others: f64,
-    /// How far the body may move before another cell changes.
+    /// Displacement of the body below which no other cell changes.
     reach: f64,
 }
 
@@ -196,20 +196,20 @@ fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     square(0) + beside - rigid.radius * rigid.radius
 }
 
-/// A distance that no cell centre with `|d² - R²|` of this size is nearer to the surface than: that over `d + R`,
-/// which is at most 2 R and the reach of a look. A little less, so that rounding cannot matter; beyond the searched box
-/// it is at least half a cell.
+/// Returns a lower bound of the distance from the surface of cell centres with `|d² - R²|` of this size: the size
+/// over `d + R`, which is at most 2 R and the reach of a search. It is slightly reduced, so that rounding cannot
+/// matter; beyond the searched box it is at least half a cell.
 fn slack(size: f64, radius: f64) -> f64 {
     if size.is_finite() {
         (size / (2.0 * radius + 2.5) * (1.0 - 1e-6) - 1e-9).clamp(0.0, 0.4)
     } else {
-        // The body does not reach this slab: it may come closer by its whole distance, but look again soon.
+        // The body does not reach this slab: it may approach by its whole distance, but is checked again soon.
         0.4
     }
 }
 
-/// Whether a disc or sphere that has moved by its slack holds the same cells as when it was looked at. If so, it has a
-/// new slack.
+/// Returns `true` if a disc or sphere that has moved by its slack holds the same cells as at the last check. If so, it
+/// has a new slack.
 fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
@@ -334,7 +334,8 @@ fn look_in<const D: usize>(
     slack(size.min(nearest.others), rigid.radius)
 }
 
-/// As [`look_in`], of a polyhedron: the distance from its surface is at least that from the nearest plane.
+/// Finds the rows of a polyhedron, like [`look_in`]: the distance from its surface is at least that from the nearest
+/// plane.
 fn look_in_block(
     slab: &Slab,
     rigid: &Rigid,

@@ -24,7 +24,7 @@ struct Sharing {
     there: Vec<u32>,
 }
 
-/// What a thread has found in its layers.
+/// Results of a thread in its layers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Settled {
     changes: Vec<Change>,
@@ -34,7 +34,7 @@ pub(super) struct Settled {
 /// Layers of cells along the last axis, which one thread changes.
 struct Layers<'a> {
     slab: &'a Slab,
-    /// Of the cells of these layers.
+    /// Owners of the cells of these layers.
     owner: &'a mut [u32],
     layers: Range<usize>,
     changes: &'a mut Vec<Change>,
@@ -92,7 +92,7 @@ impl BodyMap {
         }
     }
 
-    /// Maps again what looks have found and what shares cells.
+    /// Maps again the bodies found by the search and those that share cells.
     pub(super) fn settle(&mut self) {
         for one in &self.again {
             let body = &mut self.bodies[one.body];

@@ -73,7 +73,7 @@ impl Rows {
         self.count[axis] -= before;
     }
 
-    /// Makes room for so many rows.
+    /// Reserves capacity for so many rows.
     pub(super) fn reserve(&mut self, rows: usize) {
         self.spans.reserve(rows.saturating_sub(self.spans.len()));
     }
@@ -121,7 +121,7 @@ impl Rows {
         [part(from, to.min(here[0])), part(from.max(here[1]), to)]
     }
 
-    /// The ends of a row whose cells have a neighbour outside the body, among the cells beside it (3 or 9 rows).
+    /// Returns the ends of a row whose cells have a neighbour outside the body, among the adjacent cells (3 or 9 rows).
     pub(super) fn ends(&self, row: Row, deep: bool) -> [Row; 2] {
         let deep = i32::from(deep);
         // What all rows around hold, without the first and the last cell.

@@ -6,7 +6,7 @@ use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::number::{floor_i32, to_i32};
 
-/// Where the cells of a slab lie; all coordinates are local.
+/// Positions of the cells of a slab; all coordinates are local.
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
     pub(super) grid: Grid,
@@ -87,7 +87,7 @@ impl Slab {
         })
     }
 
-    /// Within the slab and its ghosts.
+    /// Returns `true` if a cell is within the slab and its ghosts.
     pub(super) fn held(&self, local: [i32; 3]) -> bool {
         (0..3).all(|a| {
             let ghosts = self.ghosts(a);
@@ -99,12 +99,12 @@ impl Slab {
         (0..3).all(|a| (0..self.cells[a]).contains(&local[a]))
     }
 
-    /// At least two cells from the edge of the slab.
+    /// Returns `true` if a cell is at least two cells from the edge of the slab.
     pub(super) fn deep(&self, local: [i32; 3]) -> bool {
         (0..self.dimension).all(|a| (2..self.cells[a] - 2).contains(&local[a]))
     }
 
-    /// As [`Grid::frame`].
+    /// Returns the offset between frames: see [`Grid::frame`].
     pub(super) fn frame(&self, shift: [i32; 3]) -> [i32; 3] {
         self.grid.frame(self.dimension, shift)
     }

@@ -1,9 +1,9 @@
-//! Which bodies stand apart from all others and from the walls.
+//! Bodies that are apart from all others and from the walls.
 //!
-//! Full cells of two bodies are neighbours only where the bodies nearly touch: each reaches to the corner that the
-//! cells share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has
-//! no such cells, and the lattice need not look at their neighbours ([`crate::lbm::saturation::Solid::alone`]). What is
-//! found holds until a body has moved by half of what it was found with to spare.
+//! Full cells of two bodies are neighbours only if the bodies nearly touch: each reaches the corner that the cells
+//! share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has no
+//! such cells, and the lattice need not check their neighbours ([`crate::lbm::saturation::Solid::alone`]). A result is
+//! valid until a body has moved by half of the margin with which it was found.
 
 use super::super::body_map::Grid;
 use super::super::solid_fraction::Method;
@@ -21,7 +21,7 @@ pub(super) struct Sphere {
     pub(super) radius: f64,
 }
 
-/// What was found last.
+/// Results of the last search.
 #[derive(Debug, Default)]
 pub(super) struct Alone {
     found_for: Vec<Sphere>,
@@ -37,7 +37,7 @@ pub(super) struct Alone {
 struct Sorted {
     centre: [Vec<f64>; 3],
     radius: Vec<f64>,
-    /// Where each begins along the axis.
+    /// Start of each sphere along the axis.
     low: Vec<f64>,
     /// 0 or 1: whether it is near another.
     near: Vec<u64>,
@@ -91,13 +91,13 @@ impl Work for Pairs<'_> {
 }
 
 impl Alone {
-    /// Whether a sphere of the last update stands apart.
+    /// Returns `true` if a sphere of the last update is apart from all others.
     #[must_use]
     pub(super) fn is(&self, k: usize) -> bool {
         self.alone[k]
     }
 
-    /// Looks at the spheres again if one of them moved far enough.
+    /// Checks the spheres again if one of them moved far enough.
     pub(super) fn update(
         &mut self,
         spheres: impl ExactSizeIterator<Item = Sphere> + Clone,

@@ -15,7 +15,7 @@ struct Run {
     row: u32,
     /// Its first cell.
     first: i32,
-    /// Where its fractions end in [`Runs::parts`]; they begin where those of the run before it end.
+    /// End of its fractions in [`Runs::parts`]; they begin at the end of the run before it.
     end: u32,
 }
 
@@ -23,8 +23,8 @@ struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     runs: Vec<Run>,
-    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the
-    /// negative. What is beyond the end of the last run is room.
+    /// Fraction of each cell that the body fills: [`DEEP`] deep inside, 0 if it does not, and for a ghost cell the
+    /// negative. Elements beyond the end of the last run are spare capacity.
     parts: Vec<f32>,
 }
 
@@ -36,7 +36,7 @@ impl Runs {
         self.runs.clear();
     }
 
-    /// Where the fractions of the last run end.
+    /// Returns the end of the fractions of the last run.
     fn end(&self) -> usize {
         self.runs.last().map_or(0, |run| run.end as usize)
     }
@@ -63,7 +63,7 @@ impl Runs {
         })
     }
 
-    /// Where the fractions of a run begin.
+    /// Returns the start of the fractions of a run.
     fn end_before(&self, run: usize) -> usize {
         let before = run.checked_sub(1);
         before.map_or(0, |before| self.runs[before].end as usize)
@@ -221,7 +221,7 @@ pub(super) struct Walk<'a, 'f> {
     pub(super) form: &'a Form<'f>,
     /// From the raw frame of the body to the cells of the slab.
     pub(super) frame: [i32; 3],
-    /// Planes of the slab to look at; ghost planes are those before the first and behind the last.
+    /// Planes of the slab to search; ghost planes are those before the first and behind the last.
     pub(super) planes: Range<i32>,
     pub(super) method: Method,
     pub(super) scratch: &'a mut Scratch,
@@ -291,7 +291,7 @@ impl Work for Walk<'_, '_> {
         let mut end = 0;
         for layer in area.low[slow]..area.high[slow] {
             area.layer(layer, scratch);
-            // Room for all cells of the layer.
+            // Capacity for all cells of the layer.
             let room = area.count(middle) * area.count(fast) + WIDEST;
             if found.parts.len() < end + room {
                 found.parts.resize(end + room, 0.0);
@@ -540,7 +540,7 @@ fn turn(part: &mut f32) {
     *part = 0.0 - *part;
 }
 
-/// What of the cells lies in a range; what is empty stays in it too.
+/// Returns the part of the cells within a range; an empty part also lies within it.
 #[inline(always)]
 fn clamped([start, end]: [i32; 2], range: &Range<i32>) -> Range<i32> {
     let start = start.clamp(range.start, range.end);

@@ -55,7 +55,7 @@ fn at(x: f64, y: f64, z: f64) -> Motion<Volume> {
     }
 }
 
-/// A ball and a turned block beside it, with the block's shape.
+/// Returns a ball and a rotated block next to it, with the block's shape.
 fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
     let mut particles = Particles::<Volume>::new();
     let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
@@ -145,7 +145,7 @@ fn discs_cover_what_they_fill() {
     assert!(edges > 5000, "{edges}");
 }
 
-/// What covers a ghost cell is what covers that cell of the next slab, negative, wherever the slabs are cut.
+/// Covers ghost cells: their fractions are the negatives of those of the same cells in the next slab, for any cuts.
 #[test]
 fn ghost_cells_are_covered_as_in_the_next_slab() {
     let (particles, _) = ball_and_block(1.13);

@@ -67,7 +67,7 @@ pub(super) struct GrainLoad {
 pub(super) struct Share {
     /// Its first grain.
     first: usize,
-    /// Where the parts of each grain end.
+    /// End of the parts of each grain.
     ends: Vec<usize>,
     /// Cells that hold a part of a grain, each with the part.
     pub(super) parts: Vec<(usize, f64)>,

@@ -170,7 +170,7 @@ fn extremes_of_all_couplings_are_kept() {
     let mut particles = bed(&mut seepage);
     let first = seepage.extremes();
     assert_eq!((first.speed, first.first_speed), (0.0, 0.0));
-    // 300 Pa beside the weight of the water.
+    // 300 Pa in addition to the weight of the water.
     assert!((first.pressure / 300.0 - 1.0).abs() < 1e-12, "{first:?}");
     for speed in [3.0, 1.0] {
         particles.motion[5].velocity[2] = speed;

@@ -57,7 +57,7 @@ pub struct BallInCells {
 pub struct BallTable {
     level: Level,
     coordinates: [Coordinates; 3],
-    /// Of axes a and a + 1, in rows along the fastest axis, or along axis a + 1 where neither is.
+    /// Edges along axes a and a + 1, in rows along the fastest axis, or along axis a + 1 if neither is.
     edges: [Vec<f64>; 3],
     /// Axes from slowest to fastest.
     order: [usize; 3],
@@ -223,7 +223,7 @@ impl BallTable {
         };
         let (out, all) = (near(slow, plane), self.radius * self.radius);
         for (j, parts) in parts.chunks_exact_mut(along).enumerate() {
-            // The ball reaches no cell beside these corners.
+            // The ball reaches no cell next to these corners.
             if out + near(middle, j) >= all * (1.0 + 1e-9) {
                 continue;
             }

@@ -10,7 +10,7 @@
 //! another face takes part, so that the cost is that of the surface: some 30 ns for each piece, whatever the number of
 //! faces.
 //!
-//! Each layer is cut from the whole faces. Its fractions are the same bits whichever layers are computed beside it.
+//! Each layer is cut from the whole faces. Its fractions are the same bits whichever other layers are computed.
 
 use super::faces;
 use crate::dem::polyhedron::Polyhedron;

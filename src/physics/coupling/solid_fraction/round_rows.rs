@@ -19,7 +19,7 @@ pub(crate) struct RowCells {
 }
 
 impl RowCells {
-    /// Of a row of any body; `frame` from its raw frame to the cells.
+    /// Returns the cells of a row of any body; `frame` is the offset from its raw frame to the cells.
     #[inline(always)]
     pub(crate) fn of(row: &Row, frame: i32) -> Self {
         Self {
@@ -37,7 +37,7 @@ impl RowCells {
 /// The rows of the layers of a ball or disc; buffers reused.
 #[derive(Debug, Default)]
 pub(crate) struct RoundRows {
-    /// How far each row lies beside the centre along the axis between the slowest and the fastest: nearest, farthest,
+    /// Distance of each row from the centre along the axis between the slowest and the fastest: nearest, farthest,
     /// beyond.
     beside: [Vec<f64>; 3],
     /// Ends of the cells of each row: outer, full, deep.
@@ -46,7 +46,7 @@ pub(crate) struct RoundRows {
 }
 
 impl RoundRows {
-    /// Takes the rows of a body from coordinate `first` on: how far each lies beside the centre.
+    /// Stores the distances from the centre of the rows of a body, from coordinate `first` on.
     #[inline(always)]
     pub(crate) fn fill(&mut self, count: usize, beside: impl Fn(usize) -> Beside) {
         for n in 0..3 {

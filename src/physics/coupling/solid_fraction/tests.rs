@@ -229,7 +229,7 @@ fn rows_of_a_layer_end_where_each_row_does() {
     assert!(deep > 100, "{deep}");
 }
 
-/// What the cheaper methods cost in accuracy: the table of the module.
+/// Measures the error of the low-cost methods: the table of the module.
 #[test]
 fn the_error_of_samples_and_of_the_linear_estimate() {
     let mut scratch = Scratch::default();

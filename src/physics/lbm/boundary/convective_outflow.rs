@@ -409,7 +409,7 @@ mod tests {
         Box::new(Links::new((0, true), speed))
     }
 
-    /// What is left of a vortex after it has gone, against the same stream in a channel four times as long.
+    /// Compares the residue of a vortex after it has left with the same stream in a channel four times as long.
     #[test]
     fn a_vortex_leaves_with_less_reflection_than_without_gradient() {
         let left = |outlet| {

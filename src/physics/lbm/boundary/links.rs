@@ -22,7 +22,7 @@ pub struct Crossing<'a, S: Stored> {
     pub direction: usize,
     /// Along which axes it leaves the domain.
     pub outside: [bool; 3],
-    /// Where it crosses the face, in cells; the first cell spans 0..1.
+    /// Point at which it crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
     /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on
     /// the border of a patch.
@@ -63,10 +63,10 @@ pub struct FaceLink {
     pub direction: usize,
 }
 
-/// A population that enters as the mirror image of one that left, of the same cell or of one beside it along the face.
+/// Population that enters as the mirror image of one that left, of the same cell or of an adjacent one along the face.
 #[derive(Clone, Copy, Debug)]
 pub struct Mirror {
-    /// The link along which the population leaves, and that beside which it enters.
+    /// Links of the populations that leave and enter.
     links: [Link; 2],
     /// Direction of the outgoing population.
     pub(crate) leaves: u8,
@@ -164,7 +164,7 @@ impl MirrorRun {
             })
     }
 
-    /// How many they are.
+    /// Returns the number of links.
     pub(super) fn count(&self) -> u32 {
         self.count
     }
@@ -201,10 +201,10 @@ impl Row {
         }
     }
 
-    /// Each enters less `term`.
+    /// Sets each entering number to the leaving one minus `term`.
     ///
     /// # Safety
-    /// Both ends must be positions in `numbers`, and nobody else may touch these numbers.
+    /// Both ends must be positions in `numbers`, and no other thread may access these numbers.
     pub(super) unsafe fn give<S: Stored>(self, term: f64, numbers: *mut S) {
         let Self {
             from,
@@ -350,7 +350,7 @@ impl Counted {
     }
 }
 
-/// Where the array of population `i` begins.
+/// Returns the start of the array of population `i`.
 pub(super) fn first<S: Stored>(populations: &Populations<S>, i: usize) -> u32 {
     u32::try_from(populations.slot(0, i)).unwrap_or(u32::MAX)
 }
@@ -414,7 +414,7 @@ mod tests {
         }
     }
 
-    /// However many threads there are, each link and item is somebody's, once.
+    /// Divides the links among threads: each link and item belongs to exactly one thread.
     #[test]
     fn threads_share_all_links() {
         let counts = [3, 1, 20_000, 1, 1, 7, 9000];

@@ -1,5 +1,4 @@
-//! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the
-//! lattice.
+//! Interface of a boundary of a case, in SI: its kind, its speed, pressure and inflow, and its rule on the lattice.
 
 use super::nature::{Inflow, Nature, Surface};
 use super::profile::ReadTable;
@@ -12,7 +11,7 @@ use crate::units::LatticeUnits;
 /// A speed that a boundary imposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImposedSpeed {
-    /// What moves, in words.
+    /// Name of the moving part, in words.
     pub what: &'static str,
     /// JSON path of the field that decides it, below the parameters of the boundary.
     pub field: &'static str,
@@ -49,7 +48,7 @@ impl ImposedPressure {
 
 /// A boundary as a case names it: its parameters in SI, and what the program asks about it.
 pub trait Model {
-    /// What it is to what surrounds it.
+    /// Returns the kind of the boundary.
     fn nature(&self) -> Nature;
 
     /// Checks the parameters and reads the tables that they name; what is wrong goes to the report.
@@ -72,12 +71,12 @@ pub trait Model {
         None
     }
 
-    /// Whether the pressure there is that of the fluid; beside imposed pressures it counts as the reference.
+    /// Returns `true` if the pressure there is that of the fluid; next to imposed pressures it counts as the reference.
     fn pressure_floats(&self) -> bool {
         false
     }
 
-    /// What flows into the domain.
+    /// Returns the inflow into the domain.
     fn inflow(&self, place: &Place<'_>) -> Inflow {
         let _ = place;
         Inflow::None
@@ -88,7 +87,7 @@ pub trait Model {
         0.0
     }
 
-    /// Whether water passes through it, or is driven through it.
+    /// Returns `true` if water passes through it, or is driven through it.
     fn passes_water(&self) -> bool {
         self.nature().surface == Surface::Opening
     }

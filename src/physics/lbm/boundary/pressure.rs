@@ -46,7 +46,7 @@ pub struct Pressure {
     /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
-    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` then holds on the mean over several
     /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every
     /// step. Default: `absorb` where this is the only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
@@ -102,9 +102,9 @@ impl Pressure {
         pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
     }
 
-    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that
-    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not
-    /// feel that.
+    /// Returns its behaviour for sound among the openings of the domain. Between two imposed pressures an opening that
+    /// absorbs would add to the inertia of the water, ρL/σ of its own; with imposed velocities elsewhere the flow is
+    /// not affected.
     fn sound(&self, openings: &[Opening]) -> Sound {
         self.sound.unwrap_or(if Self::is_the_outlet(openings) {
             Sound::Absorb
@@ -224,7 +224,7 @@ struct PressureCell {
     beyond: f64,
 }
 
-/// Where the population that a link returns lies, and w_i.
+/// Positions of the populations of a link that returns one, and w_i.
 #[derive(Clone, Copy, Debug)]
 struct Returned {
     mirror: Mirror,
@@ -243,9 +243,9 @@ pub struct Links {
     links: Vec<FaceLink>,
     /// For each link.
     returned: Vec<Returned>,
-    /// What enters through each link: room for a step.
+    /// Populations that enter through each link: a buffer for a step.
     entering: Vec<f64>,
-    /// What lets sound out, with the velocity that is foreseen.
+    /// Plane wave that lets sound out, with the forecast velocity.
     sound: Option<(PlaneWave, Option<Forecast>)>,
 }
 
@@ -284,7 +284,7 @@ impl Links {
         self
     }
 
-    /// The same with the plane wave let out.
+    /// Adds the plane wave that lets sound out.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
         self.sound = Some((wave, forecast));

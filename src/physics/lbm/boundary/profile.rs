@@ -25,7 +25,7 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum VelocityProfile {
-    /// The same everywhere [m/s]: the list of the components, or an object with `velocity`.
+    /// Uniform velocity [m/s]: the list of the components, or an object with `velocity`.
     Uniform(UniformVelocity),
     /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s
     /// from 0 to 1 between the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow:
@@ -305,13 +305,13 @@ impl Table {
         }
     }
 
-    /// How many rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// No row at all.
+    /// Returns `true` if there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()

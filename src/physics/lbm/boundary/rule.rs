@@ -7,7 +7,7 @@ use super::sound::Sums;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 
-/// Who gives a link what enters.
+/// Source of the population that enters through a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Giver {
     /// Half-way bounce-back less this term times the factor of the rule ([`super::wall`]).
@@ -31,7 +31,7 @@ pub struct Moment {
 /// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for
 /// each rule.
 pub trait Rule<S: Stored>: Send + Sync {
-    /// What the boundary is to what surrounds it.
+    /// Returns the kind of the boundary.
     fn nature(&self) -> Nature;
 
     /// Takes a link through the patch. The links of a cell come one after another.
@@ -67,21 +67,21 @@ pub trait Rule<S: Stored>: Send + Sync {
         0.0
     }
 
-    /// Whether the links at walls may be given as soon as the cells round them have collided; not where the rule reads
-    /// numbers that the walls give, or ghosts beside them.
+    /// Returns `true` if the links at walls may be given as soon as the cells next to them have collided; not if the
+    /// rule reads populations that the walls give, or ghosts next to them.
     fn walls_stand_alone(&self) -> bool {
         true
     }
 
-    /// Whether the rule does nothing but give its links to the walls.
+    /// Returns `true` if the rule only gives its links to the walls.
     fn is_wall(&self) -> bool {
         false
     }
 
-    /// Notes what the rule needs of the state before a pass.
+    /// Stores the data of the state that the rule needs, before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
 
-    /// Whether the rule needs sums over all ranks before it acts; the same on every rank and at every step.
+    /// Returns `true` if the rule needs sums over all ranks before it acts; equal on every rank and at every step.
     fn sums(&self) -> bool {
         false
     }
@@ -94,7 +94,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes the sums of all ranks.
     fn hear(&mut self, _sums: Sums, _moment: &Moment) {}
 
-    /// What the rule remembers from step to step; none where nothing, or nothing yet.
+    /// Returns the value that the rule keeps from step to step; none if it keeps nothing, or nothing yet.
     fn memory(&self) -> Option<f64> {
         None
     }

@@ -1,4 +1,4 @@
-//! Where a boundary is imposed.
+//! Part of the domain where a boundary is imposed.
 
 use super::nature::{Inflow, Strength};
 use crate::geometry::Face;
@@ -26,7 +26,7 @@ pub struct Site<'a> {
 /// The cells at which a boundary is imposed.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Where they are.
+    /// Site of the boundary.
     pub site: Site<'a>,
     /// First cell along each axis; 0 along the normal.
     pub from: [usize; 3],
@@ -105,11 +105,11 @@ impl Sides {
 /// An opening of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Opening {
-    /// What it imposes.
+    /// Strength of the condition that it imposes.
     pub strength: Strength,
     /// Its area, in faces of cells.
     pub area: f64,
-    /// What flows in.
+    /// Inflow through it.
     pub inflow: Inflow,
     /// Time over which the inflow grows \[s\].
     pub ramp_time: f64,

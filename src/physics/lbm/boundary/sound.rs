@@ -40,7 +40,7 @@ use crate::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What an opening does with sound.
+/// Behaviour of an opening for sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sound {
@@ -56,7 +56,7 @@ const SIGMA: f64 = 0.278;
 /// Speed of sound [cells per step].
 const C: f64 = 0.577_350_269_189_625_8;
 
-/// What an opening asks for besides what it absorbs.
+/// Quantity that an opening imposes.
 #[derive(Clone, Copy, Debug)]
 enum Asks {
     Pressure,
@@ -72,9 +72,9 @@ pub(super) struct PlaneWave {
     asks: Asks,
     /// K in one step.
     rate: f64,
-    /// The imposed value holds at every step.
+    /// `true` if the imposed value holds at every step.
     reflects: bool,
-    /// What is remembered; none before the first step.
+    /// Value of the step before; none before the first step.
     memory: Option<f64>,
     /// Excess of the density deviation (b) or of the velocity into the domain (a) in this step.
     excess: f64,
@@ -84,12 +84,12 @@ pub(super) struct PlaneWave {
 pub(super) type Forecast = Box<dyn Fn(f64) -> f64 + Send + Sync>;
 
 impl PlaneWave {
-    /// Of a face with an imposed pressure; `length` is that of the domain along its normal, in cells.
+    /// Returns the wave of a face with an imposed pressure; `length` is that of the domain along its normal, in cells.
     pub(super) fn at_pressure(length: f64) -> Self {
         Self::new(Asks::Pressure, length)
     }
 
-    /// Of a face with an imposed velocity.
+    /// Returns the wave of a face with an imposed velocity.
     pub(super) fn at_velocity(length: f64) -> Self {
         Self::new(Asks::Velocity, length)
     }

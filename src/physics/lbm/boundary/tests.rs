@@ -232,7 +232,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             let named = named.filter(|(name, _)| names.contains(name));
             -named.map(|(_, flux)| from_quanta(flux.mass)).sum::<f64>()
         };
-        // Six cells; all but those beside water at an imposed pressure give their water to nothing else.
+        // Six cells; all but those next to water at an imposed pressure give their water to nothing else.
         if surroundings != "pressure" {
             approx::assert_relative_eq!(into(&["jet"]), 6.0 * 0.05, max_relative = 1e-12);
         }

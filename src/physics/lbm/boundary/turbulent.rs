@@ -22,7 +22,7 @@ use crate::lbm::synthetic::Modes;
 use crate::thread_pool;
 use std::collections::BTreeMap;
 
-/// What fluctuates at a face.
+/// Fluctuating velocity at a face.
 pub struct Synthetic {
     /// The frozen field.
     pub modes: Modes,
@@ -41,7 +41,7 @@ struct InletLink {
     place: usize,
 }
 
-/// Where links cross the face.
+/// Points where links cross the face.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     /// Twice the coordinates along the two axes of the face.

@@ -37,9 +37,9 @@ pub struct Velocity {
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
-    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several
-    /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at
-    /// every step.
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the mean of the profile then holds over
+    /// several times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the
+    /// profile at every step.
     #[serde(default = "reflect")]
     pub sound: Sound,
 }
@@ -199,11 +199,11 @@ pub struct Links {
     given: i128,
     /// Factor of the velocities with which all links together let the discharge in.
     balance: f64,
-    /// What fluctuates, and axis and end of the face.
+    /// Fluctuation, and axis and end of the face.
     turbulence: Option<(Synthetic, (usize, bool))>,
     /// The links with fluctuations, from the first link on.
     inlet: Option<Inlet>,
-    /// What lets sound out, with its links.
+    /// Plane wave that lets sound out, with its links.
     sound: Option<Absorbing>,
 }
 
@@ -234,7 +234,7 @@ impl Links {
         }
     }
 
-    /// The same velocity everywhere and always \[cells per step\].
+    /// Returns a velocity that is uniform and constant \[cells per step\].
     #[must_use]
     pub fn uniform(velocity: [f64; 3]) -> Self {
         Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
@@ -257,14 +257,14 @@ impl Links {
         self
     }
 
-    /// The same with turbulence over the profile; `side` is the axis of the face and whether it is at the upper end.
+    /// Adds turbulence to the profile; `side` is the axis of the face, and `true` if it is at the upper end.
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));
         self
     }
 
-    /// The same with the plane wave let out.
+    /// Adds the plane wave that lets sound out.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave) -> Self {
         self.sound = Some(Absorbing {
@@ -275,7 +275,7 @@ impl Links {
         self
     }
 
-    /// The same for a boundary of another nature.
+    /// Sets the kind of the boundary.
     pub(super) fn of_nature(mut self, nature: Nature) -> Self {
         self.nature = nature;
         self

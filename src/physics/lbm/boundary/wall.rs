@@ -73,7 +73,7 @@ impl Run {
 #[derive(Debug, Default)]
 pub(crate) struct Walls {
     runs: Vec<Run>,
-    /// Where the runs of each plane begin, and the end.
+    /// Start of the runs of each plane, and the end.
     begins: Vec<usize>,
     counted: Counted,
 }
@@ -177,11 +177,11 @@ impl Walls {
         });
     }
 
-    /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
+    /// Does [`Self::apply`] for some rows, on numbers that other threads may access elsewhere.
     ///
     /// # Safety
-    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any
-    /// link of these cells.
+    /// `numbers` must be those for whose slab the links were found, and no other thread may access the two numbers of
+    /// any link of these cells.
     pub(super) unsafe fn give<S: Stored>(
         &self,
         Block { planes, rows }: &Block,
@@ -201,7 +201,7 @@ impl Walls {
 }
 
 impl Run {
-    /// What its links lose, where `speed` is the factor of a patch.
+    /// Returns the term that its links lose, where `speed` is the factor of a patch.
     fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
         let WallLink { patch, term, .. } = self.first;
         // Most walls are at rest.

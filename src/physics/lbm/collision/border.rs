@@ -45,7 +45,7 @@ pub struct Border {
     pub bounds: &'static [Bounds],
 }
 
-/// What surrounds the fluid.
+/// Boundaries of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surroundings {
     /// No walls and no openings.
@@ -61,16 +61,16 @@ pub enum Surroundings {
 pub struct Situation {
     /// Velocity set: that with 19 velocities fails before that with 27.
     pub velocities: VelocitySet,
-    /// What surrounds the fluid.
+    /// Boundaries of the fluid.
     pub surroundings: Surroundings,
-    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
+    /// `true` if a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
-    /// An eddy viscosity is added.
+    /// `true` if an eddy viscosity is added.
     pub eddies: bool,
 }
 
 impl Situation {
-    /// Openings in three dimensions, without an eddy viscosity: the flows of the map of the duct.
+    /// Returns `true` for openings in three dimensions without an eddy viscosity: the flows of the map of the duct.
     pub(super) fn duct(&self) -> bool {
         self.surroundings == Surroundings::Openings
             && self.velocities.dimension() == 3
@@ -81,16 +81,16 @@ impl Situation {
 /// A body that moves through the fluid, whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MovingBody {
-    /// Links at its surface return the populations; otherwise its cells are partially saturated.
+    /// `true` if links at its surface return the populations; otherwise its cells are partially saturated.
     pub links: bool,
     /// Number of dimensions of the flow.
     pub dimension: usize,
-    /// An eddy viscosity is added.
+    /// `true` if an eddy viscosity is added.
     pub eddies: bool,
 }
 
-/// A disc that moves, held by links, with any operator of 2-D. Beside the map discs of other sizes failed at 9.7 at a
-/// lattice velocity of 0.15.
+/// Limits of a disc that moves, held by links, with any operator of 2-D. Outside the map discs of other sizes failed at
+/// 9.7 at a lattice velocity of 0.15.
 const DISC: &[Bounds] = &[
     Bounds::up_to(0.11, 10.0, 11.0),
     Bounds::up_to(0.15, 7.0, 8.0),
@@ -98,7 +98,8 @@ const DISC: &[Bounds] = &[
     Bounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
-/// A disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water beside it passes the guard.
+/// Limits of a disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water next to it passes
+/// the guard.
 const SATURATED_DISC: &[Bounds] = &[
     Bounds::up_to(0.11, 80.0, f64::INFINITY),
     Bounds::up_to(0.15, 20.0, 40.0),

@@ -14,8 +14,8 @@
 //! position of a wall depends weakly on τ. The transforms are three sweeps of nine, on deviations from the moments of
 //! the weights, so that the fluid at rest is exact. A force changes the first central moment from -F/2 to F/2. The
 //! Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb
-//! F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong beside a wall
-//! against which a force presses the fluid.
+//! F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong next to a
+//! wall against which a force presses the fluid.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -382,8 +382,8 @@ mod tests {
             .product()
     }
 
-    /// The same by moments written out and a system of 27 equations, with the cumulants in the form of Geier et al.
-    /// (2015).
+    /// Computes the collision by moments written out and a system of 27 equations, with the cumulants in the form of
+    /// Geier et al. (2015).
     fn reference(g: &[f64; 27], omega: f64, bulk: f64, force: [f64; 3]) -> [f64; 27] {
         let f: Vec<f64> = (0..27).map(|i| g[i] + D3Q27::W[i]).collect();
         let rho: f64 = f.iter().sum();

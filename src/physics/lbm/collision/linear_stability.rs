@@ -33,9 +33,9 @@ impl Wave {
     }
 }
 
-/// Wave numbers along an axis beside 0: waves of 32 to 2 cells.
+/// Number of wave numbers along an axis in addition to 0: waves of 32 to 2 cells.
 const NUMBERS: i8 = 16;
-/// How often the matrix is squared.
+/// Number of times the matrix is squared.
 const SQUARINGS: i32 = 13;
 /// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at
 /// rest are zero, so that nothing is rounded off.
@@ -107,7 +107,8 @@ fn most<L: Lattice<Q>, const Q: usize>(
     fastest
 }
 
-/// What leaves along i for each g that comes in along j, beside equilibrium at a velocity.
+/// Returns the population that leaves along i for each g that comes in along j, linearized about equilibrium at a
+/// velocity.
 fn linear<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
     velocity: [f64; 3],

@@ -133,7 +133,7 @@ impl Parameters {
         .map(|rate| rate.or(self.higher))
     }
 
-    /// The rates beside that of the shear stress; those of Suga where they are not given.
+    /// Returns the rates other than that of the shear stress; those of Suga if they are not given.
     #[must_use]
     pub fn rates(&self) -> Rates {
         let suga = Rates::SUGA;
@@ -151,7 +151,7 @@ impl Parameters {
         }
     }
 
-    /// Whether the moments above the second go to their equilibrium at once.
+    /// Returns `true` if the moments above the second relax to their equilibrium at once.
     fn second_order(&self) -> bool {
         self.rates().second_order()
     }

@@ -51,7 +51,7 @@ const FREE: &[Bounds] = &[
 ];
 const LID: &[Bounds] = &Bounds::always(20.0, 28.0);
 const CUBE: &[Bounds] = &Bounds::always(20.0, 30.0);
-/// Beside the map, a duct of 24 cells failed at 7.7.
+/// Limits of a duct with 19 velocities. Outside the map, a duct of 24 cells failed at 7.7.
 const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 7.6);
 const DUCT_27: [Bounds; 1] = Bounds::always(10.0, 10.5);
 

@@ -35,7 +35,7 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// When the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
-    /// What a GPU does, cell by cell, on the host.
+    /// Does the work of a GPU, cell by cell, on the host.
     ///
     /// # Safety
     /// The numbers must be those of the slab of the program.
@@ -161,7 +161,7 @@ where
     }
 }
 
-/// What a pass is chosen by, beside the types.
+/// Run-time parameters that select a pass, in addition to the types.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     operator: Operator,

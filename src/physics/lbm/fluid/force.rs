@@ -5,7 +5,7 @@
 pub enum Force {
     /// No force: the cheaper kernel is used.
     None,
-    /// The same force always.
+    /// Constant force.
     Constant([f64; 3]),
     /// mean + amplitude · cos(2π step / period + phase)
     Oscillating {

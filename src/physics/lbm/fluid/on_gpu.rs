@@ -15,11 +15,11 @@ use crate::lbm::term::Term;
 use crate::number::{single, to_u32};
 use decomposition::Domain;
 
-/// What there is no kernel for.
+/// Name of a missing kernel in a message.
 const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with
-/// a body force, and where solids may cover cells.
+/// Returns `true` if there are kernels for an operator on a velocity set without eddies, with a storage as
+/// [`Stored::NAME`]: with a body force, and where solids may cover cells.
 #[must_use]
 pub fn kernel_exists(
     set: VelocitySet,
@@ -97,7 +97,7 @@ impl<S: Stored> Fluid<S> {
         gpu.wait()
     }
 
-    /// Whether a GPU has the populations and finds the cells that bodies cover, so that nobody else has to.
+    /// Returns `true` if a GPU has the populations and finds the cells that bodies cover, so that no other code has to.
     #[must_use]
     pub fn covers_on_gpu(&self) -> bool {
         self.gpu.is_some()
@@ -108,7 +108,7 @@ impl<S: Stored> Fluid<S> {
                 .is_some_and(|cover| cover.balls().is_some())
     }
 
-    /// Tells a GPU which cells the bodies cover from now on.
+    /// Sends to a GPU which cells the bodies cover from now on.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -119,8 +119,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where
-    /// no cell can be covered.
+    /// Computes the fraction of each cell of a row, which begins at a position, that bodies cover, like
+    /// [`Cover::fraction`]: 0 if no cell can be covered.
     pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
         match (&self.gpu, &self.cover) {
             (Some(gpu), Some(_)) if self.covers_on_gpu() => {
@@ -142,7 +142,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Whether the populations are on a GPU.
+    /// Returns `true` if the populations are on a GPU.
     #[must_use]
     pub fn is_away(&self) -> bool {
         self.populations.are_away()

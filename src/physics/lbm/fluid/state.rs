@@ -69,8 +69,8 @@ impl<S: Stored> Fluid<S> {
         self.added.iter().any(|term| term.changes_velocities())
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then
-    /// the three velocities.
+    /// Computes the states of a row of `length` cells along the fastest axis from `cell` on, equal to the bit: density
+    /// deviation, then the three velocities.
     pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
         self.populations.row_moments(cell, length, states);
         let half = self.half_force();
@@ -109,8 +109,8 @@ impl<S: Stored> Fluid<S> {
         self.populations.row_extremes(cell, length, half, work)
     }
 
-    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\],
-    /// `row` for work.
+    /// Computes the states of the interior cells of some planes across z: `density` and `velocity` in the order
+    /// \[z\]\[y\]\[x\], `row` is a buffer.
     pub fn band_states(
         &self,
         planes: Range<usize>,
@@ -163,13 +163,13 @@ impl<S: Stored> Fluid<S> {
         stress
     }
 
-    /// What crossed each patch during the last step, on this rank.
+    /// Returns the flow through each patch during the last step, on this rank.
     #[must_use]
     pub fn fluxes(&self) -> Vec<Flux> {
         self.boundaries.fluxes(&self.populations)
     }
 
-    /// As [`Self::fluxes`], into a list that is used again.
+    /// Computes [`Self::fluxes`] into a list that is reused.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
     }

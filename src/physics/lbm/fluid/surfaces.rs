@@ -7,14 +7,14 @@ use crate::lbm::links::fixed::FixedLink;
 use crate::lbm::links::{BodyLink, Rigid, surface_velocity};
 use crate::lbm::turbulence::field::Wall;
 
-/// A cell of which solids fill this part is no water to the gradients beside it.
+/// Solid fraction of a cell from which on it is no water to the gradients of adjacent cells.
 const HALF: f64 = 0.5;
 /// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
 const NEAREST: f64 = 0.05;
 
 impl<S: Stored> Fluid<S> {
-    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` gives the
-    /// share of a thread among several in the positions of all cells and ghost cells that may have water beside them.
+    /// Registers the surfaces of solids that fill cells with the gradients of the eddy viscosity. `covered` gives the
+    /// part of a thread among several in the positions of all cells and ghost cells that may have fluid neighbours.
     pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
         &mut self,
         covered: impl Fn(usize, usize) -> I + Sync,
@@ -83,7 +83,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Tells the gradients of the eddy viscosity where links bounce: of each body its links and its motion.
+    /// Registers the links with the gradients of the eddy viscosity: of each body its links and its motion.
     pub fn know_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
         let Some(field) = &mut self.field else {
             return;
@@ -121,7 +121,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::know_links`] of surfaces at rest, beside what is known.
+    /// Does [`Self::know_links`] for surfaces at rest, in addition to those that are known.
     pub fn know_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
         let Some(field) = &mut self.field else {
             return;

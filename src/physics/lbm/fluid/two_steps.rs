@@ -12,13 +12,13 @@
 //! | plane, row | work | needs |
 //! |---|---|---|
 //! | p, y | even pass | nothing |
-//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
-//! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
-//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass beside |
+//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | even pass of adjacent cells: vectors pass the row end |
+//! | p - 2, y - 2 | odd pass | adjacent walls of the first step, which it would overwrite |
+//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass of adjacent cells |
 //!
-//! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are
-//! done. Every number is computed from the same numbers by the same operations as in two single steps, so that the bits
-//! are the same.
+//! Each thread sweeps its planes. The part next to the planes of other threads and ranks follows when these are done.
+//! Every number is computed from the same numbers by the same operations as in two single steps, so that the bits are
+//! the same.
 
 use super::dispatch::Step;
 use super::{CoverView, Fluid, View, between, share};
@@ -45,7 +45,7 @@ const FEWEST_PLANES: usize = 8;
 struct Moment {
     force: [f64; 3],
     time: f64,
-    /// Where the populations are after its pass.
+    /// State of the populations after its pass.
     parity: Parity,
 }
 
@@ -56,8 +56,8 @@ fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Whether two steps may be made at once: nothing but walls acts on the populations between them. The same on every
-    /// rank.
+    /// Returns `true` if two steps may be made at once: nothing but walls acts on the populations between them. It is
+    /// equal on every rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
@@ -66,7 +66,7 @@ impl<S: Stored> Fluid<S> {
             && self.terms().all(Term::allows_two_steps)
     }
 
-    /// Two steps. Between them nobody sees the populations.
+    /// Makes two steps. No code reads the populations between them.
     #[inline(never)]
     pub fn advance_two(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
@@ -88,7 +88,8 @@ impl<S: Stored> Fluid<S> {
         let second = moment(self.step + 1, Parity::Home);
         let shares: Vec<Range<usize>> =
             (0..threads).map(|t| share(&interior, threads, t)).collect();
-        // Planes beside the ends of shares, and the end planes of the slab: these go with the first and the last share.
+        // Planes next to the ends of shares, and the end planes of the slab: these go with the first and the last
+        // share.
         let rest = |t: usize, distance: usize| {
             let all = &shares[t];
             let begin = if t == 0 { 0 } else { all.start };
@@ -159,7 +160,7 @@ impl<S: Stored> Fluid<S> {
         self.step += 2;
     }
 
-    /// What the next pass sees.
+    /// Returns the data of the next pass.
     fn describe_pass(&mut self) -> Shared<S> {
         let [.., fast] = self.populations.order();
         let round_rows = self.periodic_within[fast];
@@ -168,21 +169,21 @@ impl<S: Stored> Fluid<S> {
     }
 }
 
-/// What both steps need, each at its place.
+/// Data that both steps need, each at its index.
 struct Sweep<'a, S: Stored> {
     step: &'a dyn Step<S>,
     boundaries: &'a Boundaries<S>,
     shared: [&'a Shared<S>; 2],
     moments: [&'a Moment; 2],
-    /// Of the velocities from which the next eddy viscosity comes, if any.
+    /// Ghosts of the velocities from which the next eddy viscosity is computed, if any.
     ghosts: Option<Arc<Ghosts>>,
 }
 
 impl<S: Stored> Sweep<'_, S> {
-    /// Both steps of the planes of a share, where they need nothing from beyond it.
+    /// Makes both steps of the planes of a share, where they need nothing from outside it.
     ///
     /// # Safety
-    /// Nobody else may work on these planes or be this worker.
+    /// No other thread may access these planes or be this worker.
     unsafe fn planes(&self, share: &Range<usize>, worker: usize) {
         let rows = self.shared[0].rows();
         for top in (0..rows).step_by(ROWS) {
@@ -225,10 +226,10 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// The pass of the first or second step (0, 1) over some cells.
+    /// Makes the pass of the first or second step (0, 1) over some cells.
     ///
     /// # Safety
-    /// Nobody else may work on these cells or be this worker.
+    /// No other thread may access these cells or be this worker.
     unsafe fn pass(&self, which: usize, cells: &Block, worker: usize) {
         let force = self.moments[which].force;
         // SAFETY: promised by the caller.
@@ -237,11 +238,11 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass
+    /// Fills the velocities beyond faces next to some cells after the first or second step (0, 1), which the next pass
     /// reads there.
     ///
     /// # Safety
-    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
     unsafe fn velocities(&self, which: usize, cells: &Block) {
         if let Some(ghosts) = &self.ghosts {
             let ramp = |patch| {
@@ -253,10 +254,10 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Gives some cells what comes back from walls in the first or second step (0, 1).
+    /// Gives some cells the populations that return from walls in the first or second step (0, 1).
     ///
     /// # Safety
-    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
     unsafe fn walls(&self, which: usize, cells: &Block) {
         let &Moment { time, parity, .. } = self.moments[which];
         let numbers = self.shared[which].numbers();

@@ -25,7 +25,7 @@ pub(super) struct Kernels {
     pub(super) deep: CudaFunction,
     pub(super) mixed: CudaFunction,
     list_covered: CudaFunction,
-    /// Of [`Balls`], in the order of the work.
+    /// Kernels of [`Balls`], in the order of the work.
     balls: [CudaFunction; 4],
 }
 
@@ -49,7 +49,7 @@ impl Kernels {
     }
 }
 
-/// Bytes on the GPU beside those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
+/// Bytes on the GPU in addition to those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
 /// covered cells, and the fraction before.
 pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
@@ -67,9 +67,9 @@ pub(super) struct OnGpu {
     pub(super) kernels: Kernels,
     /// The cells on the host, held in place for transfers.
     _pinned: [Option<Pinned>; 2],
-    /// What the cells on the GPU were made from: the version of the cells on the host, or that of the balls.
+    /// Source of the cells on the GPU: the version of the cells on the host, or that of the balls.
     made_from: MadeFrom,
-    /// Of the cover and of that before it, which open cells may still need; which of them is that of the cover.
+    /// Fractions of the cover and of that before it, which open cells may still need; and the index of the present one.
     fractions: [CudaSlice<f32>; 2],
     now: usize,
     owner: CudaSlice<u32>,
@@ -80,16 +80,16 @@ pub(super) struct OnGpu {
     /// Numbers of the covered cells.
     _numbers: CudaSlice<u32>,
     counters: CudaSlice<u32>,
-    /// How often the bodies had changed when they were sent, and whether what was sent may still be on its way.
+    /// Number of changes of the bodies when they were sent, and `true` if the data may still be under way.
     motions: u64,
     on_its_way: bool,
     /// [`BodyLoad::COPIES`] times one load for each slot, and how many slots there are.
     pub(super) loads: Room,
     pub(super) bodies: u32,
-    /// What the next pass sees.
+    /// Data of the next pass.
     pub(super) view: View,
     pub(super) covered: CoveredCells,
-    /// Rooms on the host that are used again.
+    /// Buffers on the host that are reused.
     work: Work,
 }
 
@@ -122,7 +122,7 @@ struct Work {
     sent_of_blocks: Vec<u32>,
 }
 
-/// An array on the GPU that grows, and one beside it on the host from which or to which the GPU copies by itself.
+/// Array on the GPU that grows, and one on the host from which or to which the GPU copies by itself.
 pub(super) struct Room {
     there: CudaSlice<Byte>,
     /// Goes before the bytes.
@@ -154,7 +154,7 @@ impl Room {
         self.there.device_ptr(stream).0
     }
 
-    /// Room for a count of numbers; its address.
+    /// Allocates memory for a count of numbers; returns its address.
     fn of<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
@@ -323,7 +323,7 @@ impl OnGpu {
             launch.arg(&slab).arg(&view).arg(&covered);
             let rows = self.covered.planes * self.covered.rows;
             let shape = launch_of((rows * WARP).div_ceil(BLOCK));
-            // SAFETY: the kernel takes these arguments, and has room for each cell.
+            // SAFETY: the kernel takes these arguments, and its buffer has an element for each cell.
             unsafe { launch.launch(shape) }?;
             self.made_from = wanted;
             self.made.record(stream)?;
@@ -417,7 +417,7 @@ impl OnGpu {
             if blocks > 0 {
                 let mut launch = stream.launch_builder(kernel);
                 launch.arg(&balls);
-                // SAFETY: the kernel takes this argument; the arrays have this room.
+                // SAFETY: the kernel takes this argument; the arrays have this capacity.
                 unsafe { launch.launch(launch_of(blocks)) }?;
             }
         }
@@ -459,7 +459,7 @@ impl OnGpu {
         Ok(())
     }
 
-    /// What the open cells need the cover for is done on a stream.
+    /// Records on a stream that the open cells no longer need the cover.
     pub(super) fn done(&self, stream: &Arc<CudaStream>) -> Result<(), DriverError> {
         self.done[self.now].record(stream)
     }

@@ -18,7 +18,7 @@ use crate::number::to_u32;
 /// One of the two passes with what follows it.
 #[derive(Clone, Debug)]
 pub struct Pass {
-    /// Where the cells have their numbers.
+    /// Slab with the numbers of the cells.
     pub slab: Slab,
     /// Copies that follow, one list after the other; those of a list in any order.
     pub copies: Vec<Vec<Copies>>,

@@ -13,8 +13,8 @@ pub enum Level {
     Avx512,
 }
 
-/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers
-/// and desktops.
+/// Returns `true` if the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it
+/// for servers and desktops.
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")

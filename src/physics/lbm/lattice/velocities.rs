@@ -45,7 +45,7 @@ impl VelocitySet {
     }
 }
 
-/// The same tables at run time, for code outside the cell loop (boundaries, coupling, output).
+/// Tables of the velocity set at run time, for code outside the cell loop (boundaries, coupling, output).
 #[derive(Clone, Debug)]
 pub struct Velocities {
     /// Name of the set.

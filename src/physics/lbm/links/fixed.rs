@@ -18,7 +18,7 @@ use crate::thread_pool;
 /// A link that a surface at rest cuts. Its two ends are the outer cell, where it begins, and the inner one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedLink {
-    /// Where the two populations lie.
+    /// Positions of the two populations.
     pub link: Link,
     /// Middle of the link in half cells, in the frame of the domain.
     pub middle: [i32; 3],

@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What covers the cells of a slab.
+/// Solids that cover the cells of a slab.
 #[derive(Debug)]
 pub struct Cover {
     pub(super) method: Method,
@@ -37,11 +37,11 @@ pub struct Cover {
     pub(super) strides: [isize; 3],
     /// Something changed since this was last asked.
     changed: AtomicBool,
-    /// How often cells have changed.
+    /// Number of changes of cells.
     version: AtomicU64,
-    /// All bodies are balls, of which the fractions are exact and the cells are those of [`Solid`] alone.
+    /// `true` if all bodies are balls with exact fractions, and the cells are those of [`Solid`] alone.
     balls: bool,
-    /// How often bodies have changed place, size or slot, and how often anything of them.
+    /// Number of changes of position, size or slot of bodies, and number of any changes.
     moves: u64,
     motions: u64,
 }
@@ -91,8 +91,8 @@ impl Cover {
         }
     }
 
-    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the
-    /// cells itself.
+    /// Sets if all bodies are balls that cover the cells given by their positions, by the exact rule: a GPU then finds
+    /// the cells itself.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
@@ -102,7 +102,7 @@ impl Cover {
         self.balls.then_some(self.moves)
     }
 
-    /// How often bodies have changed.
+    /// Returns the number of changes of the bodies.
     pub(crate) fn motions(&self) -> u64 {
         self.motions
     }
@@ -140,7 +140,7 @@ impl Cover {
         })
     }
 
-    /// What the coming pass sees of the cells of several bodies.
+    /// Returns the cells of several bodies as the coming pass reads them.
     pub(super) fn list_shares(&mut self) -> *const Shares {
         let count = self.lists.len();
         self.shares.clear();
@@ -157,7 +157,7 @@ impl Cover {
         self.shares.as_ptr()
     }
 
-    /// Looks at the bodies of a cell of several bodies, given by its owner.
+    /// Reads the bodies of a cell of several bodies, given by its owner.
     fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
         let (shelf, place) = shelved(owner, self.lists.len());
         let lists = self.lists[shelf].lock();
@@ -171,7 +171,7 @@ impl Cover {
         }
     }
 
-    /// Whether cells or motions have changed since this was last asked.
+    /// Returns `true` if cells or motions have changed since the last call.
     pub fn take_changed(&mut self) -> bool {
         std::mem::take(self.changed.get_mut())
     }
@@ -184,10 +184,10 @@ impl Cover {
         }
     }
 
-    /// Bytes beside the populations for each cell.
+    /// Bytes for each cell in addition to the populations.
     pub const BYTES: usize = size_of::<f32>() + size_of::<u32>();
 
-    /// Room for bodies in these many slots.
+    /// Allocates slots for bodies.
     pub fn make_room(&mut self, slots: usize) {
         self.moves += 1;
         self.motions += 1;
@@ -197,7 +197,7 @@ impl Cover {
         }
     }
 
-    /// Who is in a slot and how it moves.
+    /// Sets the body in a slot and its motion.
     pub fn set(&mut self, slot: u32, solid: Solid) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
             *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
@@ -429,7 +429,7 @@ struct Place {
     place: Option<usize>,
 }
 
-/// How a worker comes to the lists, which belong to the cells of all: few cells have several bodies.
+/// Access of a worker to the lists, which belong to the cells of all: few cells have several bodies.
 #[derive(Debug)]
 enum Access<'a> {
     /// There is no other worker.
@@ -438,8 +438,8 @@ enum Access<'a> {
     Shared(&'a [Shelf], usize),
 }
 
-/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other
-/// workers lie beside it.
+/// Range of cells that one worker covers. It has cache lines of its own, because the parts of other workers are
+/// adjacent in memory.
 #[derive(Debug)]
 #[repr(align(128))]
 pub struct Part<'a> {
@@ -449,7 +449,7 @@ pub struct Part<'a> {
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [Solid],
-    /// Something changed: in all parts, told at the end, and in this one.
+    /// Flags of a change: of all parts, written at the end, and of this one.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,
@@ -479,7 +479,7 @@ impl Part<'_> {
         prefetch(self.fraction.as_ptr().wrapping_add(at));
     }
 
-    /// As [`Cover::cover`], of a cell of this part.
+    /// Covers a cell of this part: see [`Cover::cover`].
     #[inline]
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         let at = position - self.first;
@@ -504,8 +504,8 @@ impl Part<'_> {
         }
     }
 
-    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and
-    /// stay so; else it does nothing and returns false.
+    /// Covers neighbouring cells of this part, from a position on, like [`Cover::cover`], if they are this body's alone
+    /// and stay so, and returns `true`; otherwise it does nothing.
     #[inline]
     pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
         let first = position - self.first;
@@ -524,7 +524,7 @@ impl Part<'_> {
         alone
     }
 
-    /// The same where another body is too, at a place from the first position on.
+    /// Covers a cell that another body covers too, at an index from the first position on.
     #[inline(never)]
     fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
         let cell = (&mut self.owner[at], &mut self.fraction[at]);

@@ -308,7 +308,7 @@ fn couette_flow_beside_a_covered_slab() {
     }
 }
 
-/// Where bodies slide on each other the water inside them must not carry momentum from one to the other.
+/// Slides bodies on each other: the water inside them must not carry momentum from one to the other.
 #[test]
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {

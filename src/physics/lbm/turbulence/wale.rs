@@ -129,7 +129,7 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// y³ beside a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
+    /// Grows like y³ next to a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
     #[test]
     fn grows_with_the_cube_of_the_distance_from_a_wall() {
         // u = y (1 + x/2) α, v = -α y²/4, w = β y: no-slip, divergence-free.

@@ -14,7 +14,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Lengths (in cells) below which a cut does not count.
 const TOUCH: f64 = 1e-12;
 
-/// Of the clipping.
+/// Buffers of the clipping.
 #[derive(Default)]
 pub(super) struct Buffers {
     pub(super) cuts: Vec<Plane>,
@@ -142,7 +142,7 @@ pub(super) fn cut_often(buffers: &mut Buffers) -> f64 {
     volume / 3.0
 }
 
-/// What is left of a convex polygon inside `normal . x <= offset`.
+/// Clips a convex polygon to `normal . x <= offset`.
 fn clip(
     polygon: &mut Vec<Vector3<f64>>,
     clipped: &mut Vec<Vector3<f64>>,

@@ -157,7 +157,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
     }
 }
 
-/// The same of a block on the floor itself.
+/// Slides a block on the floor itself.
 #[test]
 fn a_wall_at_rest_does_not_drag() {
     for solid_operator in OPERATORS {
@@ -172,8 +172,7 @@ fn a_wall_at_rest_does_not_drag() {
     }
 }
 
-/// What is under pressure stays so: the water presses the upper block down, the joint and the floor bear it, at rest
-/// and sliding.
+/// Keeps the pressure: the water presses the upper block down, the joint and the floor bear it, at rest and sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
     for solid_operator in OPERATORS {

@@ -1,5 +1,5 @@
-//! Gradients beside bodies: those beside a wall at the same place, exact where the motion is rigid, and those of the
-//! pass.
+//! Gradients next to bodies: those next to a wall at the same position, exact where the motion is rigid, and those of
+//! the pass.
 
 use crate::lbm::collision::{Operator, bgk};
 use crate::lbm::fluid::{Fluid, Force, Setup};
