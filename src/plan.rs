@@ -109,10 +109,10 @@ impl Plan {
         Self::made(document, None)
     }
 
-    /// Plans a case that goes on with the state of another: what both leave out is as the other plan chose it.
+    /// Plans a case that continues from the state of another: choices that both leave out are those of the other plan.
     ///
     /// # Errors
-    /// As [`Self::prepare`].
+    /// Those of [`Self::prepare`].
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
         Self::made(document, Some(like))
     }
@@ -256,9 +256,7 @@ impl Plan {
     }
 }
 
-/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
-/// Those of a plan that it goes on from stay.
-/// Returns the hash of the text of a case without its pilot; none of a text that is no JSON.
+/// Returns the hash of the text of a case without its pilot; none if the text is no JSON.
 #[must_use]
 pub fn hash_without_pilot(text: &str) -> Option<String> {
     let mut tree: serde_json::Value = serde_json::from_str(text).ok()?;

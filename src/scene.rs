@@ -99,7 +99,7 @@ pub struct Scene {
     pub ground_collapse: Option<collapse::GroundCollapse>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
-    /// Causes of changes of density in the lattice fluid beside the pressures that the case states.
+    /// Causes of changes of density in the lattice fluid in addition to the pressures that the case states.
     pub density_causes: Vec<auto::density::Cause>,
 }
 
@@ -185,7 +185,7 @@ impl Solids {
 }
 
 impl Scene {
-    /// Resolves a case; returns warnings beside the scene.
+    /// Resolves a case; returns the scene and warnings.
     ///
     /// # Errors
     /// All problems of the case, warnings included.
@@ -358,14 +358,14 @@ impl Scene {
         })
     }
 
-    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion
-    /// law.
+    /// Returns `true` if each grain stores its initial position: if [`Self::follows_grains`] requires it, and for the
+    /// erosion law.
     #[must_use]
     pub fn marks_start(&self) -> bool {
         self.follows_grains() || self.erosion_law.is_some()
     }
 
-    /// Whether an output or analysis requires the initial position of each grain.
+    /// Returns `true` if an output or analysis requires the initial position of each grain.
     #[must_use]
     pub fn follows_grains(&self) -> bool {
         let written = self.output.grains.as_ref();
@@ -405,7 +405,7 @@ impl Scene {
         block.map(|block| &block.solid)
     }
 
-    /// Whether there are solids.
+    /// Returns `true` if there are solids.
     #[must_use]
     pub fn has_solids(&self) -> bool {
         self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
@@ -583,7 +583,7 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// What polyhedra can do without, and what they cannot.
+/// Rejects features that polyhedra do not support.
 fn of_polyhedra(case: &Case, findings: &mut Findings) {
     if matches!(case.fluid, Some(Fluid::Darcy(_))) {
         findings.error(
@@ -607,7 +607,7 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Whether the case has a law of blocks.
+/// Returns `true` if the case has polyhedra, which need a law of blocks.
 pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }

@@ -37,7 +37,7 @@ pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     sources
 }
 
-/// Whether anything in the tree may be annotated. Paths are written only where it is.
+/// Returns `true` if any part of the tree may be annotated. Paths are written only in that case.
 fn any(node: &Value) -> bool {
     match node {
         Value::Object(map) => {
@@ -74,7 +74,7 @@ fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
     }
 }
 
-/// `value` beside `source` or `note` and nothing else.
+/// Returns `value` and the annotation of an object with `value`, `source` or `note` and nothing else.
 fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     let text = |key| match map.get(key) {
         None => Some(String::new()),

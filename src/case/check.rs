@@ -1,5 +1,5 @@
 //! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing,
-//! mistyped or out-of-range field. Ranges are stated beside the fields.
+//! mistyped or out-of-range field. Ranges are stated with the fields.
 
 pub mod absent;
 mod controls;
@@ -46,11 +46,12 @@ pub(crate) fn schema_of<T: JsonSchema>() -> Value {
         .to_value()
 }
 
-/// What a walk over a tree found.
+/// Findings of a walk over a tree.
 pub(crate) struct Checked {
     /// The first [`MOST_PROBLEMS`] problems, and how many more there are.
     pub(crate) problems: Vec<Problem>,
-    /// A list has another number of values than what is read from it: what the values mean together cannot be asked.
+    /// `true` if a list has another number of values than the reader expects: its values cannot be interpreted
+    /// together.
     pub(crate) misshapen: bool,
 }
 
@@ -124,7 +125,8 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Whether another problem is only counted; it is, then. Asked before its sentences are made.
+    /// Counts a further problem once the list is full; returns `true` if it did. Called before the sentences of the
+    /// problem are made.
     fn only_counted(&mut self) -> bool {
         let full = self.problems.len() >= MOST_PROBLEMS;
         self.more += usize::from(full);
@@ -262,7 +264,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports fields and choices under an old name, and goes on as if the new one had been written: one mistake, one
+    /// Reports fields and choices under an old name, and continues as if the new one had been written: one mistake, one
     /// problem.
     fn rename(&mut self, map: &mut Map<String, Value>, known: &[&str], path: &str) {
         for (old, new) in RENAMED {

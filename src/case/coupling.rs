@@ -32,7 +32,7 @@ impl Coupling {
 pub struct BounceBack {
     /// Position of the surface on a link.
     pub scheme: Scheme,
-    /// Whether forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
+    /// `true` if forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
     pub force_average: bool,
     /// Hydraulic radius of a grain over its contact radius [1]. A value below 1 makes a dense 2-D packing permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
@@ -89,8 +89,8 @@ pub struct PartiallySaturated {
     pub weighting: Weighting,
     /// Method that computes the solid fraction of a cell.
     pub solid_fraction: SolidFraction,
-    /// Whether the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the displaced
-    /// fluid adds to the mass of the body.
+    /// `true` if the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the
+    /// displaced fluid adds to the mass of the body.
     pub exclude_inner_fluid: bool,
 }
 

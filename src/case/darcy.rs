@@ -60,7 +60,7 @@ pub struct Darcy {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub roughness: Option<f64>,
-    /// Whether moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water
+    /// `true` if moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water
     /// and in the mean drag, and a bed that moves as a whole is stopped. Default: true; false with the equations of the
     /// paper.
     #[serde(default)]
@@ -70,7 +70,7 @@ pub struct Darcy {
     /// `di_felice` with the equations of the paper.
     #[serde(default)]
     pub drag: Option<DragLaw>,
-    /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
+    /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
     /// interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
@@ -119,7 +119,7 @@ impl Darcy {
         })
     }
 
-    /// Whether moving grains displace the water.
+    /// Returns `true` if moving grains displace the water.
     #[must_use]
     pub fn transient_porosity(&self) -> bool {
         let usual = self.equations == Equations::Corrected;
@@ -198,7 +198,7 @@ pub struct Zone {
     /// Values that vary within the region.
     #[serde(default)]
     pub raster: Option<RasterFile>,
-    /// Whether the zone holds in cells without grains as well, as a porous body at rest that the case does not resolve.
+    /// `true` if the zone also holds in cells without grains, as a porous body at rest that the case does not resolve.
     /// Otherwise cells with a porosity of the grains of 0.95 or more are open water. In a case without grains all zones
     /// hold.
     #[serde(default)]

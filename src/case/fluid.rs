@@ -69,16 +69,16 @@ pub struct LatticeBoltzmann {
     /// time step of a 3-D run with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
-    /// What the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk, trt or
-    /// mrt, with trt and mrt also bodies in partially saturated cells; d3q19 with trt; in f64 without a force d3q19 and
-    /// d2q9 with bgk. The state is the same on both.
+    /// Device that the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk,
+    /// trt or mrt, with trt and mrt also bodies in partially saturated cells; d3q19 with trt; in f64 without a force
+    /// d3q19 and d2q9 with bgk. The state is the same on both.
     #[serde(default)]
     pub device: Device,
     /// Body force that drives the fluid [N/m3], in addition to gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,
-    /// Where gravity acts on the fluid. Where it does not, pressure is the excess over the hydrostatic pressure, and
-    /// solids have their buoyancy.
+    /// Choice of the axes along which gravity acts on the fluid. Along the others, pressure is the excess over the
+    /// hydrostatic pressure, and solids have their buoyancy.
     #[serde(default)]
     pub gravity_acts_on_fluid: GravityOnFluid,
     /// Initial velocity and pressure.
@@ -147,7 +147,8 @@ impl Default for GravityOnFluid {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Where {
-    /// As `along_periodic_axes` below a surface, a face of free slip that gravity points away from; else along none.
+    /// Like `along_periodic_axes` below a surface, a face of free slip that gravity points away from; otherwise along
+    /// no axis.
     Auto,
     /// Along the periodic axes, where it drives a stream down its slope.
     AlongPeriodicAxes,
@@ -272,10 +273,10 @@ pub enum Initial {
         flow: super::geometry::Axis,
         /// Axis from wall to wall.
         across: super::geometry::Axis,
-        /// Where the flow begins along `across` [m], such as the surface of a bed. Default: 0.
+        /// Coordinate at which the flow begins along `across` [m], such as the surface of a bed. Default: 0.
         #[serde(default)]
         from: Option<f64>,
-        /// Where it ends [m]. Default: the size of the domain.
+        /// Coordinate at which it ends [m]. Default: the size of the domain.
         #[serde(default)]
         to: Option<f64>,
         /// Velocity at the centre of the channel [m/s].
@@ -291,7 +292,7 @@ pub enum Initial {
     },
 }
 
-/// The same velocity and pressure everywhere. The list of the components stands for the velocity alone.
+/// Uniform velocity and pressure. The list of the components stands for the velocity alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "WrittenFlow")]
 #[schemars(inline)]

@@ -28,7 +28,8 @@ pub struct Grains {
     /// box.
     #[serde(default)]
     pub cut: Vec<Cut>,
-    /// Whether contacts that exist after preparation and cutting are bonded. Contacts that form later are never bonded.
+    /// `true` if contacts that exist after preparation and cutting are bonded. Contacts that form later are never
+    /// bonded.
     #[serde(default)]
     pub bond_at_start: bool,
 }

@@ -128,7 +128,7 @@ pub enum ProbeAt {
         /// Coordinate of the plane [m]; the nearest plane between cells is taken.
         position: f64,
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has
-        /// no effect. The column `open_area` tells the part that was taken. Default: the whole plane.
+        /// no effect. The column `open_area` shows the part that was taken. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
     },
@@ -300,7 +300,7 @@ pub struct GrainOutput {
     /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// Whether the displacement of each grain since time 0 [m] is also written.
+    /// `true` if the displacement of each grain since time 0 [m] is also written.
     #[serde(default)]
     pub displacement: bool,
 }

@@ -60,7 +60,7 @@ pub struct Parameter {
     pub kind: String,
     /// Unit; `1` for numbers without dimension.
     pub unit: Option<String>,
-    /// Whether the field must be given where its section is given.
+    /// `true` if the field must be given when its section is given.
     pub required: bool,
     /// Default value, as JSON.
     pub default: Option<Value>,

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 pub struct Changeable {
     /// Path as in messages; `[*]` is any item of a list. Everything below the path is meant too.
     pub path: &'static str,
-    /// What a change means.
+    /// Consequence of a change.
     pub effect: &'static str,
 }
 
@@ -19,7 +19,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
     Changeable { path, effect }
 }
 
-/// What a restart may change.
+/// Fields that a restart may change.
 pub const CHANGEABLE: [Changeable; 33] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
@@ -147,8 +147,8 @@ const KEPT: [(&str, &str); 12] = [
     ("analysis", "its records start with the run"),
 ];
 
-/// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are
-/// not equal as numbers.
+/// Finds the differences of two trees: path and both values. Lists of another length differ as a whole, and so do
+/// numbers that are not equal as numbers.
 fn differences<'a>(
     old: &'a Value,
     new: &'a Value,
@@ -176,7 +176,7 @@ fn differences<'a>(
     }
 }
 
-/// Whether a path is this pattern or lies below it.
+/// Returns `true` if a path is equal to this pattern or below it.
 fn fits(pattern: &str, path: &str) -> bool {
     let mut rest = path;
     for (n, part) in pattern.split("[*]").enumerate() {
@@ -198,8 +198,8 @@ fn fits(pattern: &str, path: &str) -> bool {
     rest.is_empty() || rest.starts_with('.') || rest.starts_with('[')
 }
 
-/// What differs between two cases, as serialised with all their defaults: paths that may change, and a problem for each
-/// that may not.
+/// Returns the differences of two cases, as serialised with all their defaults: paths that may change, and a problem
+/// for each that may not.
 #[must_use]
 pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     let mut found = Vec::new();
@@ -238,7 +238,7 @@ fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
     }
 }
 
-/// Puts the list into a schema: whole under `x-restart` of the root, and each effect beside its field.
+/// Adds the list to a schema: as a whole under `x-restart` of the root, and each effect at its field.
 #[must_use]
 pub fn mark(mut schema: Value) -> Value {
     let list: Vec<Value> = CHANGEABLE

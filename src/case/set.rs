@@ -86,7 +86,7 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
     Ok(path.to_string())
 }
 
-/// Whether `known` is `path` or lies below it.
+/// Returns `true` if `known` is `path` or below it.
 #[must_use]
 pub fn covers(path: &str, known: &str) -> bool {
     known

@@ -81,10 +81,10 @@ pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
     pairs.filter(|span| span.mass > 0.0)
 }
 
-/// What is wrong with a curve.
+/// Checks a sieve curve.
 ///
 /// # Errors
-/// A sentence that names the sieve.
+/// A sentence that names the sieve at fault.
 pub fn check(curve: &[Sieve]) -> Result<(), String> {
     if curve.len() < 2 {
         return Err("a sieve curve needs two sieves at least".into());

@@ -67,10 +67,10 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     }
 }
 
-/// How the sentence begins about an object whose last keys were not read.
+/// Beginning of the message about an object whose last keys were not read.
 const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
 
-/// Whether an object of the text was read in part.
+/// Returns `true` if an object of the text was read in part.
 #[must_use]
 pub(crate) fn cut_short(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.reason.starts_with(TOO_MANY))

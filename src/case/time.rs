@@ -54,7 +54,7 @@ fn default_safety() -> f64 {
 pub enum SolidSteps {
     /// A fixed number.
     Number(#[schemars(range(min = 1, max = 100_000))] u32),
-    /// As many as stability requires.
+    /// Number that stability requires.
     Auto(Auto),
 }
 

@@ -127,7 +127,7 @@ struct Kind {
     material: usize,
     /// Radius that the water sees, in cells.
     radius: f64,
-    /// Whether it lies among others of its kind.
+    /// `true` if it is among others of its kind.
     packed: bool,
 }
 

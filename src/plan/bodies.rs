@@ -18,7 +18,7 @@ use crate::scene::grains::GrainSource;
 const FEWEST_CELLS: f64 = 4.0;
 /// Fewest cells in the thickness of a block.
 const THINNEST: f64 = 1.0;
-/// As many hold a cell that is full, however a plate lies along the lattice.
+/// Thickness of a plate \[cells\] that contains full cells in any position on the lattice.
 const SOLID: f64 = 2.0;
 
 /// Checks all limits of bodies in the fluid.

@@ -87,12 +87,12 @@ fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partner
     shortest
 }
 
-/// Whether contacts of the start are bonded.
+/// Returns `true` if contacts at the start are bonded.
 fn bonds(scene: &Scene, law: &dyn ContactModel) -> bool {
     law.bonds() && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
 }
 
-/// How many others a grain can touch at most: the rest of all, and the walls.
+/// Returns the maximum number of bodies that a grain can touch: all others, and the walls.
 fn others(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
@@ -218,16 +218,17 @@ struct Limits {
     sticking: f64,
     /// In a packing.
     packing: f64,
-    /// Whether the contacts of the start hold all bodies, so that a packing is not what they come to at once.
+    /// `true` if contacts at the start hold all bodies, so that they do not form a packing at once.
     held: bool,
 }
 
 /// Opening of a bond over the diameter of the smallest grain from which on a third grain fits between the two.
 const A_GRAIN_BETWEEN: f64 = 1.0;
-/// The same from which on the bond is longer than the contact that it stands for.
+/// Opening of a bond over the diameter of the smallest grain from which on the bond is longer than the contact that it
+/// represents.
 const LONG: f64 = 0.1;
 
-/// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too
+/// Checks the opening at which a bond breaks: lists of neighbours reach that far. A strength with a spring that is too
 /// soft for it makes bonds across other grains, and lists without end.
 fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let kinds = moving(scene);
@@ -320,7 +321,7 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     }
 }
 
-/// What decides the solid step.
+/// Returns the path of the field that determines the solid step.
 fn path(scene: &Scene) -> &'static str {
     if scene.flow.is_some() {
         "time.solid_steps_per_fluid_step"

@@ -17,13 +17,11 @@
 //! T <= 0.7/w,    or    T <= tau/2  and  T² <= 40 zeta tau/w  and  T <= 0.35 max(1/w_1, t_1)
 //! ```
 //!
-//! with the damping ratio zeta of the contacts. The factors are measured
-//! (`jobs/verification/coupling-interval`): within them the
-//! settlement of columns and beds differs from that of an interval of one step by at most 2 % at any time;
-//! from about twice as much on
-//! beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at most 0.5/(w_i T) of
-//! what it takes from a slow one; the
-//! dashpots take `zeta w_i²/w`, which is least beside it at `w_i T = 4.5`.
+//! with the damping ratio zeta of the contacts. The factors are measured (`jobs/verification/coupling-interval`):
+//! within them the settlement of columns and beds differs from that of an interval of one step by at most 2 % at any
+//! time; from about twice as much on beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at
+//! most 0.5/(w_i T) of what it takes from a slow one; the dashpots take `zeta w_i²/w`, which has its minimum relative
+//! to it at `w_i T = 4.5`.
 
 use super::Clock;
 use super::critical_step::moving;

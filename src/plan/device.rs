@@ -1,7 +1,7 @@
-//! What stands between a scene and a GPU.
+//! Features that prevent running on a GPU.
 //!
 //! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells
-//! ([`crate::lbm::gpu`]). Whether there is a GPU is known when the run starts.
+//! ([`crate::lbm::gpu`]). The presence of a GPU is known when the run starts.
 
 use crate::case::coupling::Coupling;
 use crate::case::fluid::{Device, Precision};
@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use crate::scene::flow::{BodyForce, PATH};
 
-/// What of a scene a GPU does not run yet.
+/// Returns the features of a scene that a GPU does not run yet.
 fn obstacles(scene: &Scene) -> Vec<String> {
     let Some(flow) = &scene.flow else {
         return Vec::new();
@@ -63,7 +63,7 @@ fn obstacles(scene: &Scene) -> Vec<String> {
     all
 }
 
-/// What the fluid of a scene runs on: not on a GPU where something stands against it.
+/// Returns the device of the fluid of a scene: not a GPU if a feature prevents it.
 #[must_use]
 pub fn device(scene: &Scene) -> Device {
     let wish = scene.flow.as_ref().map_or(Device::Cpu, |flow| flow.device);

@@ -1,4 +1,4 @@
-//! How far each limit of the method is, before a single step.
+//! Distances from the limits of the method, before a single step.
 //!
 //! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C
 //! with C = h/dt, and at a given tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.

@@ -44,7 +44,7 @@ impl Default for Machine {
 /// The costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Bytes of a cell: populations with their ghosts, and what eddies, coupling and averages keep beside them.
+    /// Bytes of a cell: populations with their ghosts, and the data that eddies, coupling and averages add.
     pub bytes_per_cell: f64,
     /// Number of grains, blocks and bodies as the run begins.
     pub grains: f64,
@@ -85,7 +85,7 @@ pub struct OnCores {
     pub seconds: f64,
 }
 
-/// What the costs are made of.
+/// Quantities that the costs depend on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Amounts {
     /// Cells of the lattice.
@@ -205,7 +205,7 @@ impl Estimate {
         self.seconds_on_one_core = self.seconds.sum();
     }
 
-    /// The same on a machine of this speed.
+    /// Converts the estimate to a machine of this speed.
     pub fn on(&mut self, machine: Machine, scene: &Scene, clock: &Clock) {
         let known = |speed: f64| speed > 0.0 && speed.is_finite();
         if known(machine.fluid) && known(machine.grains) {
@@ -379,7 +379,7 @@ mod tests {
         let whole = planned("piping", &["grains.cut=[]"]).unwrap();
         let cut = planned("piping", &[]).unwrap();
         let part = cut.estimate.grains / whole.estimate.grains;
-        // The hole and the margins beside the bulk.
+        // The hole and the margins next to the bulk.
         assert!((0.3..0.7).contains(&part), "{part}");
         assert!(cut.estimate.seconds.grains < whole.estimate.seconds.grains);
         approx::assert_relative_eq!(

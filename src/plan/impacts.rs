@@ -1,4 +1,4 @@
-//! How deep impacts press contacts.
+//! Estimated maximum overlap of contacts from impacts.
 //!
 //! A body of mass m that meets a spring k with dashpot c at speed v presses it by
 //!
@@ -8,10 +8,10 @@
 //! ```
 //!
 //! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics,
-//! 1985, sections 4.2 and 11.4). Contacts are small beside the bodies: at delta = 0.1 R the circle of contact with a
-//! plane has 0.44 R, far from the small contact that all laws assume (Johnson, section 4.1), and the plan warns. At
-//! delta = R the centre of the body is in the surface: it leaves a thin wall on the other side, and two bodies change
-//! places. Runs beyond that were seen to do so.
+//! 1985, sections 4.2 and 11.4). Contacts are small compared with the bodies: at delta = 0.1 R the circle of contact
+//! with a plane has 0.44 R, far from the small contact that all laws assume (Johnson, section 4.1), and the plan warns.
+//! At delta = R the centre of the body is in the surface: it leaves a thin wall on the other side, and two bodies
+//! change places. Runs beyond that were seen to do so.
 //!
 //! The speed is what is known before the run: the difference between the velocity of a body and that of each other at
 //! the start, with the reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain
@@ -37,21 +37,21 @@ use std::ops::ControlFlow;
 const LARGE: f64 = 0.1;
 /// Part of the radius at which a body is through.
 const THROUGH: f64 = 1.0;
-/// Nearer than this, over the radius, a body rests on what is beside it rather than falls onto it.
+/// Gap over the radius below which a body is supported by its neighbour rather than falls onto it.
 const BESIDE: f64 = 0.05;
 
-/// What moves by forces.
+/// Body that moves by forces.
 struct Moving {
     path: String,
     material: usize,
     mass: f64,
-    /// Of a polyhedron that of the largest sphere in it.
+    /// Radius; for a polyhedron that of the largest sphere in it.
     radius: f64,
     /// Round it.
     reach: f64,
     velocity: [f64; 3],
     at: [f64; 3],
-    /// Whether it may fall from there.
+    /// `true` if it may fall from there.
     falls: bool,
 }
 
@@ -290,7 +290,7 @@ fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), spee
 struct Impact<'a> {
     one: &'a Moving,
     speed: f64,
-    /// Of it what comes of a fall.
+    /// Part of the speed that a fall causes.
     fall: f64,
     /// Overlap over the radius.
     part: f64,

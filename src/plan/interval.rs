@@ -40,7 +40,7 @@ impl Interval {
         u64::try_from(super::whole(step)).unwrap_or(u64::MAX)
     }
 
-    /// Whether an event happens at `step`.
+    /// Returns `true` if an event happens at `step`.
     #[must_use]
     pub fn falls_on(&self, step: u64) -> bool {
         self.next_from(step) == step

@@ -22,7 +22,7 @@ const QUIET: f64 = 7.0;
 /// (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
 const FAILS: f64 = 0.024;
 
-/// Whether a wave gains too much over the run.
+/// Reports a wave that grows too much over the run.
 pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     let growing = flow.collision.model().growing_wave(flow.relaxation_time);
     let Some(wave) = growing else { return };

@@ -1,4 +1,4 @@
-//! How fast the water seeps: the Reynolds number of the pores before the run.
+//! Speed of the seepage: the Reynolds number of the pores before the run.
 //!
 //! ```text
 //! Re = rho q d/mu        q: superficial velocity, d: diameter of the largest grains

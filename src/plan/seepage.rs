@@ -1,8 +1,8 @@
-//! What a drawing and a sheet of data easily get wrong in seepage, said before the run.
+//! Consistency checks of seepage input.
 //!
-//! * Conditions that meet without a structure between them. A sheet pile that ends beside the edge of a patch, or short
-//!   of the surface, leaves neighbouring cells on the surface with different heads. Water then flows from one to the
-//!   other beside the pile, and the discharge depends on the size of the cells.
+//! * Conditions that meet without a structure between them. A sheet pile that ends next to the edge of a patch, or
+//!   short of the surface, leaves neighbouring cells on the surface with different heads. Water then flows from one to
+//!   the other around the pile, and the discharge depends on the size of the cells.
 //! * Ground that no zone fills. Without grains it is open water.
 //! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they
 //!   act on.

@@ -2,7 +2,7 @@
 //!
 //! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the
 //! lattice velocity alone, except that some operators bear less the faster the flow. Each operator states its bounds
-//! beside its formula ([`crate::lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last
+//! with its formula ([`crate::lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last
 //! value up to which every run ended, `fails` the first at which one did not.
 //!
 //! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many
@@ -56,7 +56,7 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     }
 }
 
-/// Whether a wall that moves along itself ends at one that does not.
+/// Returns `true` if a wall that moves along itself ends at one that does not.
 fn lid_meets_wall(flow: &Flow) -> bool {
     let faces = |surface: Surface| {
         let of_surface = flow
@@ -221,7 +221,7 @@ mod tests {
     use crate::error::Severity;
     use crate::plan::Plan;
 
-    /// What the plan says of a cavity at this relaxation time and Mach number U/C of the lid.
+    /// Returns `true` if the plan warns of a cavity at this relaxation time and Mach number U/C of the lid.
     fn warned(collision: &str, tau: f64, mach: f64) -> bool {
         let found = planned(collision, 2, tau, mach).unwrap().warnings;
         let words = |w: &crate::error::Problem| w.to_string().contains("cell Reynolds number");

@@ -43,7 +43,7 @@ use serde_json::json;
 use spacing::Spacing;
 use std::borrow::Cow;
 
-/// What was chosen.
+/// Choices made for a case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
@@ -58,7 +58,7 @@ pub struct Chosen {
     pub reasons: Vec<Reason>,
     /// The contact law, where it was chosen.
     pub law: Option<Contact>,
-    /// What bounds the time step, where it was chosen.
+    /// Limits of the time step, if it was chosen.
     pub limits: Vec<Limit>,
     /// The edges of the domain \[m\], where they were rounded up to whole cells of the chosen spacing.
     pub size: Option<Vec<f64>>,
@@ -67,7 +67,7 @@ pub struct Chosen {
 /// A choice and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reason {
-    /// What is chosen: `spacing`, `time step`, `collision` and so on.
+    /// Name of the choice: `spacing`, `time step`, `collision` and so on.
     pub what: &'static str,
     /// Why.
     pub text: String,
@@ -76,7 +76,7 @@ pub struct Reason {
 /// A bound of the time step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
-    /// What it keeps.
+    /// Requirement that it keeps.
     pub what: String,
     /// The longest time step that does \[s\].
     pub time_step: f64,
@@ -144,8 +144,7 @@ pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen)
     filled
 }
 
-/// Takes what the case leaves out from the scene whose state it goes on with: no choice moves with an end, an output or
-/// a drive.
+/// Copies the resolved choices of the scene being continued; end time, outputs and drives do not change them.
 pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;

@@ -17,13 +17,13 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether a point is inside; lower faces belong to the box, upper ones do not.
+    /// Returns `true` if a point is inside; lower faces belong to the box, upper ones do not.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..self.dimension).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
     }
 
-    /// Whether a disc or sphere touches the box.
+    /// Returns `true` if a disc or sphere touches the box.
     #[must_use]
     pub fn touches(&self, centre: [f64; 3], radius: f64) -> bool {
         let gap = |a: usize| {

@@ -26,9 +26,9 @@ const MOST_PLANES: f64 = 1e5;
 /// Blocks and where they go.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Blocks {
-    /// How many.
+    /// Number of blocks.
     pub number: usize,
-    /// How many of them never move.
+    /// Number of blocks that never move.
     pub fixed: usize,
     /// Volume of all together \[m3\].
     pub volume: f64,
@@ -61,7 +61,7 @@ pub struct RockBlock {
     pub angular_velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
-    /// Whether it never moves.
+    /// `true` if it never moves.
     pub fixed: bool,
 }
 
@@ -309,7 +309,7 @@ fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Opt
     None
 }
 
-/// What could be made, or a finding.
+/// Returns the solid, or reports a finding if it could not be made.
 fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> Option<Solid> {
     match made {
         Ok(solid) => Some(solid),

@@ -28,7 +28,7 @@ pub struct Body {
     pub velocity: [f64; 3],
     /// Rotation rate at the start [rad/s], or at all times if driven.
     pub angular_velocity: [f64; 3],
-    /// How it moves.
+    /// Kind of motion.
     pub mobility: Mobility,
     /// Index of its material.
     pub material: usize,
@@ -44,7 +44,7 @@ impl Body {
     }
 }
 
-/// How a body moves.
+/// Kind of motion of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mobility {

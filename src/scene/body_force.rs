@@ -9,7 +9,7 @@ use serde::Serialize;
 /// Force per volume [N/m3].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum BodyForce {
-    /// The same at all times; may be zero.
+    /// Constant force; may be zero.
     Constant([f64; 3]),
     /// amplitude cos(2 pi t/period + phase).
     Oscillating {

@@ -25,7 +25,7 @@ pub struct GroundCollapse {
     pub points: Vec<SeepagePoint>,
     /// Long horizontal axis, the other horizontal axis, vertical axis: 0, 1 or 2 each.
     pub axes: [usize; 3],
-    /// Whether gravity points to smaller coordinates.
+    /// `true` if gravity points to smaller coordinates.
     pub upright: bool,
     /// Edge of the cells \[m\]; from the grains without it.
     pub cell_size: Option<f64>,
@@ -35,7 +35,7 @@ pub struct GroundCollapse {
     pub loose_diameters: f64,
     /// Percentile of the settlement.
     pub settlement_percentile: f64,
-    /// As written.
+    /// Thresholds as given in the case.
     pub stages: StageThresholds,
 }
 

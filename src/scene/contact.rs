@@ -29,7 +29,7 @@ impl ContactTable {
         self.law.model()
     }
 
-    /// Whether no contact has a dashpot, and nothing else takes energy from an impact but friction.
+    /// Returns `true` if no contact has a dashpot, and nothing else takes energy from an impact but friction.
     #[must_use]
     pub fn is_elastic(&self) -> bool {
         let law = self.model();

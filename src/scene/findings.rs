@@ -214,7 +214,7 @@ impl<'a> Findings<'a> {
         self.problems[*at].value = format!("{count} more");
     }
 
-    /// Whether the case is refused.
+    /// Returns `true` if the case is refused.
     pub(crate) fn refused(&self) -> bool {
         refused(&self.problems)
     }
@@ -240,7 +240,7 @@ impl Report for Findings<'_> {
     }
 }
 
-/// Whether any of the problems refuses the case.
+/// Returns `true` if any of the problems refuses the case.
 #[must_use]
 pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)

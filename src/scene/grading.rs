@@ -109,10 +109,10 @@ impl Grading {
         Ok(radii)
     }
 
-    /// How many grains of each class there are among `number` in a space of 2 or 3 dimensions.
+    /// Returns the number of grains of each class among `number` in a space of 2 or 3 dimensions.
     ///
     /// # Errors
-    /// A sentence where ranges or parts make no sense, or a class is left without a grain.
+    /// A sentence if ranges or parts are inconsistent, or a class has no grain.
     pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
         let classes = self.classes();
         if classes.is_empty() {

@@ -28,7 +28,7 @@ use std::sync::Arc;
 pub struct Grains {
     /// Index of the material of grains that name none.
     pub material: usize,
-    /// Where they come from.
+    /// Source of the grains.
     pub source: GrainSource,
     /// File to which the prepared sample goes; relative to the output folder.
     pub save: Option<PathBuf>,
@@ -36,17 +36,17 @@ pub struct Grains {
     pub zones: Vec<Zone>,
     /// Boxes emptied after the preparation, with their names.
     pub cut: Vec<(String, Block)>,
-    /// Whether contacts are bonded after preparation and cutting.
+    /// `true` if contacts are bonded after preparation and cutting.
     pub bond_at_start: bool,
     /// Smallest and largest radius \[m\].
     pub radii: Option<(f64, f64)>,
-    /// How many before cutting.
+    /// Number before cutting.
     pub expected: usize,
 }
 
 impl Grains {
-    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow.
-    /// How many deposited grains a cut removes is not known before they have fallen.
+    /// Returns the number after cutting: exact for grains that are listed, from the volumes of the boxes for grains
+    /// that grow. The number of deposited grains that a cut removes is not known before they have fallen.
     #[must_use]
     pub fn remaining(&self) -> f64 {
         match &self.source {
@@ -85,20 +85,20 @@ pub struct Cloud {
     pub block: Block,
     /// Sizes.
     pub grading: grading::Grading,
-    /// How many grains.
+    /// Number of grains.
     pub number: usize,
     /// Index of their material.
     pub material: usize,
 }
 
-/// Where grains come from.
+/// Source of grains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum GrainSource {
     /// Growth of a loose cloud in a box.
     Growth {
         /// The box.
         block: Block,
-        /// How many grains.
+        /// Number of grains.
         number: usize,
         /// The rest as written.
         growth: Growth,
@@ -143,7 +143,7 @@ pub struct Zone {
 }
 
 impl Zone {
-    /// Whether a point lies in the zone.
+    /// Returns `true` if a point is in the zone.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
@@ -555,7 +555,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
     }
 }
 
-/// A radius distribution that can be used, or findings.
+/// Returns `true` for a radius distribution that can be used, and reports findings for others.
 pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {
     let good = match radii {
         Radii::Uniform { min, max } => {
@@ -823,7 +823,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     ))
 }
 
-/// Returns true where the largest grain fits the box in which the grains grow, and refuses it where it does not.
+/// Returns `true` if the largest grain fits the box in which the grains grow, and refuses it otherwise.
 fn fits_box(growth: &Growth, block: &Block, path: &str, findings: &mut Findings) -> bool {
     let largest = 2.0 * growth.radii.bounds().1;
     let narrowest = (0..block.dimension)

@@ -1,4 +1,4 @@
-//! Where gravity acts on the water of a lattice.
+//! Axes along which gravity acts on the water of a lattice.
 //!
 //! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0.
 //! Without it P is hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with

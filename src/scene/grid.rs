@@ -17,7 +17,7 @@ pub struct Grid {
     pub size: [f64; 3],
     /// Edge h of a cell \[m\].
     pub spacing: f64,
-    /// Whether the domain repeats along each axis; false along z in 2-D.
+    /// `true` for each axis along which the domain repeats; false along z in 2-D.
     pub periodic: [bool; 3],
     /// Axis along which slabs are cut: 0, 1 or 2.
     pub split_axis: usize,
@@ -41,7 +41,7 @@ impl Grid {
         cell.map(|i| (real(i) + 0.5) * self.spacing)
     }
 
-    /// Whether a point is in the domain.
+    /// Returns `true` if a point is in the domain.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..self.dimension).all(|a| point[a] >= 0.0 && point[a] <= self.size[a])

@@ -47,7 +47,7 @@ pub enum Initial {
         flow: usize,
         /// Axis from wall to wall: 0, 1 or 2.
         across: usize,
-        /// Where the flow begins and ends along that axis \[m\].
+        /// Coordinates at which the flow begins and ends along that axis \[m\].
         between: [f64; 2],
         /// Velocity in the middle [m/s].
         peak: f64,

@@ -23,13 +23,13 @@ use serde::Serialize;
 pub struct Region {
     /// Its name.
     pub name: String,
-    /// Where.
+    /// Box of the region.
     pub block: Block,
-    /// What.
+    /// Action in the region.
     pub action: Action,
 }
 
-/// What happens in a region.
+/// Action in a region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Action {
     /// Grains are taken out.
@@ -63,11 +63,11 @@ pub struct Probe {
     pub name: String,
     /// Time between samples \[s\].
     pub every: f64,
-    /// Where.
+    /// Location of the samples.
     pub at: ProbeAt,
 }
 
-/// Where a probe samples.
+/// Location of the samples of a probe.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum ProbeAt {
     /// Velocity and pressure at a point \[m\].

@@ -38,7 +38,7 @@ pub(crate) fn near(
     counted(balls, period, visit, &mut 0)
 }
 
-/// As [`near`]; `compared` counts the pairs that were looked at.
+/// Visits pairs like [`near`]; `compared` counts the pairs that were compared.
 fn counted(
     balls: &[Ball],
     period: [Option<f64>; 3],

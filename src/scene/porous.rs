@@ -47,7 +47,7 @@ struct Thickness {
 
 /// Resistance of a step, a + b |u| in lattice units, up to which the trapezoidal rule does not swing.
 const WITHOUT_SWINGS: f64 = 2.0;
-/// The same beside an eddy viscosity: the velocity that it reads in a zone errs by half of it.
+/// Limit for a zone with an eddy viscosity: the velocity that the model reads in a zone has half of it as error.
 const BESIDE_EDDIES: f64 = 0.2;
 /// Columns through the domain, along each axis across, that the thickness of a zone is sampled on.
 const COLUMNS: usize = 16;

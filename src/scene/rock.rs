@@ -114,7 +114,7 @@ impl RockMass {
         done.push((rest, line));
     }
 
-    /// Whether a part is no sliver.
+    /// Returns `true` if a part is no sliver.
     fn lasts(&self, part: &Piece) -> bool {
         part.volume() >= self.smallest_volume && part.thickness() >= self.smallest_thickness
     }

@@ -21,7 +21,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::sync::Arc;
 
-/// Where the seepage stands in a case.
+/// Path of the seepage in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
@@ -364,7 +364,7 @@ impl Seepage {
         }
     }
 
-    /// Whether structures hold the cells of a patch.
+    /// Returns `true` if structures hold the cells of a patch.
     fn covered(&self, patch: &Patch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
@@ -388,7 +388,7 @@ impl Seepage {
         })
     }
 
-    /// Whether the enclosure shuts a patch: every cell face of it lies wholly behind one plane.
+    /// Returns `true` if the enclosure closes a patch: every cell face of it is wholly behind one plane.
     fn closed(&self, patch: &Patch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let level = if patch.face.is_max() {

@@ -21,7 +21,7 @@ pub(crate) const PILOT_MARGIN: f64 = 1.25;
 
 /// A velocity the fluid will reach.
 pub(crate) struct Speed {
-    /// What makes it.
+    /// Cause of the speed.
     pub(crate) what: String,
     /// JSON path of what decides it.
     pub(crate) path: String,
@@ -217,7 +217,7 @@ pub(crate) struct PressureDifference {
     pub(crate) axis: usize,
 }
 
-/// The difference of the pressures that boundaries impose; outflows beside them are at the reference.
+/// Returns the difference of the pressures that boundaries impose; outflows elsewhere are at the reference.
 pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
     let mut bounds: Option<[f64; 2]> = None;
     let mut largest: Option<(f64, String, usize)> = None;

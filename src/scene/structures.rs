@@ -22,7 +22,7 @@ pub struct Structure {
     /// The solid with its periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
-    /// What it stops.
+    /// Materials that it stops.
     pub stops: Stops,
     /// Index of its material.
     pub material: Option<usize>,
@@ -172,7 +172,7 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
     })
 }
 
-/// Whether a part of the solid, however thin, lies in the domain.
+/// Returns `true` if a part of the solid, however thin, is in the domain.
 fn meets(images: &Images, grid: &Grid) -> bool {
     images
         .extents()
@@ -189,13 +189,13 @@ fn meets(images: &Images, grid: &Grid) -> bool {
 /// Grains reach into a structure at the start where they do by more than this part of their radius.
 const ALLOWED: f64 = 0.05;
 
-/// How deep a grain reaches into a structure that stops grains \[m\], where that is more than contacts explain.
+/// Returns the overlap of a grain with a structure that stops grains \[m\], if it is more than contacts explain.
 fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
     let depth = grain.radius - structure.solid.distance(grain.position);
     (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
 }
 
-/// Whether a grain starts in a structure, deeper than a twentieth of its radius.
+/// Returns `true` if a grain starts in a structure, deeper than a twentieth of its radius.
 #[must_use]
 pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
     structures.iter().any(|one| depth(one, grain).is_some())
@@ -260,7 +260,7 @@ mod tests {
         read.map_or_else(|problems| problems, |plan| plan.warnings)
     }
 
-    /// Water with a ball of this radius \[cells\] at a place \[cells\].
+    /// Returns `true` if water is lost with a ball of this radius \[cells\] at a position \[cells\].
     fn is_lost(centre: [f64; 3], radius: f64) -> bool {
         let case = json!({
             "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},

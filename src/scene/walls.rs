@@ -37,7 +37,7 @@ pub struct Wall {
     pub velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
-    /// Whether it is gone as the run begins.
+    /// `true` if it is removed as the run begins.
     pub temporary: bool,
     /// Time from which it exists \[s\]; none where it does from the start.
     pub from: Option<f64>,
@@ -50,13 +50,13 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Whether it comes or goes during the run.
+    /// Returns `true` if it is added or removed during the run.
     #[must_use]
     pub fn is_timed(&self) -> bool {
         self.from.is_some() || self.until.is_some()
     }
 
-    /// Whether it exists at a time of the run \[s\].
+    /// Returns `true` if it exists at a time of the run \[s\].
     #[must_use]
     pub fn exists(&self, time: f64) -> bool {
         !self.temporary
@@ -236,7 +236,7 @@ fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut F
     }
 }
 
-/// Returns the index of the material of walls on faces; a missing one is told at the first wall only.
+/// Returns the index of the material of walls on faces; a missing one is reported at the first wall only.
 fn box_material(
     case: &Case,
     names: &[String],

@@ -12,7 +12,7 @@ pub(super) fn control_characters(tree: &Value) -> Vec<Problem> {
     found
 }
 
-/// Where a value stands; made into text only where something is wrong there: lists have a hundred thousand values.
+/// Path of a value; made into text only for a problem: lists have a hundred thousand values.
 enum Place<'a> {
     Case,
     Key(&'a Place<'a>, &'a str),

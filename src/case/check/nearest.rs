@@ -17,7 +17,8 @@ pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// As [`nearest_remedy`] for a word of a choice; it is proposed where it stands alone, without parameters.
+/// Returns a remedy like [`nearest_remedy`] for a word of a choice; it is proposed if it is valid alone, without
+/// parameters.
 pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
     let remedy = Remedy::from(nearest_remedy(name, known));
     match nearest(name, known) {

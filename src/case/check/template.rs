@@ -3,9 +3,9 @@
 use super::SMALLEST;
 use serde_json::Value;
 
-/// What a value must be to be right without a closer look.
+/// Condition under which a value is valid without a detailed check.
 pub(super) enum Template<'a> {
-    /// Only the walk over the schema can tell.
+    /// Only the walk over the schema can decide.
     Unknown,
     /// Absent or as the other template requires.
     Optional(Box<Template<'a>>),
@@ -119,8 +119,8 @@ impl<'a> Template<'a> {
         }
     }
 
-    /// Whether the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers that must
-    /// be above 0.
+    /// Returns `true` if the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers
+    /// that must be above 0.
     pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,

@@ -91,9 +91,9 @@ impl Block<'_> {
         found
     }
 
-    /// What a face with springs `normal` and `shear` does against small motions of the block, over its masses. It
-    /// resists rocking where what acts along the normal is `spread` over it, as dashpots are; springs push at one point
-    /// (dem::polyhedron::force).
+    /// Returns the resistance of a face with springs `normal` and `shear` to small motions of the block, over its
+    /// masses. It resists rocking if the load along the normal is distributed over it (`spread`), as for dashpots;
+    /// springs push at one point (dem::polyhedron::force).
     fn resistance(&self, face: usize, [normal, shear]: [f64; 2], spread: bool) -> Matrix6<f64> {
         let inertia = self.shape.inertia(self.mass / self.shape.volume());
         let n = self.shape.half_spaces()[face].normal;

@@ -194,7 +194,7 @@ impl Network {
         }
     }
 
-    /// Whether whatever moves by forces touches something, but for one in ten.
+    /// Returns `true` if at least nine of ten bodies that move by forces touch another body.
     pub(super) fn holds_all(&self) -> bool {
         let mut free: Vec<bool> = self.nodes.iter().map(|n| n.roots[0] > 0.0).collect();
         let moving = free.iter().filter(|f| **f).count();
@@ -290,7 +290,7 @@ impl Network {
     }
 }
 
-/// What contacts are made of.
+/// Data from which contacts are made.
 struct Maker<'a> {
     law: &'a dyn ContactModel,
     bonded: bool,
@@ -344,7 +344,7 @@ impl Spring {
         [Some(self.first), self.second].into_iter().flatten()
     }
 
-    /// How far the second's side of the contact moves against the first's: along the normal, and across it.
+    /// Returns the motion of the second's side of the contact relative to the first's: along the normal, and across it.
     fn stretch(&self, nodes: &[Node], vector: &[Motion]) -> (f64, [f64; 3]) {
         let first = unscaled(&nodes[self.first], &vector[self.first]);
         let second = self

@@ -1,8 +1,8 @@
-//! Blocks that stand beside others: their cells exchange populations with those of their neighbours.
+//! Blocks that are next to others: their cells exchange populations with those of their neighbours.
 
 use crate::scene::Scene;
 
-/// The box of a block, its area, and whether another block is beside it.
+/// Box of a block, its area, and a flag that another block is next to it.
 struct Boxed {
     low: [f64; 3],
     high: [f64; 3],

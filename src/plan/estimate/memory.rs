@@ -9,8 +9,8 @@ use crate::scene::Scene;
 
 /// The program itself, MPI and HDF5 included, where small blocks come from huge pages.
 const PROGRAM: f64 = 3.95e7;
-/// What is left empty of the huge pages of a lattice's arrays, which begin and end within one, and the buffers of its
-/// files.
+/// Unused part of the huge pages of a lattice's arrays, which begin and end within one, and the buffers of its files
+/// \[bytes\].
 const PAGES: f64 = 3.5e6;
 /// Kind of a cell, and what guards and boundaries keep of it.
 const CELL: f64 = 4.0;
@@ -32,7 +32,7 @@ const MAP_GHOSTS: f64 = 4.0;
 const SURFACE: f64 = 300.0;
 /// A cell of the seepage, on every rank: coefficients, vectors and levels.
 const SEEPAGE: f64 = 450.0;
-/// A cell of the seepage beside structures: its cuts.
+/// Memory of a cell of the seepage next to structures: its cuts \[bytes\].
 const CUTS: f64 = 600.0;
 /// A grain with its neighbours, contacts and history.
 const GRAIN: f64 = 1700.0;

@@ -82,26 +82,26 @@ const LINK: f64 = 4.3e-9;
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
 const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
-/// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19
-/// has it in its covered cells.
+/// Time that a cell at the surface of a block next to other blocks adds in D3Q27 \[s\]: populations towards cells of
+/// those. D3Q19 has it in its covered cells.
 const JOINT: f64 = 2.2e-7;
-/// What eddies add to a covered cell of D3Q19.
+/// Time that eddies add to a covered cell of D3Q19 \[s\].
 const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
 const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
-/// What a cell at a surface takes beside eddies in each step in which bodies move.
+/// Time that a cell at a surface adds with eddies in each step in which bodies move \[s\].
 const BESIDE_EDDIES: f64 = 4e-8;
-/// The same of grains in a bonded bed, most of which rest.
+/// Time of grains in a bonded bed, most of which are at rest \[s\].
 const RESTING: f64 = 6e-10;
-/// A look of the guards at a population of a cell.
+/// Time of a check by the guards of a population of a cell \[s\].
 const GUARD: f64 = 1.05e-9;
-/// Steps between looks of the guards.
+/// Steps between checks by the guards.
 const GUARD_EVERY: f64 = 100.0;
 /// A solid step.
 const SOLID_STEP: f64 = 1.3e-7;
 /// A disc and a sphere in contact.
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
-/// What bonds add to a grain.
+/// Time that bonds add to a grain \[s\].
 const BONDS: f64 = 3.1e-8;
 /// A block among few, and in a pile.
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
@@ -127,9 +127,9 @@ const GROWTH_STEPS: f64 = 1.8e4;
 pub struct Parts {
     /// A cell of the lattice.
     pub cell: f64,
-    /// What a cell costs more where a solid covers it.
+    /// Additional cost of a cell that a solid covers.
     pub covered: f64,
-    /// What a cell at the surface of a solid costs more: its links, or the joints of blocks.
+    /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
     pub linked: f64,
     /// The map of such a cell, of a grain in a bed and of another solid.
     pub mapped: [f64; 2],

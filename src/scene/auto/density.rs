@@ -1,7 +1,7 @@
 //! Changes of density in the lattice fluid, before the run: a pressure p is a change of density p/(ρ c²), c the speed
 //! of sound.
 //!
-//! Beside the pressures that a case states there are those that its flow needs, estimated from above:
+//! In addition to the pressures that a case states there are those that its flow needs, estimated from above:
 //!
 //! ```text
 //! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
@@ -152,8 +152,8 @@ pub(crate) fn longest_step(
     deciding.map(|cause| (cause, low))
 }
 
-/// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow
-/// ways along axes.
+/// Returns the causes of changes of density by the flow of a scene, in addition to the pressures that are stated.
+/// `ways` are the narrow gaps along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
         let imposed = |patch: &Patch| imposes_a_velocity(patch) && patch.face.axis() == axis;
@@ -409,7 +409,7 @@ fn opens(flow: &Flow, axis: usize) -> bool {
     surfaces(flow, axis).any(|surface| surface == Surface::Opening)
 }
 
-/// Returns `true` if the patch has walls beside it: at faces across, or on its own face.
+/// Returns `true` if the patch has walls next to it: at faces across, or on its own face.
 fn ends_at_walls(flow: &Flow, patch: &Patch) -> bool {
     let axis = patch.face.axis();
     let across = (0..3).filter(|a| *a != axis);

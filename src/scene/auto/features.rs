@@ -1,4 +1,4 @@
-//! What the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
+//! Features that the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
@@ -37,7 +37,7 @@ pub(crate) struct Feature {
     pub(crate) what: String,
     /// Its smallest width \[m\].
     pub(crate) size: f64,
-    /// What the water meets there, as in the table of what is measured.
+    /// Obstacle of the water there, as in the table of measured errors.
     pub(crate) obstacle: &'static str,
 }
 
@@ -78,7 +78,7 @@ fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for gaps that water passes, by the rows of the solids beside it.
+/// Returns the row of the table for gaps that water passes, by the row of the adjacent solids.
 fn in_gap(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps: half-way links",
@@ -88,7 +88,7 @@ fn in_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for gaps beside bodies that move, by the rows of the solids beside it.
+/// Returns the row of the table for gaps next to bodies that move, by the row of the adjacent solids.
 fn beside_moving(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps beside bodies that move: half-way links",
@@ -241,7 +241,7 @@ fn pores(solid: f64) -> f64 {
     (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
 }
 
-/// A gap that water passes. Beside faces the rows hold the mean of width and gap.
+/// Returns the feature of a gap that water passes. Next to faces the rows hold the mean of width and gap.
 fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     Feature {
         what: gap.what.clone(),

@@ -21,7 +21,7 @@ use std::ops::ControlFlow;
 
 /// The largest number of solids whose gaps are looked at.
 const MOST_SOLIDS: usize = 200_000;
-/// Gaps wider than this many widths of the solids beside them are open water.
+/// Width of a gap over that of the adjacent solids above which it is open water.
 const WIDE: f64 = 1.0;
 
 /// A gap between two solids, or between a solid and a wall.
@@ -31,11 +31,11 @@ pub(crate) struct Gap {
     pub(crate) what: String,
     /// Its width \[m\]; 0 or less where the solids touch.
     pub(crate) width: f64,
-    /// Smallest width of the solids beside it \[m\].
+    /// Smallest width of the adjacent solids \[m\].
     pub(crate) beside: f64,
-    /// Whether a solid beside it is not round.
+    /// `true` if an adjacent solid is not round.
     pub(crate) faces: bool,
-    /// One over the sum of the curvatures of both sides \[m\]: the radius beside a flat wall, half of it between equal
+    /// One over the sum of the curvatures of both sides \[m\]: the radius next to a flat wall, half of it between equal
     /// discs.
     pub(crate) radius: f64,
 }
@@ -45,7 +45,7 @@ pub(crate) struct Gap {
 pub(crate) struct Gaps {
     /// The narrowest place of the widest way along each axis that water flows along; 2-D only.
     pub(crate) ways: Vec<(usize, Gap)>,
-    /// The narrowest gap beside each body that moves.
+    /// Narrowest gap next to each body that moves.
     pub(crate) moving: Vec<Gap>,
     /// The narrowest gap of all; 3-D only.
     pub(crate) narrowest: Option<Gap>,
@@ -190,7 +190,7 @@ impl Places<'_> {
         Vector3::from_fn(|axis, _| f64::from(by[axis]) * self.period[axis].unwrap_or(0.0))
     }
 
-    /// Axes along which water may flow through the domain.
+    /// Returns `true` if water may flow through the domain along an axis.
     fn through(&self, axis: usize) -> bool {
         !self.walls.contains(&(axis, false)) && !self.walls.contains(&(axis, true))
     }
@@ -330,7 +330,7 @@ fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     links
 }
 
-/// The narrowest gap beside each body that moves.
+/// Returns the narrowest gap next to each body that moves.
 fn moving(places: &Places<'_>, solids: &[Solid], near: &[Link]) -> Vec<Gap> {
     let all = solids.iter().enumerate().filter(|(_, solid)| solid.moves);
     let gap = |(k, solid): (usize, &Solid)| {
@@ -387,7 +387,8 @@ impl Sets {
     }
 }
 
-/// The narrowest place of the widest way along an axis of the plane; none if it is wider than the solids beside it.
+/// Returns the narrowest point of the widest path along an axis of the plane; none if it is wider than the adjacent
+/// solids.
 fn narrowest_of_the_widest_way(
     places: &Places<'_>,
     solids: &[Solid],

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! start     ρ c U                                a driven body moves from the first step on
-//! flow      ρ U² |C_p|/2 + k ρ ν U/R             suction beside the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
+//! flow      ρ U² |C_p|/2 + k ρ ν U/R             suction at the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
 //!                                                (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in creeping flow
 //! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)          fluid between a free body and the wall that it falls on, δ = 2 cells;
 //!                                                k = 6 (disc), 3 (sphere), and its inertia
@@ -22,12 +22,13 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
 
-/// Estimates over what runs found, at least: the sound of a start spreads, and guards look from time to time.
+/// Factors of the estimates over the values that runs found, at least: the sound of a start spreads, and guards check
+/// only at intervals.
 const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
 const OVER: f64 = 2.5;
 const OVER_IN_A_FILM: f64 = 2.0;
 
-/// Pressure coefficients of potential flow beside a disc and a sphere.
+/// Pressure coefficients of potential flow at a disc and a sphere.
 const SUCTION: [f64; 2] = [3.0, 1.25];
 /// Parts of ρ ν U/R in front of a disc between walls and a sphere in creeping flow.
 const FRICTION: [f64; 2] = [3.0, 1.5];
@@ -36,8 +37,8 @@ const FILM: [f64; 2] = [6.0, 3.0];
 
 /// Stokes number from which a sphere rebounds from a wall in a liquid.
 const REBOUNDS: f64 = 10.0;
-/// Width of the thinnest film whose pressure the cells show, in cells: beside runs (`jobs/automatic/openings`) the
-/// estimate is then 2 to 4 times the change that the guards saw.
+/// Width of the thinnest film whose pressure the cells show, in cells: compared with runs (`jobs/automatic/openings`)
+/// the estimate is then 2 to 4 times the change that the guards saw.
 const FILM_CELLS: f64 = 2.0;
 
 /// Returns the causes of changes of density of all bodies of a scene.

@@ -1,4 +1,4 @@
-//! The error of a law of resistance, beside resolved flow through random beds of equal spheres.
+//! Error of a law of resistance, compared with resolved flow through random beds of equal spheres.
 //!
 //! Lattice Boltzmann simulations of random arrays gave the drag on a sphere, F in 3 pi mu d U with the superficial
 //! velocity U, at the solid fraction s, porosity n = 1 - s and Reynolds number Re = rho U d/mu, without the part of the

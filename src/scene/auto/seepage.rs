@@ -93,7 +93,7 @@ fn covering(what: &str, value: f64) -> Option<&'static Row> {
         .min_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// What loads a bed.
+/// Load of a bed.
 struct Bed {
     /// Smallest and largest diameter \[m\].
     diameters: (f64, f64),
@@ -132,7 +132,7 @@ impl Bed {
         self.force / (overlap * self.diameters.1)
     }
 
-    /// What the time between two couplings is counted in \[s\].
+    /// Returns the unit of the time between two couplings \[s\].
     fn time(&self) -> f64 {
         (self.diameters.0 / self.acceleration).sqrt()
     }
@@ -184,7 +184,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     judge(scene, &bed, interval, target, findings);
 }
 
-/// What the interval chosen and the contacts, chosen or stated, promise together.
+/// Reports the combined error of the chosen interval and the contacts, chosen or stated.
 fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &mut Findings) {
     let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
         return;

@@ -49,10 +49,10 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     (Coupling::BounceBack(links), reason)
 }
 
-/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores,
-/// whatever couples them.
+/// Returns `true` if spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their
+/// pores with any coupling.
 fn lie_packed(case: &Case) -> bool {
-    /// As many touch a sphere in a loose packing.
+    /// Number of neighbours of a sphere in a loose packing.
     const NEIGHBOURS: u32 = 6;
     let many = match case.grains.as_ref().map(|grains| &grains.initial) {
         Some(Initial::Growth(_)) => true,
@@ -62,7 +62,7 @@ fn lie_packed(case: &Case) -> bool {
     many && case.domain.size.0.len() == 3
 }
 
-/// Whether discs or spheres move freely. Blocks and bonds have properties without default values.
+/// Returns `true` if discs or spheres move freely. Blocks and bonds have properties without default values.
 pub(crate) fn move_without_law(case: &Case) -> bool {
     let free = |motion: &Motion| matches!(motion, Motion::Free { .. });
     let moving = case.grains.is_some() || case.bodies.iter().any(|body| free(&body.motion));
@@ -86,7 +86,7 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// Whether the linear law of a case leaves its stiffness open.
+/// Returns `true` if the linear law of a case has no stiffness.
 pub(crate) fn without_stiffness(case: &Case) -> bool {
     matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
 }

@@ -17,7 +17,7 @@
 //!
 //! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction
 //! at walls and bodies damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L
-//! between walls. Beside a surface S round a volume V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210
+//! between walls. At a surface S around a volume V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210
 //! (1868) 177-193, without conduction of heat)
 //!
 //! γ = (S/2V) (ν ω/2)^½,
@@ -84,7 +84,7 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((what, step))
 }
 
-/// The rate \[1/s\] with which sound of this angular frequency dies away beside a surface over its volume \[1/m\].
+/// Returns the rate \[1/s\] with which sound of this angular frequency decays, for a surface over its volume \[1/m\].
 #[must_use]
 pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let swinging = damping_of(frequency, viscosity, surface_over_volume);
@@ -228,7 +228,7 @@ impl Waves {
 pub struct Way {
     /// Its width \[m\].
     pub width: f64,
-    /// What is beside it.
+    /// Kind of the adjacent solids.
     pub beside: Beside,
 }
 
@@ -247,7 +247,7 @@ impl Way {
     }
 }
 
-/// What stands beside a narrow way.
+/// Kind of the solids next to a narrow gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
     /// Round solids: one over the sum of the curvatures of both sides \[m\], half the radius between equal discs.
@@ -280,8 +280,8 @@ pub fn filling(
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
 }
 
-/// The longest time step \[s\] with which the pressure before the narrowest place of a way along `axis` is built up in
-/// time, and what it keeps. The place fills the water beside its solids.
+/// Returns the longest time step \[s\] with which the pressure before the narrowest point of a gap along `axis` is
+/// built up in time, and the requirement that it keeps. The gap is filled with the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
     let way = Way::of(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);

@@ -303,7 +303,7 @@ fn rounded_up(size: f64, h: f64) -> f64 {
     }
 }
 
-/// Whether an edge is a whole number of cells.
+/// Returns `true` if an edge is a whole number of cells.
 fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
 }

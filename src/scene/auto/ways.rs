@@ -26,7 +26,7 @@ const FEWEST: f64 = 8.0;
 const FINER: [usize; 2] = [15, 5];
 /// Samples on each side of the narrowest place that are looked at again.
 const ABOUT: usize = 2;
-/// Ways wider than this many widths of the bodies beside them are open water.
+/// Width of a gap over that of the adjacent bodies above which it is open water.
 const WIDE: f64 = 1.0;
 /// Most solids that are looked at.
 const MOST_SOLIDS: usize = 20_000;
@@ -34,7 +34,7 @@ const MOST_SOLIDS: usize = 20_000;
 /// Solids that are looked for about a point.
 const NEAREST: usize = 4;
 
-/// Kinds of solids beside a way.
+/// Kinds of solids next to a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beside {
     /// Spheres or discs, and no wall.
@@ -50,11 +50,11 @@ pub(crate) enum Beside {
 /// The narrowest place of a way.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Way {
-    /// In words: "narrowest way, beside `a` and the upper wall along y".
+    /// Text of the gap: "narrowest way, beside `a` and the upper wall along y".
     pub(crate) what: String,
     /// Its width \[m\].
     pub(crate) width: f64,
-    /// Kind of the solids beside it.
+    /// Kind of the adjacent solids.
     pub(crate) beside: Beside,
 }
 
@@ -388,7 +388,8 @@ impl Samples {
         order
     }
 
-    /// Returns the clearance of each sample of water and those beside it: no sample stands in the middle of a way.
+    /// Returns the largest clearance of each sample of water and its neighbours: no sample is exactly in the middle of
+    /// a gap.
     fn widened(&self, periodic: [bool; 3]) -> Vec<f64> {
         let one = |k: usize| {
             let mut widest = self.clearance[k];
@@ -402,7 +403,7 @@ impl Samples {
         (0..self.clearance.len()).map(one).collect()
     }
 
-    /// Calls `each` with the samples beside one, and the period that is crossed.
+    /// Calls `each` with the neighbours of a sample, and the period that is crossed.
     fn beside(&self, k: usize, periodic: [bool; 3], mut each: impl FnMut(usize, [i32; 3])) {
         let cell = self.cell(k);
         for axis in 0..3 {
@@ -543,7 +544,7 @@ fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
     }
 }
 
-/// The sample at the narrowest place of a way, and samples beside it on both sides.
+/// Sample at the narrowest point of a gap, and its neighbours on both sides.
 struct Narrow {
     place: usize,
     sides: [usize; 2],

@@ -63,7 +63,7 @@ fn a_jointed_box_rests_on_bed_rock() {
     assert!(scene.polyhedron(31).is_some() && scene.polyhedron(32).is_none());
 }
 
-/// What is saved comes back from a file with what never moves.
+/// Saves blocks and reads them back from a file, with those that never move.
 #[test]
 fn a_file_holds_what_the_joints_made() {
     let bed = json!({"fixed": [{"from": [0, 0, 0], "to": [4, 4, 1]}]});
@@ -169,7 +169,7 @@ fn overlaps_are_named_with_both() {
     assert!(plan(&mixed, Path::new("")).is_ok());
 }
 
-/// A cube beside a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
+/// Places a cube next to a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
 #[test]
 fn a_wall_of_facets_is_not_inside_a_block() {
     let beside = |x: f64| {

@@ -102,7 +102,7 @@ pub(super) fn resolve(
     })
 }
 
-/// Returns true where gravity points to the lower face, and refuses other directions.
+/// Returns `true` if gravity points to the lower face, and refuses other directions.
 fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Findings) -> bool {
     let upward = pull >= 0.0;
     if upward {

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use crate::random::Stream;
 
-/// What the gaps are drawn for.
+/// Purpose of the random numbers for gaps.
 const GAPS: u32 = 21;
 
 /// Parallel joints.

@@ -28,7 +28,7 @@ pub struct Listed {
     pub solid: Solid,
     /// Name of its material, if it is not that of the others.
     pub material: Option<String>,
-    /// Whether it never moves.
+    /// `true` if it never moves.
     pub fixed: bool,
 }
 

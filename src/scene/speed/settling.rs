@@ -60,7 +60,8 @@ pub(crate) fn diameter(body: &Body) -> f64 {
     volume.map_or(2.0 * body.radius, of_volume)
 }
 
-/// What moves freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume), material.
+/// Returns the bodies that move freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume),
+/// material.
 fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
     for (n, body) in scene.bodies.iter().enumerate() {

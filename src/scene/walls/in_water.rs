@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
 const SAGITTA: f64 = 0.01;
 
-/// What grains meet at the structures.
+/// Returns the walls that structures are for grains.
 pub(super) fn of_structures(
     case: &Case,
     grid: &Grid,
@@ -148,7 +148,7 @@ fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     all
 }
 
-/// Where water is present, walls are for grains only. Those with water on both sides are named.
+/// Checks walls in water, which are for grains only. Those with water on both sides are named.
 pub(crate) fn walls_in_water(
     case: &Case,
     grid: &Grid,
