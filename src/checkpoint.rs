@@ -117,7 +117,7 @@ fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     }))
 }
 
-/// Where a slab lies in an array of `q` numbers a cell: shape, start and count.
+/// Returns the box of a slab in an array of `q` numbers a cell: shape, start and count.
 fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     let (all, start, count) = (
         fluid.domain_cells(),
@@ -462,7 +462,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
     }
 }
 
-/// The key of the column of each number that a law keeps of a contact, beside the number; `keys` are made once.
+/// Returns the column key of each number that a law keeps of a contact, with the number; `keys` are made once.
 fn history_keys<'a>(
     keys: &'a mut Vec<u64>,
     kind: &str,

@@ -141,7 +141,7 @@ enum Command {
     Sweep {
         /// Study file.
         study: PathBuf,
-        /// Output folder [default: beside the study, with its name].
+        /// Output folder [default: next to the study, with its name].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -527,7 +527,7 @@ fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
-/// As [`report_problems`], with the verdict on a case that only the work itself has read.
+/// Reports problems like [`report_problems`], with the verdict on a case that only the work itself has read.
 fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     let outcome = report_problems(outcome);
     if let Err(Error::Case(findings)) = &outcome {
@@ -614,7 +614,7 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     judge(&plan.warnings, case, stability)
 }
 
-/// Returns the plan of the case with its pilot, which is run and written beside the case.
+/// Returns the plan of the case with its pilot, which is run and written to the folder of the case.
 fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     let report = |line: &str| {
         if !case.json {

@@ -51,7 +51,7 @@ pub struct Search {
     pub begun: Instant,
     /// See above.
     pub max_walltime: Option<Duration>,
-    /// Runs a case that is unstable.
+    /// `true` if an unstable case is run.
     pub allow_unstable: bool,
 }
 
@@ -68,7 +68,7 @@ pub struct Trial {
     pub late: u64,
     /// Mean porosity where there are grains, at the end.
     pub porosity: f64,
-    /// Whether the run eroded.
+    /// `true` if the run eroded.
     pub erodes: bool,
 }
 
@@ -141,7 +141,7 @@ fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> 
     }
 }
 
-/// What drives the water.
+/// Boundary that drives the water.
 struct Inlet {
     name: String,
     /// Path of its number in the case.

@@ -18,7 +18,7 @@ use std::ffi::OsString;
 const VARIABLE: &str = "GLIBC_TUNABLES";
 const NAME: &str = "glibc.malloc.hugetlb";
 
-/// Where Linux says who gets huge pages.
+/// File in which Linux states which processes get huge pages.
 const SWITCH: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
 
 /// Variable of Open MPI by which a rank that waits yields its core.
@@ -49,7 +49,7 @@ pub fn ask() {
         again.arg0(name).args(words);
         again.envs(tunables.map(|tunables| (VARIABLE, tunables)));
         again.envs(yields.then_some((YIELD, "1")));
-        // It returns only if it failed: then everything goes on as it is.
+        // It returns only if it failed: then the process continues unchanged.
         let _ = again.exec();
     }
 }

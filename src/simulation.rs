@@ -69,7 +69,7 @@ use removal::{Departed, Removal};
 use schedule::Schedule;
 use view::View;
 
-/// What is simulated, as it is now.
+/// Simulated state at the present step.
 struct Present<Sp: Space, S: Saved> {
     plan: Plan,
     domain: Domain,
@@ -288,7 +288,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.now.flow.as_mut().map_or(Ok(()), Water::fetch)
     }
 
-    /// Looks at the state as it is, unless the guards have done so. Collective.
+    /// Runs the guards if they have not run this step. Collective.
     ///
     /// # Errors
     /// When the numbers fail.
@@ -337,8 +337,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.collapse.record_end(&view)
     }
 
-    /// Drops what was written at the present step because a run ended there. Call it where a resumed run
-    /// goes on. Collective.
+    /// Drops what was written at the present step because a run ended there. Call it where a resumed run continues.
+    /// Collective.
     ///
     /// # Errors
     /// When a file cannot be written; the same on all ranks.

@@ -40,15 +40,15 @@ use study::{Refused, Run, Study};
 pub struct Sweep {
     /// The study file.
     pub study: PathBuf,
-    /// Output folder; none for a folder beside the study with its name.
+    /// Output folder; none for a folder next to the study with its name.
     pub output: Option<PathBuf>,
-    /// What to do.
+    /// Task of the sweep.
     pub task: Task,
     /// Wall-clock time after which members are stopped.
     pub max_walltime: Option<Duration>,
 }
 
-/// What to do.
+/// Task of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Run the missing members, then write the table.

@@ -48,15 +48,15 @@ use table::{Grid, Noise, Table};
 pub struct Options {
     /// Output folder.
     pub output: PathBuf,
-    /// Whether one grid is finer than that of the case.
+    /// `true` if one grid is finer than that of the case.
     pub finer: bool,
-    /// Whether settings of models are varied too.
+    /// `true` if settings of models are varied too.
     pub settings: bool,
     /// Ranks, threads and runs at once.
     pub run: Run,
     /// Wall-clock time after which the runs are stopped.
     pub max_walltime: Option<Duration>,
-    /// Runs an unstable case.
+    /// `true` if an unstable case is run.
     pub allow_unstable: bool,
 }
 
@@ -71,7 +71,7 @@ pub struct Members {
     pub settings: Vec<(Setting, usize)>,
     /// The run that settings are compared with.
     pub beside: usize,
-    /// How the time step changes.
+    /// Scaling of the time step.
     pub scaling: Scaling,
 }
 
@@ -173,7 +173,7 @@ impl Members {
     }
 
     /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its
-    /// place in the list. Whether there was one left to add.
+    /// index in the list. Returns `true` if there was one left to add.
     fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
         let (mut usable, mut lost) = (Vec::new(), Vec::new());
         for (ratio, place) in &self.grids {
@@ -190,7 +190,7 @@ impl Members {
         other.is_some()
     }
 
-    /// How many grids the plan allows.
+    /// Returns the number of grids that the plan allows.
     fn usable(&self) -> usize {
         let allowed = |(_, place): &&(f64, usize)| self.list[*place].prepared.is_some();
         self.grids.iter().filter(allowed).count()
@@ -262,7 +262,7 @@ impl Members {
         )
     }
 
-    /// What the grids mean.
+    /// Returns the meaning of the grids.
     fn meaning(&self) -> &'static str {
         if self.grids.len() > 1 {
             self.scaling.meaning()

@@ -18,8 +18,8 @@
 //! third points up. The box is divided into cells with edges of about two mean diameters. A smaller cell would count
 //! pores as voids, a larger one would miss a hole of a few grains.
 //!
-//! - **Ground** is every cell with a solid fraction of at least [`measure::GROUND`] at time 0. Air above, rock beside
-//!   and the opening below never count.
+//! - **Ground** is every cell with a solid fraction of at least [`measure::GROUND`] at time 0. Air above, rock at the
+//!   sides and the opening below never count.
 //! - **Void** is a cell of the ground with less than `void_below` of its initial solid. The void of a point is the set
 //!   of void cells that are connected through faces to the cells at its box. Its volume is the volume of the missing
 //!   soil: lost solid over the packing, the median solid fraction of the ground at time 0, so that a cell half in rock
@@ -40,7 +40,8 @@
 //! - **Extension** is the length along the long axis over which any column has settled by the threshold of the
 //!   sinkhole.
 //! - **Inward** is the mean displacement, towards the nearest point along the long axis, of the grains that at time 0
-//!   were beside the points, at a distance of at most the thickness of their cover: about the wedge that can slide in.
+//!   were at the sides of the points, at a distance of at most the thickness of their cover: about the wedge that can
+//!   slide in.
 //!
 //! # Stages
 //!
@@ -49,11 +50,11 @@
 //! | t1 hidden hole | n grains have left through one point, or its void has the volume of a cell | single grains in the opening leave in any case |
 //! | t2 arch | over a point with a void of the volume of a cell the front reaches half of the cover, while the surface has not sunk as at t3 | the ground above the void moves as a whole, the surface does not yet |
 //! | t3 sinkhole | a column of the surface over a point, or two neighbouring ones elsewhere, have settled by a mean diameter (elevation and own grains) | smaller values are the settling of grains into pores; away from the points a single column is a loose grain |
-//! | t4 extension | the longest depression is 1.5 times the length or width of the sinkhole at t3, and the soil beside it moves in | the depression grows along the fissure and not around the hole |
+//! | t4 extension | the longest depression is 1.5 times the length or width of the sinkhole at t3, and the adjacent soil moves in | the depression grows along the fissure and not around the hole |
 //!
 //! A stage begins at the first of three consecutive samples that meet its criterion, and only once. t1 and t3 do not
 //! depend on each other. t2 asks for a void and for a surface at rest: ground that sinks as a whole has no arch. t4
-//! needs t3, because it compares lengths. The shapes of the front at t2 and t3 are written beside the times. All
+//! needs t3, because it compares lengths. The shapes of the front at t2 and t3 are written with the times. All
 //! thresholds are fields of the case.
 //!
 //! # Reproducibility

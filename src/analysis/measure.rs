@@ -33,7 +33,7 @@ pub struct Measure {
     pub take: Take,
 }
 
-/// What is made of the rows.
+/// Quantity computed from the rows.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Take {
@@ -50,7 +50,7 @@ pub enum Take {
     Count,
     /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula [s].
     Cosine(String),
-    /// The same with the sine.
+    /// Amplitude of the sine.
     Sine(String),
     /// Time between upward crossings of the mean, on average [s].
     Period,
@@ -60,14 +60,14 @@ pub enum Take {
     MeanError(String),
     /// Largest difference from a table, over the table's largest size; rows of the last time, interpolated by cubics.
     TableError {
-        /// CSV beside the case or study with two columns: coordinate and value.
+        /// CSV in the folder of the case or study with two columns: coordinate and value.
         table: String,
         /// Formula of the coordinate in the columns of the run.
         at: String,
     },
 }
 
-/// How far two profiles are apart, relative to the reference.
+/// Norm of the difference of two profiles, relative to the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -128,7 +128,7 @@ impl Profile {
         })
     }
 
-    /// How far this profile, interpolated by cubics, is from the points of a reference.
+    /// Returns the error of this profile, interpolated by cubics, at the points of a reference.
     ///
     /// # Errors
     /// Fewer than four points, or coordinates that do not grow.
@@ -270,7 +270,7 @@ impl Table {
     }
 }
 
-/// Rows of a table that count, with the numbers that formulas may name beside its columns.
+/// Rows of a table that count, with the numbers that formulas may name in addition to its columns.
 struct Rows<'a> {
     table: Table,
     kept: Vec<usize>,

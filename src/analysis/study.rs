@@ -17,7 +17,7 @@ use crate::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// A bulk that moves by more than this many mean diameters fails; beside faces that erode, it stands.
+/// Displacement in mean diameters above which a bulk has failed; next to faces that erode, it stands.
 const MOVED: f64 = 1.0;
 
 /// One run as read.
@@ -37,8 +37,8 @@ pub struct RunReport {
     pub eroded_fraction: f64,
     /// Grains that left.
     pub eroded_grains: u64,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no
-    /// bond broke.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
+    /// broke.
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
     pub bulk_displacement: Option<f64>,
@@ -58,7 +58,7 @@ pub struct CohesionReport {
     pub cohesion: f64,
     /// Its runs, by pressure.
     pub runs: Vec<RunReport>,
-    /// What the law is fitted to.
+    /// Points that the law is fitted to.
     pub points: Points,
     /// The law; `None` where no run has a point.
     pub law: Option<Law>,
@@ -66,7 +66,7 @@ pub struct CohesionReport {
     pub readings: Vec<Reading>,
 }
 
-/// What counts as a point of the law.
+/// Kind of the points of the law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Points {
@@ -76,7 +76,7 @@ pub enum Points {
     Windows,
 }
 
-/// How the stress is measured.
+/// Method by which the stress is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stress {
@@ -99,7 +99,7 @@ pub struct Reading {
     pub law: Option<Law>,
 }
 
-/// What `solver erosion-law` found and wrote.
+/// Results and files of `solver erosion-law`.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
     /// By cohesion.
@@ -108,7 +108,7 @@ pub struct Report {
     pub trend: Option<CohesionTrend>,
     /// Files written.
     pub files: Vec<PathBuf>,
-    /// What a reader should know, such as runs that ended early.
+    /// Warnings for the reader, such as runs that ended early.
     pub warnings: Vec<String>,
 }
 
@@ -176,7 +176,7 @@ pub fn fit(runs: &[PathBuf]) -> Result<Report, Error> {
     })
 }
 
-/// Equal but for rounding in text.
+/// Returns `true` if the numbers are equal but for rounding in text.
 #[must_use]
 pub fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 /// The possible contents of checkpoints of a case, compared with a manifest before memory is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Whether the preparation is over: earlier checkpoints hold less.
+    /// `true` if the preparation is over: earlier checkpoints hold less.
     pub prepared: bool,
     /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
@@ -34,7 +34,7 @@ pub struct Expected {
 const MOST_CONTACTS: u64 = 1000;
 
 impl Expected {
-    /// Whether a manifest can be that of a checkpoint of the case.
+    /// Checks that a manifest can be that of a checkpoint of the case.
     ///
     /// # Errors
     /// A sentence that names the mismatch.
@@ -302,7 +302,7 @@ impl Bounds {
                     .map(|q| q * q)
                     .sum::<f64>()
             });
-            // Spheres beside blocks have the turn of nothing, or none.
+            // In a scene with blocks, spheres have the identity as orientation, or none.
             let mut squares = squares.filter(|square| *square > 0.0);
             if squares.any(|square| (square - 1.0).abs() > 1e-6) {
                 return wrong("an orientation of the grains is no rotation");

@@ -1,4 +1,4 @@
-//! What a checkpoint holds of grains and contacts: names, order and values of the columns, and the hash of the state.
+//! Grains and contacts in a checkpoint: names, order and values of the columns, and the hash of the state.
 //!
 //! The numbers were taken once and stay: a checkpoint of an earlier build must be read, and a state hash must compare.
 

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// What to estimate, and how.
+/// Options of an estimate.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -105,7 +105,7 @@ fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
     asked.map_or_else(share, u32::from)
 }
 
-/// What an estimate of a plan costs, or why there is none.
+/// Returns the cost of an estimate of a plan, or why there is none.
 pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     match Members::of(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_lines(),
@@ -113,7 +113,7 @@ pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     }
 }
 
-/// The same as data.
+/// Returns the cost of an estimate as JSON.
 pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
     match Members::of(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_json(),

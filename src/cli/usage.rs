@@ -14,7 +14,7 @@ pub(super) const MOST_THREADS: u16 = 1024;
 /// [`Error::Usage`] where it is neither.
 pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
     let text = word.to_string_lossy();
-    // A dot or a slash: somebody means a file, and the reader says what is wrong with it.
+    // A path: the reader reports the error.
     if text.starts_with('-') || text.contains(['.', '/']) || Path::new(word).exists() {
         return Ok(());
     }

@@ -400,7 +400,7 @@ mod tests {
 
     const PRESSURES: [f64; 10] = [0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-    /// `PLOT_TO` names a folder where a person can look at the figures.
+    /// Returns the folder of the figures; `PLOT_TO` names another for inspection by eye.
     fn figures(folder: &Path) -> PathBuf {
         std::env::var_os("PLOT_TO").map_or_else(|| folder.join("out"), PathBuf::from)
     }

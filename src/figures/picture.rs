@@ -27,7 +27,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// What to draw of a run.
+/// Options of a picture of a run.
 #[allow(
     rustdoc::broken_intra_doc_links,
     reason = "comments are the help of the command, where units stand in brackets"
@@ -228,7 +228,7 @@ struct Scene {
     grains: Option<Grains>,
     contacts: Option<Network>,
     faces: Option<Faces>,
-    /// What never moves; a section leaves it out, where the water shows it.
+    /// Faces of the structures; a section leaves them out, where the water shows them.
     structures: Option<Rc<Faces>>,
 }
 
@@ -317,7 +317,7 @@ impl Water {
 struct Grains {
     positions: Vec<[f64; 3]>,
     radii: Vec<f64>,
-    /// What colours them, if anything.
+    /// Values that colour them, if any.
     values: Option<Vec<f64>>,
     quantity: String,
     units: String,
@@ -595,7 +595,7 @@ impl Sheet {
         // Wide panels one above the other, narrow ones side by side.
         let columns = if 2 * height < width { 1 } else { panels.min(2) };
         let below = panels.div_ceil(columns) * (height + HEAD + GAP);
-        // Right of the length, which needs some room in narrow pictures.
+        // Right of the length, which needs some space in narrow pictures.
         let x = GAP + (width / 3).max(110);
         let size = [
             (columns * width + (columns + 1) * GAP)

@@ -37,7 +37,7 @@ pub fn sequential(index: usize, count: usize) -> String {
     let mix = |c: usize| STOPS[below][c] * (1.0 - t) + STOPS[below + 1][c] * t;
     format!("rgb({:.0},{:.0},{:.0})", mix(0), mix(1), mix(2))
 }
-/// How an axis maps values.
+/// Mapping of values to an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// In proportion.
@@ -53,7 +53,7 @@ pub struct Axis {
     pub quantity: String,
     /// Its unit; empty for none.
     pub unit: String,
-    /// How values are mapped.
+    /// Mapping of values.
     pub scale: Scale,
     /// First and last value; from the data where `None`.
     pub range: Option<(f64, f64)>,
@@ -80,7 +80,7 @@ impl Axis {
         }
     }
 
-    /// The same axis with a fixed range.
+    /// Returns the axis with a fixed range.
     #[must_use]
     pub fn over(self, low: f64, high: f64) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Mark {
     }
 }
 
-/// How a point looks.
+/// Mark of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// A disc of its colour.
@@ -131,14 +131,14 @@ pub enum Style {
     OpenSquare,
 }
 
-/// What a layer draws.
+/// Shape that a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A line through the points.
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
         points: Vec<(f64, f64)>,
-        /// Whether it is dashed.
+        /// `true` if it is dashed.
         dashed: bool,
     },
     /// The area between two lines.
@@ -150,7 +150,7 @@ pub enum Shape {
     Marks {
         /// The points.
         marks: Vec<Mark>,
-        /// How they look.
+        /// Mark of the points.
         style: Style,
     },
     /// Words to the upper right of points `(x, y, words)`.
@@ -168,7 +168,7 @@ pub enum Shape {
 /// Something drawn, with its colour and its entry in the legend (none where empty).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// What is drawn.
+    /// Shape that is drawn.
     pub shape: Shape,
     /// Any SVG colour.
     pub colour: String,
@@ -188,12 +188,12 @@ impl Layer {
     }
 }
 
-/// Where the legend stands.
+/// Position of the legend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Legend {
     /// Nowhere.
     None,
-    /// Beside the panel, on the right.
+    /// To the right of the panel.
     Right,
     /// In the upper left corner.
     TopLeft,
@@ -255,7 +255,7 @@ impl Figure {
         };
         let height = (self.panels.iter().map(beside)).fold(TOP + PLOT_HEIGHT + BOTTOM, f64::max);
         let mut pen = Pen::default();
-        // Spaces are preserved, else those beside a raised or lowered span are dropped.
+        // Spaces are preserved, otherwise those next to a raised or lowered span are dropped.
         pen.put(format_args!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" height=\"{height:.0}\" \
              viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif\" \
@@ -830,7 +830,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
         }
         Shape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));
-            // Room for the arrow, and for the legend above it.
+            // Space for the arrow, and for the legend above it.
             ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
         Shape::Band { points } => {

@@ -59,7 +59,7 @@ pub struct Averages {
     states: Scratch,
 }
 
-/// Room for a band of states: no part of what the averages are.
+/// Buffer for a band of states: no part of the averages.
 #[derive(Clone, Debug, Default)]
 struct Scratch(BandStates);
 
@@ -154,7 +154,7 @@ impl Averages {
         &self.sums
     }
 
-    /// Goes on from saved sums of the same slab.
+    /// Continues from saved sums of the same slab.
     pub fn restore(&mut self, samples: u64, sums: Vec<f64>) {
         self.samples = samples;
         self.sums = sums;

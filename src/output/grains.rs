@@ -150,7 +150,7 @@ impl Grains {
     }
 }
 
-/// Where owned grain `k` stands inside the domain (m), whenever it was wrapped last.
+/// Returns the position of owned grain `k` inside the domain (m), whenever it was wrapped last.
 pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid) -> [f64; 3] {
     let raw = space_vector(&particles.motion[k].position);
     std::array::from_fn(|axis| {
@@ -190,7 +190,7 @@ pub(crate) fn force_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N/m" } else { "N" }
 }
 
-/// The same for torques.
+/// Returns the unit of torques.
 pub(crate) fn torque_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N m/m" } else { "N m" }
 }

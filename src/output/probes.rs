@@ -190,7 +190,8 @@ impl Probe {
     }
 }
 
-/// A new table, or the one of an earlier part of the run; whether it holds a whole sample of the step it goes on from.
+/// Opens a new table, or that of an earlier part of the run; returns also `true` if it holds a whole sample of the step
+/// that the run continues from.
 fn open(
     path: &Path,
     headings: &[Heading],

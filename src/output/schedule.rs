@@ -29,7 +29,7 @@ impl Schedule {
         schedule
     }
 
-    /// Whether it is due at `step`. A step that was passed by is not made up for.
+    /// Returns `true` if it is due at `step`. A step that was passed is not made up for.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         step >= self.next && self.falls_on(step)
     }
@@ -46,7 +46,7 @@ impl Schedule {
         self.next
     }
 
-    /// Whether `step` is one of those at which there is an output, rather than the end of a run.
+    /// Returns `true` if `step` is one of those at which there is an output, rather than the end of a run.
     pub(crate) fn falls_on(&self, step: u64) -> bool {
         self.every.is_some_and(|every| every.falls_on(step))
     }

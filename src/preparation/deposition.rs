@@ -31,7 +31,7 @@ pub struct Cloud<S: Space> {
     pub upper: S::Vector,
     /// Sizes.
     pub grading: Grading,
-    /// How many grains.
+    /// Number of grains.
     pub number: usize,
     /// Density (kg/m³).
     pub density: f64,
@@ -39,7 +39,7 @@ pub struct Cloud<S: Space> {
     pub material: u32,
 }
 
-/// What falls, onto what, and when it has settled.
+/// Grains that fall, the bodies that they fall onto, and the criterion for their settling.
 #[derive(Clone, Debug)]
 pub struct Deposition<S: Space> {
     /// The clouds. Those of one material have one density.
@@ -48,13 +48,13 @@ pub struct Deposition<S: Space> {
     pub region: Region<S>,
     /// Walls.
     pub walls: Vec<Wall<S>>,
-    /// The room that structures leave.
+    /// Space that structures leave.
     pub room: Room,
     /// Seed of sizes and places.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
-    /// How many materials the laws know.
+    /// Number of materials that the laws know.
     pub materials: u32,
     /// Gravity (m/s²).
     pub gravity: S::Vector,
@@ -75,7 +75,7 @@ pub struct Deposition<S: Space> {
 /// A centre (m), a radius (m) and a row in the table of contact parameters.
 pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
-/// One look at how far grains have settled.
+/// One check of the settling of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Look {
     /// Steps since the grains began to fall.
@@ -88,7 +88,7 @@ pub struct Look {
     pub unbalanced: f64,
 }
 
-/// How it went.
+/// Result of the deposition.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Grains that fell.
@@ -101,7 +101,7 @@ pub struct Report {
     pub coordination: f64,
     /// Largest overlap over the smaller diameter.
     pub largest_overlap: f64,
-    /// Whether all rests ended by the criterion rather than by the limit of steps.
+    /// `true` if all relaxations ended by the criterion rather than by the limit of steps.
     pub settled: bool,
     /// Kinetic energy and force balance on the way.
     pub convergence: Vec<Look>,
@@ -111,7 +111,7 @@ const PLACES: u32 = 12;
 /// Local damping of grains that have landed, and both measures below which they have.
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
-/// Steps between looks.
+/// Steps between checks.
 const LOOK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
@@ -338,12 +338,12 @@ fn or_null<T: serde::Serializer>(share: &f64, to: T) -> Result<T::Ok, T::Error> 
     Some(*share).filter(|share| *share < f64::MAX).serialize(to)
 }
 
-/// What [`or_null`] wrote.
+/// Reads the output of [`or_null`].
 fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// How far the deposition is: all that the next steps depend on beside the grains and their contacts.
+/// Progress of the deposition: all that the next steps depend on in addition to the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Which law, from the softest on.
@@ -352,7 +352,7 @@ struct Progress {
     landed: bool,
     /// Steps before this rest.
     began: u64,
-    /// Steps until the next look.
+    /// Steps until the next check.
     left: u64,
     report: Report,
 }
@@ -443,7 +443,7 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(())
     }
 
-    /// Goes on until the grains have settled, or no more steps are allowed.
+    /// Continues until the grains have settled, or no more steps are allowed.
     fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
         let deposition = self.deposition;
         loop {
@@ -698,7 +698,7 @@ mod tests {
         );
     }
 
-    /// No more steps than the case allows, fewer than those between two looks too.
+    /// Makes no more steps than the case allows, also if they are fewer than those between two checks.
     #[test]
     fn steps_are_at_most_those_allowed() {
         for limit in [50, 500, 620] {

@@ -47,13 +47,13 @@ pub enum Sizes {
 pub enum Stop {
     /// At the requested sizes, for any overlaps: their sum over the box is this solid fraction.
     SolidFraction(f64),
-    /// Where grains with contacts have this many each, on average; then at the overlap of [`PackingSettings::overlap`].
+    /// Mean number of contacts of grains that have any; then the overlap is that of [`PackingSettings::overlap`].
     Coordination(f64),
     /// When the relaxed packing has this mean overlap over the mean diameter.
     Overlap(f64),
 }
 
-/// What to pack, and settings.
+/// Grains to pack, and settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackingSettings<S: Space> {
     /// Lower corner of the box (m).
@@ -84,7 +84,7 @@ pub struct PackingSettings<S: Space> {
     pub limit: u64,
 }
 
-/// What a packing is like.
+/// Properties of a packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Number of grains.
@@ -123,7 +123,7 @@ pub struct Grain<S: Space> {
 pub struct Packing<S: Space> {
     /// The grains, neighbours mostly close together in the list.
     pub grains: Vec<Grain<S>>,
-    /// What the packing was like when it was made.
+    /// Properties of the packing when it was made.
     pub report: Report,
 }
 
@@ -200,7 +200,7 @@ impl<S: Space> PackingSettings<S> {
     }
 }
 
-/// How far a packing is: all that the next batch of steps depends on beside the grains and their contacts.
+/// Progress of a packing: all that the next batch of steps depends on in addition to the grains and their contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Sizes over the requested ones.
@@ -213,7 +213,7 @@ struct Progress {
     left: u64,
 }
 
-/// What the present batch of steps is part of.
+/// Stage that the present batch of steps belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Stage {
@@ -221,7 +221,7 @@ enum Stage {
     Grow,
     /// Rounds of supervision for rest.
     Rest {
-        /// What the rest is for.
+        /// Purpose of the relaxation.
         purpose: Purpose,
         /// Rounds begun before this one, and how many in a row found the packing fallen apart.
         rounds: u32,
@@ -234,7 +234,7 @@ enum Stage {
     Done,
 }
 
-/// What a rest is for.
+/// Purpose of a relaxation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Purpose {
@@ -242,7 +242,7 @@ enum Purpose {
     Last,
     /// To see what overlaps there are.
     Coarse,
-    /// Whether the overlaps are the requested ones.
+    /// Test that the overlaps are the requested ones.
     Fine,
 }
 
@@ -509,7 +509,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// How still the packing has to be.
+    /// Returns the unbalanced force below which the packing is at rest.
     fn tolerance(&self, purpose: Purpose) -> f64 {
         match purpose {
             Purpose::Coarse => COARSE,
@@ -637,12 +637,12 @@ impl<'a, S: Space> Growing<'a, S> {
 
 /// Below this many contacts per grain nothing is held.
 const JAMMED: f64 = 3.0;
-/// How still a packing is between changes of size.
+/// Unbalanced force below which a packing is at rest between changes of size.
 const COARSE: f64 = 1e-2;
 /// Local damping while it grows and while it rests.
 const WHILE_GROWING: f64 = 0.3;
 const AT_REST: f64 = 0.7;
-/// Steps between looks at a packing that rests, and rounds of up to a thousand steps before it counts as restless.
+/// Steps between checks of a packing that relaxes, and rounds of up to a thousand steps before it counts as restless.
 const LOOK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The room that structures leave to grains that fall: outside all structures, and in connection with the surface.
+//! Space that structures leave to grains that fall: outside all structures, and in connection with the surface.
 //!
 //! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells
 //! whose centre a grain of the smallest size may take are filled from the top of the region on, or from that of the
@@ -13,7 +13,7 @@ use crate::scene::structures::Structure;
 /// Cells of the filling at most.
 const MOST_CELLS: f64 = 2e6;
 
-/// The room that structures leave.
+/// Space that structures leave.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     /// Structures that stop grains.
@@ -22,7 +22,7 @@ pub struct Room {
     lower: [f64; 3],
     width: f64,
     cells: [usize; 3],
-    /// Whether the filling comes to each cell; empty without structures.
+    /// `true` for each cell that the filling reaches; empty without structures.
     reached: Vec<bool>,
     /// Free volume (2-D: area) in the clouds to which it does not come.
     pub closed: f64,
@@ -44,7 +44,7 @@ pub struct Boundaries<'a> {
 }
 
 impl Room {
-    /// The room for grains of a smallest radius \[m\].
+    /// Computes the space for grains of a smallest radius \[m\].
     #[must_use]
     pub fn new(structures: &[Structure], bounds: &Boundaries<'_>, smallest: f64) -> Self {
         let structures: Vec<Structure> = (structures.iter())
@@ -152,13 +152,14 @@ impl Room {
         reached
     }
 
-    /// Whether a grain may start here.
+    /// Returns `true` if a grain may start here.
     #[must_use]
     pub fn has(&self, at: [f64; 3], radius: f64) -> bool {
         self.distance(at) >= radius && self.is_open(at)
     }
 
-    /// Whether the place, or one beside it, is in connection with the surface: a cell may be partly free.
+    /// Returns `true` if a position, or one in an adjacent cell, is connected with the surface: a cell may be partly
+    /// free.
     fn is_open(&self, at: [f64; 3]) -> bool {
         if self.reached.is_empty() {
             return true;
@@ -184,7 +185,7 @@ impl Room {
         })
     }
 
-    /// Whether no structure lies on the straight way between two places.
+    /// Returns `true` if no structure intersects the straight line between two points.
     fn sees(&self, from: [f64; 3], to: [f64; 3]) -> bool {
         let along = std::array::from_fn(|a| to[a] - from[a]);
         let mut chords = Vec::new();
@@ -344,7 +345,7 @@ mod tests {
         assert!(!all.has([0.065, 0.02, 0.0], 1e-3));
         let area = 0.024 * 0.016;
         assert!((all.closed / area - 1.0).abs() < 0.15, "{}", all.closed);
-        // Beside the weir, in it, and too near to it.
+        // Next to the weir, in it, and too near to it.
         assert!(all.has([0.005, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.0305, 0.0], 1e-3));

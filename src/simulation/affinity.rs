@@ -1,13 +1,13 @@
 //! The cores that the threads of a rank may use.
 //!
-//! `mpirun` binds each rank to one core unless it is told otherwise. Threads on one core wait for each other instead of
-//! sharing the work: two are up to ten times slower than one. A rank that is to have more threads than cores therefore
-//! takes its share of the cores of the machine, where the system lets it.
+//! `mpirun` binds each rank to one core unless options say otherwise. Threads on one core wait for each other instead
+//! of sharing the work: two are up to ten times slower than one. A rank that is to have more threads than cores
+//! therefore takes its share of the cores of the machine, where the system lets it.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::env::var;
 
-/// What became of the cores of a rank.
+/// Result of the choice of cores of a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cores {
     /// There are enough.

@@ -30,9 +30,9 @@ const PICOSECONDS: f64 = 1e12;
 /// Costs of the planes of cells along the split axis, in one step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Costs {
-    /// Of the fluid: cells, links, covered cells.
+    /// Costs of the fluid: cells, links, covered cells.
     fluid: Vec<i64>,
-    /// Of the solids: contacts, motion, maps.
+    /// Costs of the solids: contacts, motion, maps.
     solids: Vec<i64>,
 }
 
@@ -134,7 +134,7 @@ struct Solid {
     volume: f64,
     surface: f64,
     block: bool,
-    /// A grain among many, most of which rest.
+    /// `true` for a grain among many, most of which are at rest.
     bed: bool,
 }
 
@@ -175,7 +175,7 @@ fn whole(x: f64) -> i64 {
     floor_i64(x.clamp(0.0, 1e15) + 0.5)
 }
 
-/// Cost of the dearest slab over the mean.
+/// Returns the cost of the most expensive slab over the mean.
 #[must_use]
 pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     let cost = |rank| planes[slabs.range(rank)].iter().sum::<i64>();
@@ -188,7 +188,8 @@ pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     }
 }
 
-/// Whether the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the run is long.
+/// Returns `true` if the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the
+/// run is long.
 #[must_use]
 pub(super) fn depends_on_the_machine(
     plan: &Plan,
@@ -246,15 +247,15 @@ pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     Slabs::from_bounds(equal.axis(), bounds, equal.periodic()).unwrap_or(equal)
 }
 
-/// Whether other slabs are worth the change.
+/// Returns `true` if other slabs are worth the change.
 #[must_use]
 pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
     planes.iter().sum::<i64>() >= LEAST
         && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
 }
 
-/// Bounds of slabs whose dearest is as cheap as possible, each of at least one plane. Among those, each slab comes
-/// close to the mean of what is left for it and the slabs after it.
+/// Returns bounds of slabs for which the maximum cost of a slab is as small as possible, each of at least one plane.
+/// Among those, each slab comes close to the mean of what is left for it and the slabs after it.
 fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
     // Fewest slabs, none dearer than `most`.
     let slabs_of = |most: i64| {
@@ -327,7 +328,7 @@ mod tests {
         bounds.windows(2).map(cost).max().unwrap()
     }
 
-    /// The cheapest dearest slab by trying all cuts.
+    /// Returns the smallest maximum cost of a slab, by trying all cuts.
     fn best(planes: &[i64], ranks: usize) -> i64 {
         if ranks == 1 {
             return planes.iter().sum();

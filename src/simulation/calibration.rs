@@ -30,7 +30,7 @@ const TIME: Duration = Duration::from_millis(150);
 const FILES: usize = 10;
 /// Spheres of the measurement of grains.
 const SPHERES: usize = 1000;
-/// Their steps between two looks at the clock.
+/// Steps between two readings of the clock.
 const BATCH: u64 = 10;
 /// Time of a step of one of these spheres on the reference machine \[s\].
 const SPHERE: f64 = 6.35e-8;

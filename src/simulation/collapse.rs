@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// What is measured once on every rank, at the first call, while the ground is whole.
+/// Quantities measured once on every rank, at the first call, while the ground is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
     /// Mass of all grains \[kg\].
@@ -45,7 +45,7 @@ struct Start {
     diameter: f64,
 }
 
-/// What left through one point.
+/// Grains and mass that left through one point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Left {
     grains: u64,
@@ -132,7 +132,7 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
-    /// Whether there is anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there is anything to measure, for which ghosts have to be up to date.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.asked.is_some()
@@ -175,7 +175,7 @@ impl CollapseRecorder {
     }
 
     /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that
-    /// goes on afterwards.
+    /// continues afterwards.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -191,8 +191,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] where
-    /// the run goes on.
+    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] if
+    /// the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.

@@ -84,7 +84,7 @@ pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
         .collect()
 }
 
-/// What solids do to the cells that they cover; none where they bounce links.
+/// Returns the operator of the cells that solids cover; none if links bounce back at solids.
 #[must_use]
 pub fn saturation(plan: &Plan) -> Option<Saturation> {
     let Some(Coupling::PartiallySaturated(written)) = &plan.scene.coupling else {

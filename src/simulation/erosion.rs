@@ -17,7 +17,7 @@
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean
 //!   diameters behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so
 //!   that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
-//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains beside the
+//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains next to the
 //!   hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
@@ -61,14 +61,14 @@ use std::path::Path;
 /// Bonds up to this many mean diameters from a face break at the wall of the hole.
 const NEAR_WALL: f64 = 2.0;
 
-/// What is measured once, at the first call, while the sample is whole.
+/// Quantities measured once, at the first call, while the sample is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
     /// M_0 [kg/m].
     mass: f64,
     /// Mean diameter of the grains \[m\].
     diameter: f64,
-    /// Solid fraction of the grains beside the hole, by their own radii.
+    /// Solid fraction of the grains next to the hole, by their own radii.
     packing: f64,
     /// Contacts and bonds a grain.
     #[serde(default)]
@@ -79,7 +79,7 @@ struct Start {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     start: Option<Start>,
-    /// Solid fraction beside the hole as the water sees it, at the first row.
+    /// Solid fraction next to the hole in the cells of the water, at the first row.
     intact: Option<f64>,
     /// Faces of the last row \[m\].
     faces: Option<[f64; 2]>,
@@ -87,7 +87,7 @@ pub struct State {
     eroded_grains: u64,
     bonds_inside: u64,
     bonds_at_wall: u64,
-    /// How long the fluid had run before time 0 \[s\].
+    /// Time that the fluid had run before time 0 \[s\].
     flow_age: f64,
     last_row: Option<u64>,
     #[serde(default)]
@@ -197,13 +197,13 @@ impl ErosionRecorder {
         [self.state.bonds_inside, self.state.bonds_at_wall]
     }
 
-    /// Whether a row of `erosion.csv` is due at this step.
+    /// Returns `true` if a row of `erosion.csv` is due at this step.
     #[must_use]
     pub fn is_due(&self, step: u64) -> bool {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
-    /// Whether there may be anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there may be anything to measure, for which ghosts have to be up to date.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.law.is_some() || self.interval.is_some()
@@ -295,8 +295,8 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`]
-    /// where the run goes on.
+    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`] if
+    /// the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.
@@ -554,7 +554,7 @@ impl ErosionRecorder {
         )
     }
 
-    /// Finds the faces of the hole and keeps them, with the solid fraction beside the hole at the first row.
+    /// Finds the faces of the hole and keeps them, with the solid fraction next to the hole at the first row.
     fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
         let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
         let solid = sums.solid_fractions();

@@ -44,8 +44,8 @@ fn name_of(face: Face) -> String {
     json!(face).as_str().unwrap_or_default().to_owned()
 }
 
-/// The cells at a face as a region that removes grains whose centre is there or beyond, beside the regions that the
-/// case has.
+/// Returns the cells at a face as a region that removes grains whose centre is there or beyond, in addition to the
+/// regions that the case has.
 fn region_at(face: Face, plan: &Plan) -> Value {
     let grid = &plan.scene.grid;
     let mut from = vec![0.0; grid.dimension];

@@ -28,14 +28,14 @@ pub const LOCK: &str = "run.lock";
 pub const CHECKPOINTS: &str = "checkpoints";
 /// The folder of what a preparation has reached so far, within that of the run.
 pub const PREPARATION: &str = "preparation";
-/// How often a run touches its lock.
+/// Interval at which a run touches its lock.
 const BEAT_EVERY: Duration = Duration::from_secs(20);
 /// A lock of another host that has not been touched for so long belongs to a job that is gone.
 const STALE_AFTER: Duration = Duration::from_secs(600);
 /// No file of a lock is larger \[bytes\].
 const LOCK_BYTES: u64 = 4096;
 
-/// Tables and pictures that runs write beside series and probes.
+/// Tables and pictures that runs write in addition to series and probes.
 const FILES: [&str; 13] = [
     "case.json",
     "summary.json",
@@ -54,7 +54,7 @@ const FILES: [&str; 13] = [
 /// Series that runs write: `NAME.xmf` and `NAME_000000100.vtkhdf`.
 const SERIES: [&str; 5] = ["fluid", "grains", "contacts", "blocks", "averages"];
 
-/// Whether a run writes a file of this name into its folder.
+/// Returns `true` if a run writes a file of this name into its folder.
 #[must_use]
 pub fn is_of_a_run(name: &str) -> bool {
     let whole = name.strip_suffix(".part").unwrap_or(name);
@@ -67,21 +67,21 @@ pub fn is_of_a_run(name: &str) -> bool {
         })
 }
 
-/// How a run comes to its folder.
+/// Way in which a run enters its folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {
     /// It begins.
     Fresh {
-        /// Whether an earlier run there is replaced.
+        /// `true` if an earlier run there is replaced.
         overwrite: bool,
         /// The file that the case was read from.
         case: Option<PathBuf>,
     },
-    /// It goes on with the run that is there.
+    /// It continues the run that is there.
     Resume,
 }
 
-/// Who holds a folder.
+/// Process that holds a folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Holder {
     host: String,
@@ -122,7 +122,7 @@ impl Holder {
         )
     }
 
-    /// Whether this is an earlier attempt of the same job: batch systems end one before they start the next.
+    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one before they start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -202,19 +202,19 @@ impl RunFolder {
         })
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where its checkpoints are.
+    /// Returns the path of its checkpoints.
     #[must_use]
     pub fn checkpoints(&self) -> PathBuf {
         self.path.join(CHECKPOINTS)
     }
 
-    /// Where a sample in the making is kept.
+    /// Returns the path of a sample in the making.
     #[must_use]
     pub fn preparation(&self) -> PathBuf {
         self.path.join(PREPARATION)
@@ -264,7 +264,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
     Error::Io(format!("{}: {error}", path.display()))
 }
 
-/// Whether an open file is the one of this name.
+/// Returns `true` if an open file is the one of this name.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
@@ -341,7 +341,7 @@ fn read(file: &mut File) -> Option<Holder> {
     serde_json::from_str(&text).ok()
 }
 
-/// Whether the holder that a lock names may still run although its lock could be taken.
+/// Returns `true` if the holder that a lock names may still run although its lock could be taken.
 fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
     if holder.host == me.host {
         // The system's lock decides; where there is none, the process.
@@ -366,13 +366,13 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
     ))
 }
 
-/// What an earlier run left in a folder.
+/// Files of an earlier run in a folder.
 struct Found {
     /// Its files, but for checkpoints and the lock.
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
-    /// It has a case, by which it can be continued.
+    /// `true` if it has a case, by which it can be continued.
     began: bool,
 }
 
@@ -530,7 +530,7 @@ mod tests {
         let file = OpenOptions::new().write(true).open(&path).unwrap();
         file.set_modified(long_ago).unwrap();
         drop(enter(folder.path(), &Entry::Resume).unwrap());
-        // Damaged words hold nobody up.
+        // A damaged lock file does not block entry.
         fs::write(&path, "{").unwrap();
         drop(enter(folder.path(), &Entry::Resume).unwrap());
         let first = holder("elsewhere", Some(["7", ""]));

@@ -23,7 +23,7 @@ struct Change {
 pub(super) struct Gates {
     /// By rising step.
     changes: Vec<Change>,
-    /// How many have been made.
+    /// Number of changes made.
     made: usize,
     news: Vec<String>,
 }
@@ -53,7 +53,7 @@ impl Gates {
         }
     }
 
-    /// The walls that are not there after this many steps.
+    /// Returns `true` if a wall is absent after this many steps.
     pub(super) fn absent(&self, step: u64, wall: usize) -> bool {
         let of_wall = || self.changes.iter().filter(|change| change.wall == wall);
         let last = of_wall().rfind(|change| change.step <= step);
@@ -93,7 +93,7 @@ impl Gates {
         Ok(self.made > before)
     }
 
-    /// What happened since the last call, one line each.
+    /// Returns the events since the last call, one line each.
     pub(super) fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }

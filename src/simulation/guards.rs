@@ -78,28 +78,28 @@ pub struct Guards {
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
-    /// Largest speed over C: of the last look, and of all.
+    /// Largest speed over C: latest value, and maximum over the run.
     speed: [Option<f64>; 2],
-    /// Density deviation of largest size and the place of its cell: of the last look, and of all.
+    /// Density deviation of largest size and the position of its cell: latest value, and maximum over the run.
     squeezed: [Option<At>; 2],
-    /// A step was taken since the start: before that nothing has crossed a face.
+    /// `true` if a step was taken since the start: before that nothing has crossed a face.
     stepped: bool,
-    /// The last look found a failure, whose description needs the populations.
+    /// `true` if the last check found a failure whose description needs the populations.
     unfetched: bool,
-    /// Looks have all the room that they need.
+    /// `true` if buffers are preallocated.
     ready: bool,
-    /// The step of the last look.
+    /// Step of the last check.
     looked: Option<u64>,
     openings: Openings,
-    /// Largest overlap over the smaller radius of any contact so far; of all ranks at looks.
+    /// Largest overlap over the smaller radius of any contact so far; of all ranks at checks.
     overlap: Option<f64>,
     /// The compression, and the openings, have been warned of.
     warned: [bool; 2],
-    /// A Mach number above the usual one has been warned of.
+    /// `true` if a Mach number above the usual one has been warned of.
     fast: bool,
     news: Vec<String>,
     look: Look,
-    /// Sums over rows: room that is kept.
+    /// Sums over rows: buffers, reused between checks.
     rows: Vec<RowSums>,
 }
 
@@ -162,14 +162,14 @@ impl Guards {
         self.speed[1]
     }
 
-    /// Largest compression |rho/rho_0 - 1| of the water of any look.
+    /// Returns the largest compression |rho/rho_0 - 1| of the water of any check.
     #[must_use]
     pub fn compression(&self) -> Option<f64> {
         self.squeezed[1].map(|at| at.value.abs())
     }
 
-    /// Largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last look; none
-    /// where nothing moves.
+    /// Returns the largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last
+    /// check; none if nothing moves.
     #[must_use]
     pub fn overlap(&self) -> Option<f64> {
         self.overlap
@@ -355,7 +355,7 @@ impl Guards {
         })
     }
 
-    /// Whether the step from `step` on is one that is balanced.
+    /// Returns `true` if the step from `step` on is one that is balanced.
     #[must_use]
     pub fn balances(step: u64) -> bool {
         step.is_multiple_of(BALANCE_EVERY)
@@ -392,7 +392,7 @@ impl Guards {
         if let Some(flow) = flow
             && !self.ready
         {
-            // Once, for the room that looks use again: no step after the first allocates.
+            // Once, for the buffers that checks reuse: no step after the first allocates.
             self.ready = true;
             self.look.at(flow);
             self.openings.prepare(self.every, flow);
@@ -453,7 +453,7 @@ impl Guards {
         }
     }
 
-    /// After a step: looks where it is time. Collective.
+    /// Checks the state after a step, if a check is due. Collective. Collective.
     ///
     /// # Errors
     /// Names the cell or the grain that fails.
@@ -512,10 +512,10 @@ impl Guards {
         Ok(())
     }
 
-    /// As [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
+    /// Does [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn check_warm_up<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -554,13 +554,13 @@ impl Guards {
         }
     }
 
-    /// Set if the last check found a failure in populations that are on a GPU: it is described by the same look once
-    /// they are here.
+    /// Returns `true` if the last check found a failure in populations that are on a GPU: it is described by the same
+    /// check once they are fetched.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
 
-    /// Looks at all cells and grains. Collective.
+    /// Checks all cells and grains. Collective.
     fn inspect<Sp: Space, S: Stored>(
         &mut self,
         when: When,
@@ -624,7 +624,7 @@ impl Guards {
         Some(Failure { kind, place })
     }
 
-    /// Warns once of the compression of the last look.
+    /// Warns once of the compression of the last check.
     fn warn_of_compression<Sp: Space, S: Stored>(
         &mut self,
         when: When,
@@ -647,7 +647,7 @@ impl Guards {
         }
     }
 
-    /// Warns once of the speed of the last look.
+    /// Warns once of the speed of the last check.
     fn warn_of_speed(&mut self, when: When) {
         if let [Some(speed), _] = self.speed
             && speed > USUAL_LATTICE_VELOCITY
@@ -660,7 +660,7 @@ impl Guards {
     }
 }
 
-/// The number of the first grain at a look: they are numbered behind all cells.
+/// Number of the first grain in a check: they are numbered behind all cells.
 const GRAINS: u64 = 1 << 62;
 
 /// Returns the smallest id of the owned grains whose position or velocity is not finite.
@@ -679,7 +679,7 @@ pub(super) fn mach(lattice_velocity: f64) -> f64 {
     3.0_f64.sqrt() * lattice_velocity
 }
 
-/// The warning of a speed whose square is no longer small beside that of sound.
+/// Returns the warning of a speed whose square is no longer small compared with that of sound.
 fn too_fast(speed: f64) -> String {
     format!(
         "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
@@ -689,7 +689,7 @@ fn too_fast(speed: f64) -> String {
     )
 }
 
-/// When a look is taken.
+/// Time of a check.
 #[derive(Clone, Copy, Debug)]
 enum When {
     Step(u64),
@@ -762,7 +762,7 @@ mod tests {
     use crate::case::{Document, examples};
     use std::path::Path;
 
-    /// What rounding explains is not spoken of; what is above it is.
+    /// Reports errors of a balance above those that rounding explains, and no others.
     #[test]
     fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
         let text = examples::find("poiseuille").unwrap().text;

@@ -23,7 +23,7 @@ pub(super) struct Means {
     pub(super) samples: usize,
     /// Its columns.
     pub(super) values: Vec<Mean>,
-    /// What keeps them from being what they are called.
+    /// Reasons why they may not be valid as means.
     pub(super) doubts: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
         };
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
-            // A sample may lie half a step beside its time.
+            // A sample may differ from its time by half a step.
             Ok(rows) => {
                 let mut means = of(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
                 if let (Some(means), ProbeAt::Bed(_)) = (&mut means, &probe.at) {

@@ -39,8 +39,8 @@ const PHASES: [Phase; 8] = [
 ];
 
 impl Phase {
-    /// Whether its time is computing, apart from waiting. Files are written by all ranks together, and the waits inside
-    /// of that are not seen.
+    /// Returns `true` if its time is computing, apart from waiting. Files are written by all ranks together, and the
+    /// waits inside of that are not seen.
     fn computes(self) -> bool {
         !matches!(self, Self::Output | Self::Checkpoint)
     }
@@ -72,7 +72,7 @@ pub struct Spread {
 pub struct Spent {
     /// Which.
     pub phase: Phase,
-    /// How much.
+    /// Time over the ranks.
     #[serde(flatten)]
     pub seconds: Spread,
 }
@@ -88,7 +88,7 @@ pub struct Waiting {
     pub collectives: Spread,
 }
 
-/// What ranks sent to each other during the phases.
+/// Messages between ranks during the phases.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Traffic {
     /// Messages from one rank to another, of all ranks together.
@@ -99,14 +99,14 @@ pub struct Traffic {
     pub collectives: u64,
 }
 
-/// Where the time went, over the ranks.
+/// Account of the time of the run, over the ranks.
 #[derive(Clone, Debug)]
 pub struct Account {
     /// The phases; together they are the time of the steps.
     pub phases: Vec<Spent>,
-    /// How much of that was waiting.
+    /// Time of that spent waiting.
     pub waiting: Waiting,
-    /// What ranks sent to each other.
+    /// Messages between ranks.
     pub traffic: Traffic,
     /// Time that the busiest rank computed over the mean of the ranks: 1 where the load is even.
     pub imbalance: f64,

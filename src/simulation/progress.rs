@@ -63,7 +63,7 @@ impl Progress {
         }
     }
 
-    /// Whether a progress line is due (called every few steps).
+    /// Returns `true` if a progress line is due (called every few steps).
     #[must_use]
     pub fn due(&self) -> bool {
         self.speaks && self.last.elapsed() >= self.every
@@ -121,8 +121,8 @@ impl Progress {
     }
 }
 
-/// Whether a person may be looking. Under `mpirun` the standard output of a rank is a terminal made by mpirun, wherever
-/// mpirun's own output goes: then that of mpirun decides.
+/// Returns `true` if a person may read the output. Under `mpirun` the standard output of a rank is a terminal made by
+/// mpirun, wherever mpirun's own output goes: then that of mpirun decides.
 fn on_terminal() -> bool {
     if !std::io::stdout().is_terminal() {
         return false;
@@ -136,7 +136,8 @@ fn on_terminal() -> bool {
 /// Programs that start the ranks of Open MPI on their machine.
 const LAUNCHERS: [&str; 4] = ["mpirun", "mpiexec", "orterun", "prterun"];
 
-/// Whether the launcher above process `id` in a `/proc` writes to a terminal; no where it runs on another machine.
+/// Returns `true` if the launcher above process `id` in a `/proc` writes to a terminal; `false` if it runs on another
+/// machine.
 fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
     // A few shells and timers may stand between.
     for _ in 0..8 {

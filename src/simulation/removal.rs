@@ -32,13 +32,13 @@ use serde::{Deserialize, Serialize};
 pub struct Departed {
     /// Index of the region in [`crate::scene::Scene::regions`].
     pub region: usize,
-    /// Where its centre was, in the box \[m\].
+    /// Position of its centre, in the box \[m\].
     pub at: [f64; 3],
     /// The row of `removed.csv`.
     pub grain: RemovedGrain,
 }
 
-/// What a region that removes has taken so far.
+/// Grains and mass that a region has removed so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Taken {
     /// Grains.
@@ -47,7 +47,7 @@ pub struct Taken {
     pub mass: f64,
 }
 
-/// How far a region that generates has come.
+/// Progress of a region that generates grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Made {
     grains: u64,
@@ -120,13 +120,13 @@ impl Removal {
         }
     }
 
-    /// What each region of the scene has taken so far, all ranks together.
+    /// Returns the amounts that each region of the scene has removed so far, all ranks together.
     #[must_use]
     pub fn taken(&self) -> &[Taken] {
         &self.state.taken
     }
 
-    /// How many grains have been generated so far.
+    /// Returns the number of grains generated so far.
     #[must_use]
     pub fn generated(&self) -> u64 {
         self.state.made.iter().map(|made| made.grains).sum()
@@ -404,7 +404,8 @@ pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// A grain that flew out of the domain between two looks is where it left: a region at that face has it.
+/// Returns `true` if a grain is in a region. A grain that flew out of the domain between two checks counts at the face
+/// where it left.
 fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
     let at = std::array::from_fn(|axis| {
         if axis < grid.dimension && !grid.periodic[axis] {
@@ -426,7 +427,7 @@ fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> b
     }
 }
 
-/// What to add to a difference along an axis to make it that of the nearest image.
+/// Returns the number to add to a difference along an axis to make it that of the nearest image.
 fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     if axis < grid.dimension && grid.periodic[axis] {
         -(difference / grid.size[axis]).round() * grid.size[axis]
@@ -435,7 +436,7 @@ fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     }
 }
 
-/// How many grains a region owes at a time.
+/// Returns the number of grains that a region has to generate up to a time.
 fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
     // A rounding below a whole number of grains counts as that number.
     let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
@@ -570,7 +571,7 @@ mod tests {
             grain(5, 0.00055, 0.001),
             grain(4, 0.0004, 0.003),
             grain(2, 0.0099, 0.0005),
-            // Flew past the right box, and up, since the last look.
+            // Flew past the right box, and up, since the last check.
             grain(8, 0.0131, 0.0042),
         ] {
             particles.insert(body, motion);

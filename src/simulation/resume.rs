@@ -36,7 +36,7 @@ use std::path::Path;
 #[derive(Clone, Debug)]
 pub(super) struct Resumed {
     pub(super) found: Found,
-    /// Whether the case in the folder is to be written anew.
+    /// `true` if the case in the folder is to be written anew.
     pub(super) changed: bool,
     /// Which of the run's walls each wall is; none where they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
@@ -46,7 +46,7 @@ pub(super) struct Resumed {
     pub(super) sums_go_on: bool,
 }
 
-/// Where a run was when it was saved.
+/// Stage of a run when it was saved.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
     /// Past its preparation.
@@ -106,7 +106,7 @@ pub(super) fn attributes(plan: &Plan) -> Value {
     })
 }
 
-/// What the numbers of a state count in.
+/// Returns the units of the numbers of a state.
 fn scales(plan: &Plan) -> Value {
     json!({
         "cells": plan.scene.grid.cells,
@@ -146,8 +146,8 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
     Ok(found)
 }
 
-/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash proves that no
-/// bit has changed since somebody wrote it, not who did.
+/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash only excludes
+/// accidental damage.
 ///
 /// # Errors
 /// [`Error::Io`] with what does not fit, the same on all ranks.
@@ -177,7 +177,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     Ok(())
 }
 
-/// What checkpoints of a plan can hold.
+/// Returns the arrays and sizes that checkpoints of a plan can have.
 fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     let scene = &plan.scene;
     let lattice = scene.flow.as_ref().map(|flow| {
@@ -349,7 +349,7 @@ fn report_version(found: &Found) {
     }
 }
 
-/// Whether a folder holds a run of this very plan that can go on. First rank.
+/// Returns `true` if a folder holds a run of this very plan that can be continued. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
     let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {

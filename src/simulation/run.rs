@@ -39,13 +39,13 @@ use std::time::{Duration, Instant};
 /// Options of a run or restart besides its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Folder for everything the run writes; a restart goes on in its own.
+    /// Folder for everything the run writes; a restart continues in its own.
     pub output: Option<PathBuf>,
     /// The file of the case, which nothing may replace.
     pub case: Option<PathBuf>,
-    /// Whether a run that the folder holds is replaced.
+    /// `true` if a run that the folder holds is replaced.
     pub overwrite: bool,
-    /// Whether the end of the run is kept as a checkpoint.
+    /// `true` if the end of the run is kept as a checkpoint.
     pub final_checkpoint: bool,
     /// When the program was started: the walltime counts from here.
     pub begun: Instant,
@@ -53,9 +53,9 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// Wall-clock time after which the run is over.
     pub max_walltime: Option<Duration>,
-    /// Tables as JSON.
+    /// `true` if tables are printed as JSON.
     pub json: bool,
-    /// A restart goes on although the case is unstable.
+    /// `true` if a restart continues although the case is unstable.
     pub allow_unstable: bool,
 }
 
@@ -93,10 +93,10 @@ pub fn run(
     })
 }
 
-/// Goes on from the newest checkpoint in a folder, with changed fields.
+/// Continues from the newest checkpoint in a folder, with changed fields.
 ///
 /// # Errors
-/// As [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
+/// Those of [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
 pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(), Error> {
     let path = folder.join("case.json");
     let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| {
@@ -175,7 +175,7 @@ pub(crate) fn trial(
     start_on(communicator, plan, start)
 }
 
-/// Whether a folder holds this very run, done. Collective.
+/// Returns `true` if a folder holds this very run, done. Collective. Collective.
 ///
 /// # Errors
 /// None of its own.
@@ -309,7 +309,7 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
     }
 }
 
-/// How long a rank with an error waits for the others to have one too, before it ends the job by itself.
+/// Time that a rank with an error waits for the others to have one too, before it ends the job by itself.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The slabs that a case lists.

@@ -1,4 +1,4 @@
-//! How far forces, fluxes and pressures of the probes are from settled at the end of a run.
+//! Distance of forces, fluxes and pressures of the probes from a settled state at the end of a run.
 //!
 //! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is
 //! measured. Where a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared;
@@ -20,8 +20,8 @@ const SETTLED: f64 = 0.01;
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Samples of a window at least.
 const FEWEST: usize = 2;
-/// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has
-/// nothing to settle.
+/// Minimum size of a value in its comparison, as part of the largest of its kind: a value that is small compared with
+/// the others has nothing to settle.
 const BESIDE_OTHERS: f64 = 1e-3;
 /// Lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;
@@ -33,7 +33,7 @@ const NAMED: usize = 5;
 pub(super) struct Settled {
     /// Name of the probe.
     pub(super) probe: String,
-    /// What it measures.
+    /// Quantity that it measures.
     pub(super) quantity: &'static str,
     /// Its unit.
     pub(super) unit: String,
@@ -49,7 +49,7 @@ pub(super) struct Settled {
     pub(super) period: Option<f64>,
 }
 
-/// What the probes say about the end of a run.
+/// State of the probes at the end of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct End {
     pub(super) values: Vec<Settled>,
@@ -60,7 +60,7 @@ pub(super) struct End {
 /// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
 type Quantity = (&'static str, &'static [&'static str], f64);
 
-/// What of a probe settles.
+/// Returns the quantities of a probe that settle.
 fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     let (force, pressure) = (units.force_to_si(1.0), units.pressure_scale());
     let depth = if units.dimension == 2 {
@@ -377,7 +377,7 @@ mod tests {
         assert!(look(&two, &FORCE, 10.0).is_none());
     }
 
-    /// Few samples say nothing; nothing beside a larger one has nothing to settle.
+    /// Leaves out few samples, and values that are small compared with a larger one.
     #[test]
     fn what_has_nothing_to_settle() {
         assert!(look(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());

@@ -212,7 +212,7 @@ pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
     walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
 }
 
-/// Where something stands and how it moves.
+/// Returns the motion of a body from position and velocities.
 fn motion_of<S: Space>(
     position: [f64; 3],
     velocity: [f64; 3],

@@ -23,7 +23,7 @@ pub fn report() -> String {
     .join("\n")
 }
 
-/// The same for files.
+/// Returns the versions of program and libraries, for files.
 pub(super) fn versions(communicator: &Communicator) -> Value {
     json!({
         "solver": provenance::VERSION,

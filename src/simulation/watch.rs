@@ -155,7 +155,7 @@ pub struct Watch {
     every: Option<Duration>,
     saved: Instant,
     cost: Duration,
-    /// None before the first look for a file.
+    /// Time of the last search for a file; none before the first.
     looked: Option<Instant>,
     asked: Instant,
     steps: u64,
@@ -207,7 +207,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// The same interval on all ranks.
+    /// Starts with an equal interval on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -287,7 +287,7 @@ impl Requests for Watch {
         let took = u64::try_from(self.asked.elapsed().as_millis())
             .unwrap_or(u64::MAX)
             .min(u64::from(u32::MAX));
-        // The largest time counts where nobody asks for anything, and nothing else needs it.
+        // The largest time counts if no rank requests anything, and nothing else needs it.
         let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
         self.asked = Instant::now();
         let (request, took) = (all >> 32, all & u64::from(u32::MAX));

@@ -85,7 +85,7 @@ impl Range {
         rounded.clamp(self.from, self.to)
     }
 
-    /// What is wrong with it.
+    /// Adds the problems of the range.
     pub(super) fn problems(&self, path: &str, found: &mut Vec<Problem>) {
         let value = format!("{} to {}", self.from, self.to);
         if self.from >= self.to {
@@ -109,7 +109,7 @@ impl Range {
 }
 
 impl LatinHypercube {
-    /// Whether a variation is drawn; the others are combined with each draw.
+    /// Returns `true` if a variation is drawn; the others are combined with each draw.
     #[must_use]
     pub fn draws(&self, variation: &str) -> bool {
         !self.crossed.iter().any(|name| name == variation)

@@ -31,7 +31,7 @@ pub struct Member {
     pub verdict: Verdict,
     /// The findings of the plan.
     pub problems: Vec<Problem>,
-    /// What is run; none where nothing can be.
+    /// Case that is run; none if nothing can be.
     pub prepared: Option<Prepared>,
 }
 
@@ -169,8 +169,8 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
     Ok(grid)
 }
 
-/// What the variations come to: all combinations, or the draws of the sample with the combinations of what is crossed
-/// with them.
+/// Returns the members of the variations: all combinations, or the draws of the sample with the combinations of the
+/// variations that are crossed with them.
 fn varied(study: &Study) -> Vec<Draft> {
     let draft = |name: String| Draft {
         name,

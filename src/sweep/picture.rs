@@ -213,7 +213,7 @@ struct Place {
     name: String,
     x: f64,
     y: f64,
-    /// What else is varied.
+    /// Values of the other variations.
     rest: String,
     verdict: Verdict,
     outcome: Outcome,
@@ -382,7 +382,7 @@ impl Map {
         text
     }
 
-    /// How often the plan and the runs agree.
+    /// Returns the number of agreements of plan and runs as a table.
     #[must_use]
     pub fn confusion(&self) -> String {
         let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");

@@ -5,7 +5,7 @@ use crate::error::Error;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How a member ended.
+/// Outcome of a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -42,7 +42,7 @@ impl Outcome {
         }
     }
 
-    /// As in tables.
+    /// Returns the name used in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ impl Outcome {
         }
     }
 
-    /// Whether running it again would show nothing new.
+    /// Returns `true` if another run would show nothing new.
     fn is_final(self) -> bool {
         matches!(
             self,
@@ -67,10 +67,10 @@ impl Outcome {
     }
 }
 
-/// How a member ended and what all its attempts cost together.
+/// Outcome of a member and the total cost of its attempts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// How it ended.
+    /// Outcome of the member.
     pub outcome: Outcome,
     /// Its last message, if it did not finish.
     pub message: String,
@@ -86,7 +86,7 @@ pub struct Record {
     pub wall_seconds: f64,
     /// Processor time of all ranks on this machine \[s\].
     pub processor_seconds: f64,
-    /// Whether the times are those of all attempts; not where one was ended by force.
+    /// `true` if the times are those of all attempts; not if one was ended by force.
     pub timed: bool,
 }
 
@@ -122,14 +122,14 @@ impl Record {
         io::atomic::write_json(&folder.join(FILE), self).map_err(|e| Error::Io(e.to_string()))
     }
 
-    /// Whether it is about this case under this version of the program.
+    /// Returns `true` if it is about this case under this version of the program.
     #[must_use]
     pub fn is_of(&self, member: &Member, solver: &str) -> bool {
         let prepared = member.prepared.as_ref();
         prepared.is_some_and(|p| p.hash == self.case_hash) && self.solver == solver
     }
 
-    /// Whether the member need not be run again.
+    /// Returns `true` if the member need not be run again.
     #[must_use]
     pub fn holds(&self, member: &Member, solver: &str, time_limit: Option<f64>) -> bool {
         let longer = self.outcome == Outcome::TimeLimit

@@ -22,11 +22,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Between two looks at the members that run; their times are taken by themselves.
+/// Time between two checks of the members that run; their times are taken by themselves.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// How long a member may take to write its checkpoint.
+/// Time that a member may take to write its checkpoint.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// What is kept back of the wall time of a sweep, for the checkpoints of its members.
+/// Part of the wall time of a sweep reserved for the checkpoints of its members.
 const RESERVE: Duration = Duration::from_secs(5);
 /// Ticks of a second in `/proc/PID/stat`: USER_HZ, 100 on all machines that Linux runs on today.
 const TICKS: f64 = 100.0;
@@ -122,7 +122,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Whether a signal, the file STOP or the clock requests an end.
+    /// Returns `true` if a signal, the file STOP or the clock requests an end.
     fn is_to_stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
             || self.end.is_some_and(|end| Instant::now() >= end)
@@ -391,8 +391,8 @@ fn last_words(folder: &Path) -> String {
     line.chars().take(300).collect()
 }
 
-/// Whether a child has ended (it is kept until it is waited for), and the processor time of it and of those that it
-/// waited for, such as the ranks of mpirun \[s\].
+/// Returns `true` if a child has ended (it is kept until it is waited for), and the processor time of it and of those
+/// that it waited for, such as the ranks of mpirun \[s\].
 fn processor_time(process: u32) -> (bool, f64) {
     let Ok(text) = fs::read_to_string(format!("/proc/{process}/stat")) else {
         return (true, 0.0);

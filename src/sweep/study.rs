@@ -134,7 +134,7 @@ pub enum Reference {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FoundReference {
-    /// CSV file beside the study with the columns coordinate and value, for profiles.
+    /// CSV file in the folder of the study with the columns coordinate and value, for profiles.
     Table(PathBuf),
     /// The member with this name.
     Member(String),
@@ -295,7 +295,7 @@ impl Study {
         }
     }
 
-    /// What names something that is not there, or cannot be read as a formula.
+    /// Returns the problems of names without a target and of formulas that cannot be read.
     fn problems(&self) -> Vec<Problem> {
         let mut found = Vec::new();
         if self.vary.0.is_empty() && self.members.is_empty() {
@@ -399,7 +399,7 @@ impl Variation {
         }
     }
 
-    /// Whether all labels are numbers.
+    /// Returns `true` if all labels are numbers.
     pub(crate) fn is_numeric(&self) -> bool {
         self.labels()
             .iter()
@@ -476,7 +476,7 @@ fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     }
 }
 
-/// What is wrong with the sample of a study and with its ranges.
+/// Adds the problems of the sample of a study and of its ranges.
 fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     for (name, variation) in &study.vary.0 {
         let Variation::Range(range) = variation else {

@@ -13,17 +13,17 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// What the members came to, in their order.
+/// Results of the members, in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// A row for each member.
     pub rows: Vec<Row>,
 }
 
-/// What a member came to.
+/// Result of a member.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// How it ended.
+    /// Outcome of the member.
     pub outcome: Outcome,
     /// Its outputs, in the order of the study; none for profiles and what could not be read.
     pub outputs: Vec<Option<f64>>,
@@ -43,9 +43,9 @@ pub struct Row {
     pub steps: Option<u64>,
     /// Core-seconds or processor time, as selected by the study \[s\].
     pub cost: Option<f64>,
-    /// In the Pareto set of error against this cost.
+    /// `true` if it is in the Pareto set of error against this cost.
     pub pareto_time: bool,
-    /// In the Pareto set of error against memory.
+    /// `true` if it is in the Pareto set of error against memory.
     pub pareto_memory: bool,
     /// Hash of the last state.
     pub state_hash: String,
@@ -152,7 +152,7 @@ impl Table {
         text
     }
 
-    /// How many members ended how, and the Pareto set of error and time.
+    /// Returns the number of members with each outcome, and the Pareto set of error and time.
     #[must_use]
     pub fn summary(&self, members: &[Member]) -> String {
         let mut counts: BTreeMap<Outcome, usize> = BTreeMap::new();
@@ -359,7 +359,7 @@ fn read_output(
         .map(Found::Number)
 }
 
-/// A member beside the references.
+/// Comparison of a member with the references.
 struct Comparison<'a> {
     study: &'a Study,
     members: &'a [Member],

@@ -304,7 +304,7 @@ fn mean_of_second_half(times: &[f64], values: &[f64]) -> Option<f64> {
 /// The mean of the samples between two parts of the time, the earlier end excluded.
 fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize) -> Option<f64> {
     let (first, last) = (times.first()?, times.last()?);
-    // A sample may lie half a step beside its time.
+    // A sample may differ from its time by half a step.
     let at = |part: f64| first + part * (last - first) + 1e-6 * (last - first);
     let inside = times
         .iter()

@@ -42,7 +42,7 @@ const LEAST_ORDER: f64 = 0.5;
 /// Largest order that is looked for.
 const MOST_ORDER: f64 = 60.0;
 
-/// How a value behaves from grid to grid.
+/// Behaviour of a value from grid to grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Behaviour {
@@ -65,7 +65,7 @@ pub enum Behaviour {
 }
 
 impl Behaviour {
-    /// As in tables.
+    /// Returns the name used in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -80,7 +80,7 @@ impl Behaviour {
         }
     }
 
-    /// What was used, and why.
+    /// Returns the method used, and why.
     #[must_use]
     pub fn method(self) -> &'static str {
         match self {
@@ -117,10 +117,10 @@ pub struct Series {
     pub rounding: f64,
 }
 
-/// What a series says about one of its values.
+/// Estimate of one value from a series of grids.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// How the series behaves.
+    /// Behaviour of the series.
     pub behaviour: Behaviour,
     /// Apparent order.
     pub observed_order: Option<f64>,

@@ -38,7 +38,7 @@ const LEAST_STEP: f64 = 1.05;
 /// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
 const LEAST_CELLS: f64 = 4.0;
 
-/// How the time step changes with the cells.
+/// Scaling of the time step with the cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaling {
@@ -51,7 +51,7 @@ pub enum Scaling {
 }
 
 impl Scaling {
-    /// What it keeps and what that means.
+    /// Returns the quantity that it keeps and the consequence.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
@@ -123,8 +123,8 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
     chosen
 }
 
-/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a
-/// finer one on request or where no coarser cells divide the edges.
+/// Returns the spacings of the other grids over that of the case, in growing order: coarser ones, and a finer one on
+/// request or if no coarser cells divide the edges.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
@@ -217,7 +217,7 @@ fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
                 .filter(fits)
                 .min_by(|a, b| away(a).total_cmp(&away(b)))
         };
-        // The first grid leaves room for the second, where there is room for two.
+        // The first grid must allow a second one, if two fit.
         let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
         let Some(best) = best else { break };
         chosen.push(real(common) / real(best));
@@ -363,7 +363,7 @@ pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
     tree["time"]["end"] = (clock.time_step * steps).into();
 }
 
-/// What keeps the case from being run on other cells.
+/// Checks that the case can be run on other cells.
 ///
 /// # Errors
 /// The field and a remedy.
@@ -419,7 +419,7 @@ mod tests {
         // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
         let found = pick(40, 1.8, f64::INFINITY, 2);
         assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
-        // A body of eight cells keeps four of them, one of six cells has room for one grid, one of five for none.
+        // A body of eight cells keeps four of them, one of six cells allows one grid, one of five none.
         let found = pick(40, 1.8, 2.0, 2);
         assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
         let found = pick(40, 1.8, 1.5, 2);

@@ -26,7 +26,7 @@ use serde_json::{Value, json};
 pub struct Setting {
     /// In words.
     pub name: &'static str,
-    /// As part of a folder's name.
+    /// Name as part of a folder's name.
     pub folder: &'static str,
     /// From what to what.
     pub change: String,
@@ -34,12 +34,12 @@ pub struct Setting {
     pub case: Value,
 }
 
-/// How much stiffer contacts become.
+/// Factor by which contacts become stiffer.
 const STIFFER: f64 = 4.0;
 /// Constant of WALE in the comparison.
 const OTHER_WALE: f64 = 0.325;
 
-/// What a setting changes: the case, stated on the cells of the comparison; `none` where the scene does not have it.
+/// Change of a setting: of the case, stated on the cells of the comparison; `none` if the scene does not have it.
 type Change = fn(&mut Value, &Plan, Scaling) -> Option<String>;
 
 /// All settings.

@@ -12,17 +12,17 @@ use serde_json::{Value, json};
 const SETTLED: f64 = 1e-3;
 /// Differences up to this part of the scale of an answer are rounding, for populations in f64 and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
-/// As much of a unit of the lattice is rounding, too: of pressure, force and so on.
+/// Rounding in units of the lattice for f64 and f32: of pressure, force and so on.
 const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
 /// Components below this part of their vector are zero.
 const ZERO: f64 = 1e-9;
 
-/// How large rounding is.
+/// Size of rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// The scales of the lattice, if there is one.
     pub units: Option<LatticeUnits>,
-    /// Whether populations are stored in f32.
+    /// `true` if populations are stored in f32.
     pub single: bool,
 }
 
@@ -42,7 +42,7 @@ impl Noise {
         scale * OF_UNIT[usize::from(self.single)]
     }
 
-    /// Whether values are zero but for rounding.
+    /// Returns `true` if values are zero but for rounding.
     fn is_zero(self, mut values: impl Iterator<Item = f64>, answer: &Answer) -> bool {
         let limit = (ZERO * answer.scale).max(self.of_unit(&answer.unit));
         values.all(|value| value.abs() <= limit)
@@ -54,7 +54,7 @@ impl Noise {
     }
 }
 
-/// What is known of a grid.
+/// Data of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Grid {
     /// Its folder.
@@ -67,7 +67,7 @@ pub struct Grid {
     pub core_seconds: f64,
     /// Why it has no answers; none where it has.
     pub failure: Option<String>,
-    /// What it answers; none where its run failed.
+    /// Answers of its run; none if it failed.
     #[serde(skip)]
     pub answers: Option<Answers>,
 }
@@ -83,12 +83,12 @@ pub struct Row {
     pub value: f64,
     /// Its values on all grids, from fine to coarse.
     pub values: Vec<f64>,
-    /// What the grids say.
+    /// Estimate from the grids.
     #[serde(flatten)]
     pub estimate: Estimate,
     /// Change in time between the last two tenths of the run.
     pub drift: Option<f64>,
-    /// Whether it has settled; none where that was not measured.
+    /// `true` if it has settled; none if that was not measured.
     pub settled: Option<bool>,
     #[serde(skip)]
     scale: f64,
@@ -127,11 +127,11 @@ pub struct Change {
 /// All that an estimate found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
-    /// How the time step changes with the cells, and what that means.
+    /// Scaling of the time step with the cells, and its meaning.
     pub scaling: String,
     /// Order of the method.
     pub formal_order: f64,
-    /// What the number of grids with answers means; empty where all have answers.
+    /// Meaning of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
     /// The grids, from fine to coarse.
     pub grids: Vec<Grid>,
@@ -143,7 +143,7 @@ pub struct Table {
     pub version: String,
 }
 
-/// What the number of grids with answers means, where not all have answers.
+/// Returns the meaning of the number of grids with answers, if not all have answers.
 #[must_use]
 pub fn conclusion(grids: &[Grid]) -> String {
     let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
@@ -202,7 +202,7 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
     own.iter().filter_map(row).collect()
 }
 
-/// What a setting changes.
+/// Returns the changes of the answers by a setting.
 #[must_use]
 pub fn sensitivity(
     setting: &Setting,
@@ -278,7 +278,7 @@ impl Row {
         Some(causes.join("; "))
     }
 
-    /// Whether it has settled, in words.
+    /// Returns in words if it has settled.
     #[must_use]
     pub fn rest(&self) -> String {
         match (self.settled, self.drift) {
@@ -331,7 +331,7 @@ fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
 }
 
 impl Table {
-    /// How many grids have answers.
+    /// Returns the number of grids with answers.
     #[must_use]
     pub fn usable(&self) -> usize {
         self.grids.iter().filter(|g| g.answers.is_some()).count()

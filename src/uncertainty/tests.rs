@@ -225,8 +225,7 @@ fn cells_without_a_common_divisor_are_refined() {
 
 #[test]
 fn the_coarsest_grid_keeps_four_cells_across_the_smallest_body() {
-    // The wire of 1 mm in 16 x 8 mm: eight cells leave room for two coarser grids of 45 and 32 cells, six for one
-    // of 36.
+    // The wire of 1 mm in 16 x 8 mm: eight cells allow two coarser grids of 45 and 32 cells, six for one of 36.
     for (spacing, expected) in [
         ("0.000125", &[1.0, 64.0 / 45.0, 2.0][..]),
         ("0.00016666666666666667", &[1.0, 48.0 / 36.0]),

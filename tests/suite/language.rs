@@ -9,7 +9,7 @@
 //! | rule | fault |
 //! |---|---|
 //! | opening | a doc comment that begins with What, Whether, Where, Who, How, Of, As or The same |
-//! | boolean | a doc comment of a `bool`, or of a function that returns one, without "`true`" in its first paragraph |
+//! | boolean | a doc comment of a `bool`, or of a function that returns one, without "`true`" at first; not of an option |
 //! | type | a public type whose name more than two public types of the program have |
 //! | function | a function with a name of [`FUNCTIONS`] |
 //! | width | a line of Rust with more than [`WIDTH`] characters |
@@ -160,6 +160,11 @@ fn is_boolean(lines: &[&str]) -> bool {
     let Some(first) = lines.iter().find(|line| !attribute(line)) else {
         return false;
     };
+    // The comment of an option of the command line is its help.
+    let mut attributes = lines.iter().take_while(attribute);
+    if attributes.any(|line| line.trim_start().starts_with("#[arg(")) {
+        return false;
+    }
     if named(first, &["fn"]).is_none() {
         let item = first.trim().trim_end_matches(',').trim_end_matches(';');
         let item = item.split(" = ").next().unwrap_or(item);
@@ -446,6 +451,10 @@ fn each_rule_finds_its_fault_and_nothing_else() {
     assert_eq!(
         check("src/a.rs", "/// It moves.\npub moves: bool,\n"),
         [("boolean", 1)]
+    );
+    assert_eq!(
+        check("src/a.rs", "/// Print JSON.\n#[arg(long)]\njson: bool,\n"),
+        []
     );
     assert_eq!(
         check(

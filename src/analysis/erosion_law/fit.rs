@@ -36,7 +36,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Whether a value lies inside.
+    /// Returns `true` if a value is inside.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
@@ -65,7 +65,7 @@ pub struct RatePoint {
     pub error: f64,
     /// Rate that one grain makes, kg/(m^2 s).
     pub quantum: f64,
-    /// Whether it counts as eroding.
+    /// `true` if it counts as eroding.
     pub eroding: bool,
 }
 
@@ -99,7 +99,7 @@ impl RatePoint {
     }
 }
 
-/// How intervals are made.
+/// Settings of the intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FitOptions {
     /// Samples of the bootstrap.
@@ -574,11 +574,11 @@ pub struct CohesionTrend {
     pub coefficient_exponent: Option<f64>,
     /// Its interval.
     pub coefficient_exponent_interval: Option<Interval>,
-    /// Whether the interval excludes zero.
+    /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,
     /// `(max - min) / mean` of k_d over the fits.
     pub coefficient_variation: f64,
-    /// Whether tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
+    /// `true` if tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
     pub critical_shear_increases: bool,
     /// Pairs of neighbours at which tau_c falls beyond both intervals.
     pub reversals: usize,

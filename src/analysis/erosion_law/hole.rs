@@ -154,7 +154,7 @@ pub fn shear_by_gradient(
             .iter()
             .enumerate()
             .map(|(cell, &v)| ((velocity.centre(cell) - face) * sign, v))
-            // A cell centre on the middle or a rounding beside it belongs to both halves.
+            // A cell centre on the middle, but for rounding, belongs to both halves.
             .filter(|&(distance, _)| distance > 0.0 && distance <= reach + 1e-9 * velocity.spacing)
             .collect()
     };

@@ -21,12 +21,12 @@
 //! the point is that of all records from the end of the ramp on, with its error: one grain in a short span would give
 //! any rate.
 //!
-//! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
+//! A window counts as eroding if at least three grains left in it: loose grains next to the cut hole are not erosion.
 
 use super::record::{ErosionRecord, RemovedGrain};
 use crate::number::real;
 
-/// How a run is cut into windows.
+/// Settings for the windows of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
     /// Most windows per run.
@@ -65,7 +65,7 @@ pub struct RateWindow {
     pub end: f64,
     /// Grains that left.
     pub grains: u64,
-    /// Whether the window counts as eroding.
+    /// `true` if the window counts as eroding.
     pub eroding: bool,
     /// Mean hydraulic shear stress from the velocity gradient, Pa.
     pub shear: f64,

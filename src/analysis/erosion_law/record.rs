@@ -7,7 +7,7 @@
 //! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
-//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same
+//! Each struct declares name and unit of every column with the field. Header, writer and reader use the same
 //! declaration. Numbers are written with the shortest text that reads back to the same bits. Undefined values, such as
 //! the shear stress on a hole that no longer exists, are `NaN`.
 
@@ -126,21 +126,21 @@ pub struct ErosionRecord {
     discharge: f64 = "discharge [m^2/s]",
     /// Bonds broken so far.
     bonds_broken: u64 = "bonds_broken [1]",
-    /// Of these, in the bulk of the packing.
+    /// Bonds broken so far in the bulk of the packing.
     bonds_broken_inside: u64 = "bonds_broken_inside [1]",
-    /// Of these, at the wall of the hole: between its faces or within two mean diameters of one.
+    /// Bonds broken so far at the wall of the hole: between its faces or within two mean diameters of one.
     bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
     /// Largest fluid speed in lattice units, |u| dt/h. Earlier versions named the column `mach [1]`.
     #[serde(alias = "mach [1]")]
     lattice_velocity: f64 = "lattice_velocity [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole. Earlier versions
-    /// had no such column.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left. Earlier versions had
+    /// no such column.
     #[serde(default = "unknown")]
     face_share: f64 = "face_share [1]",
-    /// Mean distance from where they started of the grains that started beside the hole and more than two mean
-    /// diameters behind its present faces, in mean diameters. Earlier versions had no such column.
+    /// Mean displacement of the grains that started next to the hole and more than two mean diameters behind its
+    /// present faces, in mean diameters. Earlier versions had no such column.
     #[serde(default = "unknown")]
     bulk_displacement: f64 = "bulk_displacement [diameters]",
 }
@@ -159,16 +159,16 @@ pub struct RemovedGrain {
     mass: f64 = "mass [kg; 2-D kg/m]",
     /// Its radius, m.
     radius: f64 = "radius [m]",
-    /// Where it was, m.
+    /// Its position, m.
     x: f64 = "x [m]",
-    /// Where it was, m.
+    /// Its position, m.
     y: f64 = "y [m]",
-    /// Where it was, m; 0 in 2-D.
+    /// Its position, m; 0 in 2-D.
     z: f64 = "z [m]",
 }
 }
 
-/// How a bond broke.
+/// Mode in which a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakMode {
@@ -178,7 +178,7 @@ pub enum BreakMode {
     Shear,
 }
 
-/// Where a bond broke.
+/// Part of the packing in which a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakPlace {
@@ -221,14 +221,14 @@ pub struct BondBreak {
     x: f64 = "x [m]",
     /// Contact point, m.
     y: f64 = "y [m]",
-    /// How it broke.
+    /// Mode in which it broke.
     mode: BreakMode = "mode",
-    /// Where it broke.
+    /// Part of the packing in which it broke.
     place: BreakPlace = "place",
 }
 }
 
-/// What a study needs to know of a run beside its record: the value of the key `erosion` of `summary.json`.
+/// Data of a run that a study needs in addition to its record: the value of the key `erosion` of `summary.json`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ErosionSummary {
     /// Cohesion over mean diameter, C/d, N/m.
@@ -251,8 +251,8 @@ pub struct ErosionSummary {
     /// Bonds of a grain with grains and walls at the start of the flow, mean over all grains.
     #[serde(default)]
     pub bonds_per_grain: Option<f64>,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no
-    /// bond broke.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
+    /// broke.
     #[serde(default)]
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters of the grains.

@@ -35,7 +35,7 @@ fn root(parent: &mut [usize], mut k: usize) -> usize {
     k
 }
 
-/// How many grains of each of the `blocks` are among the `left`, with 1 for every one that belongs to none.
+/// Returns the number of grains of each of the `blocks` among the `left`, with 1 for every one that belongs to none.
 #[must_use]
 pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     let block_of: HashMap<u64, usize> = blocks
@@ -55,7 +55,7 @@ pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     sizes
 }
 
-/// How often each size occurs, by rising size.
+/// Returns the number of occurrences of each size, by rising size.
 #[must_use]
 pub fn histogram(sizes: impl IntoIterator<Item = u64>) -> Vec<(u64, u64)> {
     let mut counts = BTreeMap::new();

@@ -16,8 +16,8 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
-/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down:
-/// one large grain that lay on the others may roll down by more than a mean diameter alone.
+/// Number of the highest grains of a column at time 0 that are its surface. The middle one shows its settlement: one
+/// large grain that lay on the others may roll down by more than a mean diameter alone.
 pub const SKIN: usize = 3;
 
 /// A grain in the frame of the analysis: long axis, across, up.
@@ -27,7 +27,7 @@ pub struct Grain {
     pub id: u64,
     /// Its centre \[m\].
     pub at: [f64; 3],
-    /// How far it is from where it was at time 0 \[m\].
+    /// Displacement from its position at time 0 \[m\].
     pub moved: [f64; 3],
     /// Its radius \[m\].
     pub radius: f64,
@@ -36,7 +36,7 @@ pub struct Grain {
 /// The cells: the box from the origin, cut evenly along each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cells {
-    /// How many along each axis.
+    /// Number of cells along each axis.
     pub count: [usize; 3],
     /// Edges of one cell \[m\].
     pub size: [f64; 3],
@@ -69,7 +69,7 @@ pub struct Ground {
     pub skin: Vec<Option<f64>>,
 }
 
-/// What counts as void, moving, settled.
+/// Thresholds for void, moving and settled cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// A cell with less than this part of its initial solid is void.
@@ -82,7 +82,7 @@ pub struct Limits {
     pub percentile: f64,
 }
 
-/// What there is over one point.
+/// Quantities over one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Above {
     /// Volume of soil missing in the void connected with the point \[m3\].
@@ -91,14 +91,14 @@ pub struct Above {
     pub arch_height: f64,
     /// Thickness of the ground over the point at time 0 \[m\].
     pub cover: f64,
-    /// How far up the ground moves, as part of the cover.
+    /// Upper end of the moving ground, as part of the cover.
     pub front: f64,
     /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where
     /// nothing moves.
     pub front_shape: f64,
 }
 
-/// Where the surface has settled.
+/// Area where the surface has settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Depression {
     /// Length along the long axis over which any column has settled \[m\].
@@ -120,7 +120,7 @@ pub struct Sample {
     pub points: Vec<Above>,
     /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,
-    /// How far each column has gone down \[m\].
+    /// Settlement of each column \[m\].
     pub settlement: Vec<Option<f64>>,
     /// Largest settlement \[m\].
     pub settlement_max: f64,
@@ -130,9 +130,9 @@ pub struct Sample {
     pub settlement_middle: f64,
     /// The requested percentile \[m\].
     pub settlement_percentile: f64,
-    /// Where it has settled.
+    /// Area where it has settled.
     pub depression: Depression,
-    /// Mean displacement of the soil beside the points towards them \[m\].
+    /// Mean displacement of the soil at the sides of the points towards them \[m\].
     pub inward: f64,
 }
 #[expect(
@@ -160,19 +160,19 @@ impl Cells {
         std::array::from_fn(|axis| place(at[axis], self.size[axis], self.count[axis]))
     }
 
-    /// Where a cell lies in lists of cells.
+    /// Returns the index of a cell in lists of cells.
     #[must_use]
     pub fn index(&self, cell: [usize; 3]) -> usize {
         (cell[2] * self.count[1] + cell[1]) * self.count[0] + cell[0]
     }
 
-    /// Where a column lies in lists of columns.
+    /// Returns the index of a column in lists of columns.
     #[must_use]
     pub fn column(&self, long: usize, across: usize) -> usize {
         across * self.count[0] + long
     }
 
-    /// How many.
+    /// Returns the number of cells.
     #[must_use]
     pub fn total(&self) -> usize {
         self.count.iter().product()
@@ -321,7 +321,8 @@ impl Ground {
             .map(|z| self.cells.lower(z, 2))
     }
 
-    /// How far every column has gone down: its elevation or the grains that were its surface, whichever went less.
+    /// Returns the settlement of every column: of its elevation or of the grains that were its surface, whichever is
+    /// smaller.
     #[must_use]
     pub fn settlement(&self, now: &[Option<f64>], grains: &[Grain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
@@ -338,8 +339,8 @@ impl Ground {
             .collect()
     }
 
-    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever
-    /// they are now (the lower middle of an even number); none where all of them have left.
+    /// Returns the settlement of the middle one of the grains that were the surface of every column at time 0, wherever
+    /// they are now (the lower middle of an even number); none if all of them have left.
     fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
         let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
         // The place at time 0 is rounded.
@@ -508,7 +509,7 @@ impl Ground {
                     most = most.max(here);
                     continue;
                 }
-                // Both neighbours along, and the three of the rows beside.
+                // Both neighbours along, and the three of the adjacent rows.
                 for other in long.saturating_sub(1)..(long + 2).min(nx) {
                     for row in across.saturating_sub(1)..(across + 2).min(ny) {
                         if (other, row) != (long, across) {
@@ -537,7 +538,7 @@ impl Ground {
         sum / real(n.max(1))
     }
 
-    /// Where the columns have settled by at least `settled`.
+    /// Returns the area where the columns have settled by at least `settled`.
     #[must_use]
     pub fn depression(&self, settlement: &[Option<f64>], settled: f64) -> Depression {
         let [nx, ny, _] = self.cells.count;
@@ -649,7 +650,7 @@ impl Ground {
         if lower > 0.0 { upper / lower } else { f64::NAN }
     }
 
-    /// Mean displacement of the soil beside the points towards the nearest one.
+    /// Returns the mean displacement of the soil at the sides of the points towards the nearest one.
     fn inward(&self, grains: &[Grain], points: &[Point]) -> f64 {
         let covers: Vec<f64> = points
             .iter()
@@ -675,7 +676,7 @@ impl Ground {
     }
 }
 
-/// How far a place along the long axis is outside a point.
+/// Returns the distance of a coordinate along the long axis from a point; 0 inside it.
 fn distance(point: &Point, x: f64) -> f64 {
     (point.from[0] - x).max(x - point.to[0]).max(0.0)
 }

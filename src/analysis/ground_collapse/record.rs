@@ -23,7 +23,7 @@ pub struct CollapseRecord {
     time: f64 = "time [s]",
     /// Mass that left through the seepage points so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
-    /// Of the mass of all grains at time 0.
+    /// Eroded part of the mass of all grains at time 0.
     eroded_fraction: f64 = "eroded_fraction [1]",
     /// Grains that left through the seepage points so far.
     eroded_grains: u64 = "eroded_grains [1]",
@@ -49,7 +49,7 @@ pub struct CollapseRecord {
     extension: f64 = "extension [m]",
     /// Its growth since the last row, m/s.
     extension_rate: f64 = "extension_rate [m/s]",
-    /// Mean displacement of the soil beside the points towards them, m.
+    /// Mean displacement of the soil at the sides of the points towards them, m.
     inward: f64 = "inward [m]",
     /// Stages that have begun.
     stages: u64 = "stages [1]",
@@ -57,7 +57,7 @@ pub struct CollapseRecord {
 }
 
 csv_row! {
-/// What there is over one seepage point at one time: a row of `collapse_points.csv`.
+/// Quantities over one seepage point at one time: a row of `collapse_points.csv`.
 pub struct PointRecord {
     /// Step.
     step: u64 = "step",
@@ -102,13 +102,13 @@ impl Value for ClusterKind {
 }
 
 csv_row! {
-/// How many clusters of a size there are: a row of `clusters.csv`.
+/// Number of clusters of a size: a row of `clusters.csv`.
 pub struct ClusterRecord {
     /// Step.
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// Of which grains.
+    /// Kind of the clustered grains.
     kind: ClusterKind = "kind",
     /// Grains of one cluster.
     size: u64 = "size [1]",
@@ -134,7 +134,7 @@ pub struct SurfaceRecord {
     across: f64 = "across [m]",
     /// Top of the highest grain in company, over the lower end of the domain, m; NaN where there is none.
     elevation: f64 = "elevation [m]",
-    /// How far it has gone down since time 0, m.
+    /// Settlement since time 0, m.
     settlement: f64 = "settlement [m]",
 }
 }
@@ -158,7 +158,7 @@ pub struct StageTimes {
     pub sinkhole_shape: Option<f64>,
 }
 
-/// What left through one point.
+/// Grains and mass that left through one point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointSummary {
     /// Its name.
@@ -169,7 +169,7 @@ pub struct PointSummary {
     pub eroded_mass: f64,
 }
 
-/// What a study needs to know of a run beside its record: the value of the key `collapse` of `summary.json`.
+/// Data of a run that a study needs in addition to its record: the value of the key `collapse` of `summary.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CollapseSummary {
     /// When each stage began.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Names of the four stages.
 pub const NAMES: [&str; 4] = ["hidden hole", "arch", "sinkhole", "extension"];
 
-/// What one sample shows, the most of any point.
+/// Evidence in one sample: the maximum over the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
     /// Grains that left through one point so far.
@@ -22,7 +22,7 @@ pub struct Evidence {
     pub longest: f64,
     /// Width of the depressions \[m\].
     pub width: f64,
-    /// Displacement of the soil beside the points towards them \[m\].
+    /// Displacement of the soil at the sides of the points towards them \[m\].
     pub inward: f64,
 }
 
@@ -51,7 +51,7 @@ pub struct Thresholds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Streak {
     samples: u32,
-    /// Of the first of them \[s\].
+    /// Time of the first of them \[s\].
     time: f64,
     /// Longer side of the depression at the first of them \[m\].
     extent: f64,
@@ -74,7 +74,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// How many have begun.
+    /// Returns the number of stages that have begun.
     #[must_use]
     pub fn begun(&self) -> usize {
         self.times.iter().flatten().count()
@@ -173,7 +173,7 @@ mod tests {
         seen.longest = 0.08;
         stages.note(2.0, &seen, &FROM);
         assert!(stages.note(3.0, &seen, &FROM).is_empty());
-        // 1.5 times the width, but the soil beside stands still: only round the hole.
+        // 1.5 times the width, but the adjacent soil stands still: only round the hole.
         seen.longest = 0.091;
         seen.inward = 0.0;
         stages.note(4.0, &seen, &FROM);

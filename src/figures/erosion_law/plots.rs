@@ -73,7 +73,7 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
     }
 }
 
-/// The same for a figure, `9.71·10^{-4}`.
+/// Returns the number for a figure, `9.71·10^{-4}`.
 fn digits_in_figure(value: f64) -> String {
     match digits(value).split_once('e') {
         Some((mantissa, power)) => {
@@ -211,7 +211,7 @@ impl Points {
     }
 }
 
-/// Returns the axis of the cohesions, with room for a point at either end.
+/// Returns the axis of the cohesions, with space for a point at either end.
 fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> Axis {
     let (low, high) = cohesions
         .iter()

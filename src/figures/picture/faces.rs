@@ -12,7 +12,7 @@ pub(super) struct Faces {
     pub(super) points: Vec<[f64; 3]>,
     /// Corners of each face, counter-clockwise from outside.
     corners: Vec<Vec<usize>>,
-    /// What colours them.
+    /// Values that colour them.
     pub(super) values: Vec<f64>,
     pub(super) quantity: String,
     pub(super) units: String,
@@ -50,7 +50,7 @@ impl Faces {
         })
     }
 
-    /// Paints those that look at the viewer; `colour` is that of a value.
+    /// Paints the faces that are turned to the viewer; `colour` is that of a value.
     pub(super) fn paint(
         &self,
         raster: &mut Raster,
@@ -137,7 +137,7 @@ impl Raster {
     }
 }
 
-/// How far a point is inside the edges of a counter-clockwise polygon; negative outside.
+/// Returns the distance of a point inside from the edges of a counter-clockwise polygon; negative outside.
 fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
     let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
     edges

@@ -1,4 +1,4 @@
-//! What a picture shows over the grains: arrows of a vector of each grain, and the network of contacts.
+//! Overlays of a picture: arrows of a vector of each grain, and the network of contacts.
 
 use super::{Frame, Raster, Section, failed};
 use crate::error::Error;

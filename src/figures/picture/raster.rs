@@ -111,7 +111,7 @@ impl Raster {
         }
     }
 
-    /// Where a point of the scene lies \[pixels from the upper left corner\].
+    /// Returns the position of a point of the scene \[pixels from the upper left corner\].
     pub(super) fn pixel_of(&self, frame: &Frame, p: [f64; 3]) -> [f64; 2] {
         let [x, y] = frame.place(p);
         [
@@ -120,7 +120,7 @@ impl Raster {
         ]
     }
 
-    /// Where the middle of a pixel lies in the frame.
+    /// Returns the position of the middle of a pixel in the frame.
     pub(super) fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
         [
             frame.low[0] + (real(column) + 0.5) * self.pixel,

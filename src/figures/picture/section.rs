@@ -5,12 +5,12 @@ use super::{Grains, Water};
 use crate::number::{real, whole};
 use std::str::FromStr;
 
-/// Where to cut.
+/// Plane of a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// 0, 1 or 2: the axis across the plane.
     pub axis: usize,
-    /// Where the plane stands on it (m).
+    /// Coordinate of the plane on it (m).
     pub at: f64,
 }
 

@@ -124,7 +124,7 @@ impl Bed {
     }
 }
 
-/// What the grains alone say.
+/// Quantities that follow from the grains alone.
 struct Grains {
     /// Median diameter by volume, of all grains \[m\]; NaN without grains.
     median: f64,
@@ -178,7 +178,7 @@ impl Grains {
     }
 }
 
-/// Whether a coordinate lies in the part; periodic axes are wrapped.
+/// Returns `true` if a coordinate is in the part; periodic axes are wrapped.
 fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: &V) -> bool {
     let mut x = position.get(axis);
     if grid.periodic[axis] {
@@ -463,7 +463,7 @@ impl Stream {
     }
 }
 
-/// Whether water slips freely along all of a face.
+/// Returns `true` if water slips freely along all of a face.
 fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     let patches = (scene.flow.iter())
         .flat_map(|flow| flow.patches())

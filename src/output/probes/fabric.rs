@@ -136,7 +136,7 @@ impl Fabric {
         ]
     }
 
-    /// Whether a position lies in the box; periodic axes are wrapped, upper ends at the domain belong to it.
+    /// Returns `true` if a position is in the box; periodic axes are wrapped, upper ends at the domain belong to it.
     fn holds<V: Components>(&self, grid: &Grid, position: &V) -> bool {
         (0..grid.dimension).all(|axis| {
             let mut x = position.get(axis);

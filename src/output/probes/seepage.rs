@@ -47,8 +47,8 @@ impl Section {
     }
 }
 
-/// Velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell; NaN outside
-/// the grid and in cells without water. Cells beside are not asked: a sheet pile may be between.
+/// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
+/// NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may be between.
 pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();

@@ -47,7 +47,7 @@ impl Wall {
         }
     }
 
-    /// Nothing has crossed a face before the first step of this process.
+    /// Returns `true` unless nothing has crossed a face yet: before the first step of this process.
     pub(super) fn has_flux(&self, step: u64) -> bool {
         self.first.is_none_or(|first| step > first)
     }
@@ -156,7 +156,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
     sum
 }
 
-/// What holds at a face next to a cell: the last of its patches there.
+/// Returns the condition at a face next to a cell: the last of its patches there.
 fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
     let patches = flow.faces[face.index()].iter().rev();
     patches
@@ -167,7 +167,7 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
         .next()
 }
 
-/// What it is to what surrounds it; a wall at rest where nobody names a condition.
+/// Returns the condition type of the wall; a wall at rest if no condition is given.
 fn nature(condition: Option<&Condition>) -> Nature {
     condition.map_or(Nature::WALL, |condition| condition.model().nature())
 }
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// What the case imposes, but for the pressure.
+    /// Returns the rule that the case imposes, without the pressure.
     fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
         match patch {
             "in" => Box::new(pressure::Links::new(0, Ramp::constant(deviation))),

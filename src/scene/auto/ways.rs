@@ -50,7 +50,7 @@ pub(crate) enum Beside {
 /// The narrowest place of a way.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Way {
-    /// Text of the gap: "narrowest way, beside `a` and the upper wall along y".
+    /// Text that names the gap and the adjacent solids.
     pub(crate) what: String,
     /// Its width \[m\].
     pub(crate) width: f64,

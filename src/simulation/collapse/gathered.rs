@@ -10,7 +10,7 @@ use crate::simulation::view::View;
 /// Id, radius, position, displacement.
 const NUMBERS: usize = 2 + 2 * 3;
 
-/// What rank 0 measures.
+/// Data that rank 0 measures.
 pub(super) struct Gathered {
     /// The grains of all ranks by rising id.
     pub(super) grains: Vec<Grain>,
@@ -95,7 +95,7 @@ pub(super) fn gather<S: Space>(
     }))
 }
 
-/// How far an owned grain is from where it started \[m\].
+/// Returns the displacement of an owned grain from its start \[m\].
 fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
     let moved = view.particles.displacement(k);
     moved.map_or([0.0; 3], |moved| {

@@ -73,7 +73,7 @@ impl Hole {
         0.5 * (self.from[self.across] + self.to[self.across])
     }
 
-    /// Whether a coordinate lies in the box along an axis, which in 2-D includes the third.
+    /// Returns `true` if a coordinate is in the box along an axis, which in 2-D includes the third.
     pub(super) fn spans(&self, axis: usize, x: f64, dimension: usize) -> bool {
         axis >= dimension || (self.from[axis]..self.to[axis]).contains(&x)
     }
@@ -119,7 +119,7 @@ impl Sums {
             .collect()
     }
 
-    /// Returns the mean solid fraction of the rows beside the hole.
+    /// Returns the mean solid fraction of the rows next to the hole.
     pub(super) fn solid_fraction_beside(&self, hole: &Hole) -> f64 {
         let beside = |values: &[i64]| -> i64 {
             let rows = values.iter().enumerate();
@@ -291,7 +291,7 @@ pub(super) fn excess_force<S: Space>(
     (force.value() - seepage) / hole.depth
 }
 
-/// How far a point across the hole lies behind the nearer face \[m\]; negative in the hole.
+/// Returns the distance of a point across the hole behind the nearer face \[m\]; negative in the hole.
 pub(super) fn depth(faces: HoleFaces, at: f64) -> f64 {
     (faces.lower - at).max(at - faces.upper)
 }

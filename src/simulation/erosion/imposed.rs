@@ -1,4 +1,4 @@
-//! What a piping case imposes: its pressures and the cohesion of its bonds.
+//! Conditions that a piping case imposes: its pressures and the cohesion of its bonds.
 
 use crate::dem::contact::Scaled;
 use crate::number::to_u32;

@@ -423,7 +423,7 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
     assert!((rows[0].face_share - 1.0).abs() < 1e-15);
     let summary = recorder.summary(&plan).unwrap().unwrap();
     assert_eq!(summary["face_share"], 0.5);
-    // No contacts to look at, and no starts of the grains.
+    // No contacts, and no initial positions of the grains.
     assert!(summary["bonds_per_grain"].is_null() && summary["bulk_displacement"].is_null());
 }
 

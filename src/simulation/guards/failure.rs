@@ -17,7 +17,7 @@ use crate::plan::margin::Margin;
 use crate::scene::findings::number;
 use decomposition::Communicator;
 
-/// How a cell fails.
+/// Kind of failure of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Its numbers are not finite.
@@ -95,7 +95,7 @@ impl Failure {
     }
 }
 
-/// Part of the cells from which a failure has spread too far for the first of them to tell where it began.
+/// Part of the cells from which on a failure has spread too far for the first of them to show where it began.
 const SPREAD: f64 = 0.01;
 
 /// Cells without finite numbers. Collective.
@@ -117,7 +117,7 @@ pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// What holds in a cell of the domain; none where another rank has it.
+/// Returns the state of a cell of the domain in words; none if another rank has it.
 fn state<Sp: Space, S: Stored>(
     kind: Kind,
     cell: [usize; 3],
@@ -222,7 +222,7 @@ fn solid<Sp: Space>(
     (id != u64::MAX && away.is_finite()).then(|| (name(id, plan), away))
 }
 
-/// What a body, block or grain is called.
+/// Returns the name of a body, block or grain.
 pub(super) fn name(id: u64, plan: &Plan) -> String {
     let bodies = &plan.scene.bodies;
     match usize::try_from(id).ok().and_then(|n| bodies.get(n)) {
@@ -271,7 +271,7 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// How the limit of [`crate::plan`] of impacts begins.
+/// Beginning of the name of the limit of [`crate::plan`] for impacts.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
 /// The engine's message about a failure, with the nearest limit and a remedy.
@@ -292,12 +292,12 @@ pub fn of_solids(error: Error, plan: &Plan) -> Error {
     Error::Numerical(parts.join("; "))
 }
 
-/// How the limits of the solids begin.
+/// Beginning of the names of the limits of the solids.
 const SOLID: &str = "solid time step";
-/// How the limit of [`crate::plan`] of the cell Reynolds number begins.
+/// Beginning of the name of the limit of [`crate::plan`] for the cell Reynolds number.
 const CELL_REYNOLDS: &str = "cell Reynolds number";
 
-/// How the limits of imposed pressures begin.
+/// Beginning of the names of the limits of imposed pressures.
 const PRESSURE: &str = "density change";
 
 /// The limit of the plan with the smallest margin, of those selected.
@@ -308,8 +308,8 @@ fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
         .max_by(|a, b| a.used.total_cmp(&b.used))
 }
 
-/// As [`nearest`], of what the water must keep. That tau is above 1/2 says nothing, and time steps that the program
-/// chose for accuracy are at their limits by choice.
+/// Returns the [`nearest`] limit of those for the water. The limit tau > 1/2 is left out, and time steps that the
+/// program chose for accuracy are at their limits by choice.
 fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
     let own = |limit: &str| {
         limit.starts_with(SOLID)

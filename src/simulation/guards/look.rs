@@ -34,7 +34,7 @@ impl At {
     }
 }
 
-/// What a look found on this rank.
+/// Results of a check on this rank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
     /// Largest squared speed of the water, over C².
@@ -77,12 +77,12 @@ impl Order {
     }
 }
 
-/// Room that looks use again.
+/// Buffers that checks reuse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
-    /// How much of its cells bodies cover.
+    /// Fraction of each cell of a row that bodies cover.
     covered: Vec<f32>,
     /// The extreme values of each row.
     rows: Rows,
@@ -91,7 +91,7 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// Looks at every cell of the slab.
+    /// Checks every cell of the slab.
     pub(super) fn at<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) -> Seen {
         self.rows.look(flow.fluid());
         let mut seen = Seen {
@@ -129,7 +129,7 @@ impl Look {
     }
 }
 
-/// Looks at each cell of a row of the slab.
+/// Checks each cell of a row of the slab.
 fn go_through<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     row: usize,

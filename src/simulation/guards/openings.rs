@@ -27,7 +27,7 @@ use crate::units::LatticeUnits;
 
 /// Times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
-/// Looks in a window at least.
+/// Minimum number of checks in a window.
 const LEAST_LOOKS: usize = 10;
 /// Imbalance that is worth a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
@@ -65,7 +65,7 @@ pub(super) fn unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2/s" } else { "m3/s" }
 }
 
-/// The looks of the window in a checkpoint. A number that is not finite is null there.
+/// Checks of the window in a checkpoint. A number that is not finite is null there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct State {
@@ -74,20 +74,20 @@ pub(super) struct State {
     looks: Vec<[Option<f64>; 2]>,
 }
 
-/// What the openings let through.
+/// Flow through the openings.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Openings {
-    /// Whether there are any.
+    /// `true` if there are any.
     exist: bool,
-    /// Looks in a window; 0 before the first.
+    /// Number of checks in a window; 0 before the first.
     window: usize,
     /// Steps at which ramps are over.
     ramps_end: u64,
     /// Mass per step below which nothing flows.
     still: f64,
-    /// Looks since the ramps are over.
+    /// Number of checks since the ramps are over.
     settled: usize,
-    /// The looks of the window.
+    /// Checks of the window.
     looks: VecDeque<Rates>,
     /// Sums since the last call, and their number.
     since: (Rates, u64),
@@ -148,7 +148,7 @@ impl Openings {
         self.since.1 += 1;
     }
 
-    /// Finds the window, once, and makes room for its looks.
+    /// Finds the window, once, and allocates a buffer for its checks.
     pub(super) fn prepare<Sp: Space, S: Stored>(
         &mut self,
         every: u64,
@@ -171,7 +171,7 @@ impl Openings {
         self.masses.reserve(fluid.boundaries().names().count());
     }
 
-    /// Means over the window; none before the first look, and without openings.
+    /// Returns the means over the window; none before the first check, and without openings.
     pub(super) fn mean(&self) -> Option<Rates> {
         let number = real(self.looks.len());
         (!self.looks.is_empty()).then(|| Rates {
@@ -180,7 +180,7 @@ impl Openings {
         })
     }
 
-    /// Whether a mean is more than nothing.
+    /// Returns `true` if a mean differs from zero by more than rounding.
     pub(super) fn flows(&self, mean: &Rates) -> bool {
         mean.inflow.max(mean.outflow) > self.still
     }

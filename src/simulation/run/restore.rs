@@ -72,7 +72,7 @@ impl Origin {
         resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
     }
 
-    /// Returns true if the case has changed since the checkpoint.
+    /// Returns `true` if the case has changed since the checkpoint.
     pub(super) fn changed(&self) -> bool {
         self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
     }
@@ -94,12 +94,12 @@ impl Origin {
             .is_none_or(|resumed| resumed.sums_go_on)
     }
 
-    /// Returns whether the run was past its preparation.
+    /// Returns `true` if the run was past its preparation.
     pub(super) fn runs(&self) -> bool {
         matches!(self.stage, Some(Stage::Run))
     }
 
-    /// Returns whether the fluid had been advanced.
+    /// Returns `true` if the fluid had been advanced.
     pub(super) fn flowed(&self) -> bool {
         matches!(self.stage, Some(Stage::Run | Stage::WarmUp(_)))
     }
@@ -113,7 +113,7 @@ impl Origin {
     }
 }
 
-/// Parts of a run beside the simulated state.
+/// Parts of a run in addition to the simulated state.
 pub(super) struct Parts {
     pub(super) notes: Value,
     pub(super) removal: Removal,
@@ -121,7 +121,7 @@ pub(super) struct Parts {
     pub(super) guards: Guards,
     /// States of the recorders, of a run past its preparation.
     pub(super) recorders: Option<Recorders>,
-    /// Velocities of the last look of an unfinished warm-up.
+    /// Velocities at the last check of an unfinished warm-up.
     pub(super) earlier: Option<Vec<f64>>,
 }
 

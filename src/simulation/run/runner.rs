@@ -34,7 +34,7 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
     pub(super) threads: usize,
     /// Step and reason of the first checkpoint for which there was no space.
     pub(super) unsaved: Option<(u64, String)>,
-    /// Whether the slabs may change: the case does not list them.
+    /// `true` if the slabs may change: the case does not list them.
     pub(super) may_cut: bool,
     /// Slabs that cost less than those of now, found at the newest checkpoint.
     pub(super) better: Option<Slabs>,
@@ -97,7 +97,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         outcome.map_err(Ended::Later)
     }
 
-    /// The same run from its newest checkpoint, which is that of now, with other slabs. Collective.
+    /// Restarts the run from its newest checkpoint, which is that of now, with other slabs. Collective.
     fn with_slabs(self, start: impl FnOnce(RunFolder, Resumed) -> Start) -> Result<Self, Error> {
         let Self {
             simulation,
@@ -112,7 +112,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let Simulation { now, phases, .. } = simulation;
         let communicator = now.domain.communicator().clone();
         let plan = now.plan.clone();
-        // The old state makes room for the new one.
+        // The old state is dropped before the new one is allocated.
         drop((now.flow, now.dem, now.particles, now.averages));
         let found = resume::find(&folder, &communicator)?;
         let start = Start {
@@ -251,7 +251,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.save(Occasion::End)?;
         }
         self.folder.forget_preparation();
-        // No checkpoint may be written after this: rows at the end are no part of what a run that goes on remembers.
+        // No checkpoint may be written after this: rows at the end are no part of the state of a run that continues.
         self.simulation.record_end()?;
         for line in self.simulation.collapse.take_news() {
             self.progress.note(&line);
@@ -263,12 +263,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         Ok(Pause::Done)
     }
 
-    /// Whether there is a step left to do; the same on every rank.
+    /// Returns `true` if there is a step left to do; equal on every rank.
     fn goes_on(&self) -> bool {
         self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
     }
 
-    /// Whether so much has left that the case calls the run done; the same on every rank.
+    /// Returns `true` if so much has left that the case calls the run done; equal on every rank.
     fn eroded(&self) -> bool {
         let law = self.simulation.now.plan.scene.erosion_law.as_ref();
         law.and_then(|law| law.end_at_eroded_fraction)

@@ -13,14 +13,14 @@ use crate::preparation::supervision::{Request, Requests};
 use decomposition::Communicator;
 use serde_json::{Value, json};
 
-/// Steps between two looks at whether the fluid is steady.
+/// Steps between two checks of steadiness of the fluid.
 const LOOK_EVERY: u64 = 100;
 
 /// The progress of a warm-up.
 pub(super) struct Reached {
     /// Steps taken.
     pub(super) steps: u64,
-    /// Velocities at the last look, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
+    /// Velocities at the last check, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
     pub(super) velocities: Option<Vec<f64>>,
 }
 
@@ -86,7 +86,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
     Ok(step)
 }
 
-/// The velocities at the last look, and how much they differed from those at the look before.
+/// Velocities at the last check, and their difference from those at the check before.
 struct Look {
     /// Cells in the order of the velocities.
     cells: Vec<usize>,
@@ -107,7 +107,7 @@ impl Look {
         }
     }
 
-    /// Compares the velocities with those of the last look and stores them. Collective.
+    /// Compares the velocities with those of the last check and stores them. Collective.
     fn at<Sp: Space, S: Saved>(
         &mut self,
         flow: &dyn LatticeFlow<Sp, S>,

@@ -197,8 +197,8 @@ fn trenches_have_the_length_and_depth_they_were_dug_with() {
     assert!(near(seen.settlement_percentile, 2.0 * D));
 }
 
-/// What flies alone is no surface, what falls together is, and a column without any grain goes down to its lowest
-/// ground.
+/// Leaves out single grains in flight: grains that fall together are ground, and a column without any grain goes down
+/// to its lowest ground.
 #[test]
 fn a_grain_in_flight_is_no_ground() {
     let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
@@ -251,7 +251,7 @@ fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
             sink(grain, 1.2 * D);
         }
     });
-    // The top of the column is three diameters lower, and that grain more than one; those beside it stay.
+    // The top of the column is three diameters lower, and that grain more than one; its neighbours stay.
     assert!(near(seen.surface[k].unwrap(), real(LAYERS) * EDGE));
     assert_eq!(seen.settlement[k], Some(0.0));
     assert_eq!(seen.settlement_max, 0.0);
