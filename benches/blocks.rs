@@ -34,7 +34,7 @@ use solver::dem::{
 use solver::error::Error;
 use solver::random::Stream;
 
-/// How many pairs of each kind.
+/// Number of pairs of each kind.
 const PAIRS: u64 = 256;
 
 struct Pair {

@@ -1,4 +1,5 @@
-//! Speed of the seepage solver: seconds to assemble, solve and differentiate from a cold start, beside FiPy (P-9).
+//! Speed of the seepage solver: seconds to assemble, solve and differentiate from a cold start, compared with FiPy
+//! (P-9).
 //!
 //! `cargo bench --bench darcy -- [CELLS] [tolerance] [repeats]`, CELLS as `6x20x6` (the fissure paper's 720, the
 //! default) or `60x200x60` (720,000); with RAYON_NUM_THREADS=1 for one core. The box, porosity, permeability, boundary

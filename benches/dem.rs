@@ -1,7 +1,8 @@
 //! Speed of the grains: particle-steps and contacts per second of one rank.
 //!
 //! Peers on one core of another machine (million particle-steps/s): LAMMPS 5.3-5.9, LIGGGHTS 4.1-7.3 for packed
-//! spheres; for a fair ratio run them beside this. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one core.
+//! spheres; for a fair ratio run them on the same machine. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one
+//! core.
 //!
 //! Words after `--` choose scenes: `discs`, `packed spheres`, `falling spheres`, `scaling` (P-12), or the path of a
 //! state, a CSV file with the columns x, y, z, r in m (P-7): a name with `box` is a box of 0.2 m, periodic in x and y,

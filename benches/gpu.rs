@@ -79,7 +79,7 @@ fn fluid<S: Stored>(
     Ok(fluid)
 }
 
-/// Whether the processor and the GPU leave the same bits in the cells after a thousand steps.
+/// Compares the bits in the cells of the processor and the GPU after a thousand steps.
 fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
     let cells = [70, 50, 45];
     let end = |device| {
@@ -126,7 +126,7 @@ fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
     Ok((cells.iter().product::<usize>() as u64 * steps) as f64 / seconds[2])
 }
 
-/// What the command line says.
+/// Options of the command line.
 struct Wanted {
     edge: usize,
     words: Vec<String>,

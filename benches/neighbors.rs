@@ -1,4 +1,4 @@
-//! The program's search for neighbours beside the bare idea of CGRID (Williams, Perkins and Cook 2004; after its
+//! The program's search for neighbours compared with the bare idea of CGRID (Williams, Perkins and Cook 2004; after its
 //! description alone): one grid in which every body stands in all the cells that its box overlaps.
 //!
 //! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding,

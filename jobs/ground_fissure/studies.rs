@@ -55,7 +55,7 @@ const STUDIES: [Study; 3] = [
     },
 ];
 
-/// What one run came to.
+/// Result of one run.
 struct Member {
     value: &'static str,
     /// Processor time [s].

@@ -1,5 +1,4 @@
-//! Runs of the solver beside published and analytic numbers: what `expected.json` holds and how a run is compared with
-//! it.
+//! Runs of the solver compared with published and analytic numbers: the contents of `expected.json` and the comparison.
 //!
 //! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one
 //! run or several of the same case under other `--set` values, so that an order of convergence is a quantity like any
@@ -14,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// What a case must show.
+/// Quantities that a case must show.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {

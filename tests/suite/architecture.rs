@@ -11,10 +11,10 @@ use std::path::Path;
 /// The longest a file may be, its tests apart [lines].
 const LONGEST: usize = 950;
 
-/// Modules that every room may use.
+/// Modules that every module may use.
 const EVERYBODYS: &[&str] = &["error", "family", "number"];
 
-/// A room of the house: the modules and the crates beside std it may name.
+/// A module at the root: the modules and the crates besides std that it may name.
 const ROOMS: &[(&str, &[&str], &[&str])] = &[
     (
         "main",
@@ -121,7 +121,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ),
     // The kernels of GPUs: the root of a crate of its own, made of files of the lattice.
     ("gpu", &["ball", "lbm"], &[]),
-    // The parameters of a model stand beside its formula.
+    // The parameters of a model are defined with its formula.
     (
         "case",
         &[
@@ -185,7 +185,7 @@ const ROOMS: &[(&str, &[&str], &[&str])] = &[
     ("lib", &[], &[]),
     // The build script speaks to cargo on its standard output.
     ("build", &[], &[]),
-    // The other crates, each one room.
+    // The other crates, each one module.
     ("decomposition", &[], &["mpi"]),
     ("io", &[], &["hdf5", "hdf5_sys", "mpi_sys"]),
 ];
@@ -201,8 +201,8 @@ const CRATES: &[&str] = &[
     "solver",
 ];
 
-/// Rooms with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, what threads
-/// share.
+/// Modules with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, data that
+/// threads share.
 const UNSAFE: &[&str] = &[
     "allocator",
     "decomposition",
@@ -312,7 +312,7 @@ fn modules_named(code: &str) -> BTreeSet<String> {
                 fresh = false;
             }
         } else if let Some((_, word, _)) = words(path).next() {
-            // A function or type at the root has no room.
+            // A function or type at the root belongs to no module.
             if path.starts_with(word) {
                 named.insert(word.to_owned());
             }
@@ -331,8 +331,8 @@ fn crates_named(code: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// The room of a file below the root of the workspace. The models are a package of their own, but their rooms are named
-/// as the others.
+/// Returns the module at the root that a file belongs to. The models are a package of their own, but their modules are
+/// named like the others.
 fn room_of(path: &str) -> &str {
     match path.split_once('/') {
         Some(("src", rest)) => {
@@ -345,7 +345,7 @@ fn room_of(path: &str) -> &str {
     }
 }
 
-/// What is wrong with one file.
+/// Returns the faults of one file.
 fn complaints(path: &str, text: &str) -> Vec<String> {
     let room = room_of(path);
     let mut wrong = Vec::new();
@@ -359,7 +359,7 @@ fn complaints(path: &str, text: &str) -> Vec<String> {
     if lines > LONGEST {
         wrong.push(format!("{path}: {lines} lines, more than {LONGEST}"));
     }
-    // The crates beside `src` are one room each.
+    // The crates next to `src` are one module each.
     if path.starts_with("src/") {
         let rooms: BTreeSet<&str> = ROOMS.iter().map(|(name, ..)| *name).collect();
         for module in modules_named(&code) {

@@ -19,7 +19,8 @@ fn length(cells: u32) -> f64 {
     CELL * f64::from(cells)
 }
 
-/// Boxes that make a flat bed with a cavity, in cells: from and to. In 2-D without the boxes beside the cavity along z.
+/// Returns boxes that make a flat bed with a cavity, in cells: from and to. In 2-D without the boxes at the sides of
+/// the cavity along z.
 fn slabs(width: Option<u32>, period: u32) -> Value {
     let mut boxes = vec![
         ([-9, -9, -9], [1, 10, 99]),

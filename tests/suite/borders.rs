@@ -1,4 +1,5 @@
-//! Runs on both sides of the borders of the maps under `benches/stability`: what the plan says beside what comes of it.
+//! Runs on both sides of the limits of the maps under `benches/stability`: verdicts of the plan compared with the
+//! outcomes.
 
 use crate::ranks::Cores;
 use serde_json::{Map, Value};

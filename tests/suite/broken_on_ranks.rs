@@ -1,5 +1,5 @@
-//! What is wrong on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain,
-//! and no rank is left waiting.
+//! Failures on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain, and no
+//! rank is left waiting.
 
 use crate::case_broken::{TABLE, broken, expected};
 use crate::ranks::{Cores, Study, beside_others, hang, run, start, start_impatient};
@@ -135,7 +135,7 @@ fn refuses(study: &Study, words: &[&str]) {
     assert!(done.elapsed < hang(1.0), "{:?}", done.elapsed);
 }
 
-/// The same, and leaves a summary.
+/// Checks that a study is refused, and leaves a summary.
 #[track_caller]
 fn fails(study: &Study, words: &[&str]) {
     refuses(study, words);

@@ -30,8 +30,8 @@ const ELASTIC: &str =
 
 const LB: &str = "fluid.lattice_boltzmann";
 
-/// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
-/// Boltzmann part.
+/// Name of the fault, the example, the fault, and the path in the message. A path that starts with `.` is below the
+/// lattice Boltzmann part.
 pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     // Text
     ("not JSON", "couette", Text("{", "["), "line 2"),

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// A mutant takes less than a second of the processor; ten times that is a hang.
 pub(crate) const HANG: Duration = Duration::from_secs(10);
 
-/// What this thread has had of a processor: other work on the machine does not count.
+/// Returns the processor time of this thread: other work on the machine does not count.
 pub(crate) fn processor_time() -> Duration {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split_whitespace().next().and_then(|n| n.parse().ok());
@@ -61,7 +61,7 @@ fn replacements() -> Vec<Value> {
     ]
 }
 
-/// Whether the case was accepted.
+/// Returns `true` if the case was accepted.
 fn judge(text: &str, what: &str) -> bool {
     let start = processor_time();
     let result = Document::read(text, &[], Path::new("")).and_then(Plan::prepare);

@@ -164,8 +164,8 @@ fn read(path: &str, code: &str, module: &Module) -> File {
     file
 }
 
-/// The module of a file below the folder of the crate. The library re-exports the rooms of the package `physics` at its
-/// own root.
+/// Returns the module of a file below the folder of the crate. The library re-exports the modules of the package
+/// `physics` at its own root.
 fn module_of(path: &str, folder: &str) -> Module {
     let inside = path.strip_prefix(folder).unwrap_or(path);
     let inside = inside.trim_start_matches('/').trim_end_matches(".rs");

@@ -21,7 +21,7 @@ fn rows(path: &Path) -> Vec<Row> {
     rows
 }
 
-/// Returns true if a row meets all conditions.
+/// Returns `true` if a row meets all conditions.
 fn holds(row: &Row, conditions: &str) -> bool {
     // A quantity may contain a semicolon: only one before a column begins a condition.
     let mut parts: Vec<String> = Vec::new();

@@ -190,7 +190,7 @@ fn the_plan_says_what_an_estimate_costs() {
         text.contains("costs of `solver estimate`") && text.contains("2-grid-"),
         "{text}"
     );
-    // A long run, beside which the start of the program counts little.
+    // A long run, compared with which the start of the program counts little.
     let long = ["--json", "--set", "time.end=4000"];
     let tree: Value = serde_json::from_str(&plan(&long)).unwrap();
     let costs = &tree["uncertainty_estimate"];

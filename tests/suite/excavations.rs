@@ -1,5 +1,5 @@
-//! An excavation beside a sheet pile as an engineer draws it: any size of cells gives the discharge, and what the
-//! drawing gets wrong is said.
+//! Excavation next to a sheet pile as an engineer draws it: any size of cells gives the discharge, and faults of the
+//! drawing are reported.
 
 use crate::ranks::{beside_others, run};
 use serde_json::{Value, json};

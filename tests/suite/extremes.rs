@@ -125,7 +125,7 @@ const BLOCK: [&str; 2] = [
 const LINKS: &str = "coupling={\"bounce_back\": {\"scheme\": \"interpolated\"}}";
 const LB: &str = "fluid.lattice_boltzmann";
 
-/// How a scene must end.
+/// Required end of a scene.
 enum End {
     /// With 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON pointer,
     /// between bounds.
@@ -137,7 +137,7 @@ enum End {
 }
 use End::{Fails, Refused, Result};
 
-/// One scene: what is extreme, the base, what is changed, ranks beside the one, and the end.
+/// One scene: its extreme, the base, the changes, ranks in addition to the one, and the end.
 struct Row {
     what: &'static str,
     base: &'static str,
@@ -163,7 +163,7 @@ fn row(what: &'static str, base: &'static str, set: &[&str], end: End) -> Row {
     }
 }
 
-/// The same scene on this many ranks, too: it must come to the same bits.
+/// Runs the scene on this many ranks, too: the bits must be equal.
 fn ranks(ranks: usize, row: Row) -> Row {
     Row { ranks, ..row }
 }
@@ -304,7 +304,7 @@ fn flows() -> Vec<Row> {
     ]
 }
 
-/// How much of cells and of the domain is solid.
+/// Returns scenes that vary the solid fraction of cells and of the domain.
 fn fractions() -> Vec<Row> {
     let edges = "bodies[0].shape.cuboid.edges";
     let half = format!("{edges}=[0.0005, 0.008, 0.008]");
@@ -700,7 +700,7 @@ fn pores_that_are_all_and_nothing() {
     all_end_as_they_must(&pores());
 }
 
-/// What the plan refuses or warns of before the run shows it.
+/// Checks that the plan refuses or warns before the run fails.
 #[test]
 fn light_and_thin_solids_are_told_of() {
     let said = |set: &[&str], path: &str, words: &str| {

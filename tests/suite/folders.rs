@@ -105,7 +105,7 @@ fn a_finished_run_is_extended_on_other_ranks_with_other_outputs() {
     let done = study.restart("short", 1, &[]).expect(0);
     assert!(done.stdout.contains("had already ended"), "{}", done.stdout);
     study.same("straight", "short");
-    // Without its end kept a run goes on from an earlier checkpoint, if it has one.
+    // Without its end kept a run continues from an earlier checkpoint, if it has one.
     run(1, &arguments(&study, "bare", &["--no-final-checkpoint"])).expect(0);
     assert!(names(&study.path("bare/checkpoints")).is_empty());
 }

@@ -258,7 +258,7 @@ fn looks_see_the_same_on_any_ranks() {
         assert_eq!(one.summary[name], two.summary[name], "{name}");
     }
     assert!(one.number("lattice_velocity") > 0.0);
-    // 150 steps have a look at step 100, and one at the end.
+    // 150 steps have a check at step 100, and one at the end.
     let short = ran(0, &case, &["--set", "time.end=0.3"]);
     assert!(short.number("lattice_velocity") > 0.0 && short.number("compression") > 0.0);
     drop(short.folder);
@@ -268,7 +268,7 @@ fn looks_see_the_same_on_any_ranks() {
 fn tables_and_summary_agree_on_the_lattice_velocity() {
     let text = solver::case::examples::find("piping").unwrap().text;
     let case: Value = serde_json::from_str(text).unwrap();
-    // Fewer steps than any look of the past.
+    // Fewer steps than between two checks.
     let more = [
         "--set",
         "time.end=0.005",
@@ -334,7 +334,7 @@ fn a_contact_that_is_pierced_is_named() {
     ran(0, &strict, &[]).done.expect(4);
 }
 
-/// The Mach number is beside the lattice velocity in the log and in the summary; above a lattice velocity of 0.1 the
+/// Checks that log and summary have the Mach number next to the lattice velocity; above a lattice velocity of 0.1 the
 /// log says so once.
 #[test]
 fn a_mach_number_above_the_usual_is_said() {

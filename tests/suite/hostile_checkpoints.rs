@@ -1,9 +1,9 @@
-//! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits proves
-//! no good will: what a manifest says is bounded by the case, and files are those of its folder.
+//! Checkpoints that were written by hand. Anyone can compute the hash of a manifest, so that a hash that fits is no
+//! proof of origin: the values of a manifest are bounded by the case, and files are those of its folder.
 //!
 //! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it. Each is
 //! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number
-//! that could have been written cannot be told from one that was), never by a signal, a panic or a hang.
+//! that could have been written cannot be distinguished from one that was), never by a signal, a panic or a hang.
 
 use crate::dice::Dice;
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, without_daemon};

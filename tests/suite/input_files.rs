@@ -1,5 +1,5 @@
-//! What a case, a study or a command names is data: files that are broken, endless or of another kind are refused with
-//! the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
+//! Files that a case, a study or a command names are data: those that are broken, endless or of another kind are
+//! refused with the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
 
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, run};
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use solver::scene::grains::GrainSource;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// What is wrong with a case whose paths start at `folder`.
+/// Returns the problems of a case whose paths start at `folder`.
 fn problems(case: &Value, folder: &Path) -> Vec<Problem> {
     match Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare) {
         Ok(plan) => plan.warnings,
@@ -125,7 +125,7 @@ fn huge_and_deep_texts_cost_little() {
 
     std::fs::write(&path, "[".repeat(200_000)).unwrap();
     ends(&["validate", name], 3, "not valid JSON");
-    // A file without content takes no room on the disk, whatever its length.
+    // A file without content takes no space on the disk, whatever its length.
     let file = std::fs::File::create(&path).unwrap();
     file.set_len(300 << 20).unwrap();
     ends(&["validate", name], 5, "at most 268435456 are read");
@@ -500,7 +500,7 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");
         assert!(told.contains("File too large"), "{limit}: {told}");
     }
-    // What was there before stays whole: the run that met no limit goes on.
+    // What was there before stays whole: the run that met no limit continues.
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
 
@@ -534,7 +534,7 @@ fn a_uniform_velocity_is_a_list_or_an_object_at_inlets_as_at_the_start() {
     let pressed = scene(&list, &json!({"velocity": [1e-3, 0], "pressure": 1e-3}));
     assert_ne!(pressed, wanted);
 
-    // Each form is told by the place and the value of what is wrong with it.
+    // Each form is recognized by the position and the value of its fault.
     let fluid = "fluid.lattice_boltzmann";
     let profile = format!("{fluid}.boundaries[0].condition.velocity.profile.uniform");
     let start = format!("{fluid}.initial.uniform");
@@ -661,7 +661,7 @@ fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     assert!(command.output().unwrap().stdout.is_empty());
 }
 
-/// What a run writes goes into its own folder: links there are replaced or refused, and their targets stay as they are.
+/// Writes only into the folder of the run: links there are replaced or refused, and their targets stay as they are.
 #[test]
 fn links_in_the_folder_of_a_run_are_not_followed() {
     let folder = tempfile::tempdir().unwrap();

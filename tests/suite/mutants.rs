@@ -175,7 +175,7 @@ fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     }
 }
 
-/// As messages and `--set` write it: `probes[0].every`.
+/// Returns the path as messages and `--set` write it: `probes[0].every`.
 fn dotted(pointer: &str) -> String {
     let mut path = String::new();
     for part in pointer.split('/').skip(1) {
@@ -553,7 +553,7 @@ fn arguments(command: &str, mutant: &Mutant, text: &Path) -> Vec<String> {
     words
 }
 
-/// Cheap enough to be run for a few steps within the memory of the binary.
+/// Returns `true` if a few steps can be run within the time and memory of the test.
 fn runs(plan: &Plan) -> bool {
     use solver::scene::grains::GrainSource;
     let grown = plan.scene.grains.as_ref().is_some_and(|grains| {

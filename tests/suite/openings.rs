@@ -1,4 +1,4 @@
-//! What the plan says of openings whose ends lie between the faces of cells, of grains that nothing stops, and of
+//! Verdicts of the plan on openings whose ends lie between the faces of cells, on grains that nothing stops, and on
 //! packed spheres.
 
 use crate::ranks::{Study, beside_others};

@@ -1,4 +1,4 @@
-//! Porous zones in a flow on a lattice: the law of resistance beside bodies, cylinders of gravel, the same bits on any
+//! Porous zones in a flow on a lattice: the law of resistance near bodies, cylinders of gravel, the same bits on any
 //! ranks, and messages.
 
 use crate::ranks::{Study, beside_others};

@@ -9,11 +9,11 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::{Condvar, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
-/// Jobs that are watched while they run have the machine to themselves; all others run beside each other.
+/// Lock of the machine: jobs that are watched while they run have it to themselves; all others run at the same time.
 static MACHINE: RwLock<()> = RwLock::new(());
 
 thread_local! {
-    /// Whether this thread holds [`Alone`]: its jobs wait for nobody.
+    /// `true` if this thread holds [`Alone`]: its jobs do not wait for others.
     static IS_ALONE: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -52,7 +52,7 @@ pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 /// multiplies it.
 const LIMIT: f64 = 300.0;
 
-/// What multiplies every limit of time.
+/// Returns the factor of every time limit.
 fn patience() -> f64 {
     let text = std::env::var("SOLVER_TEST_PATIENCE").ok();
     let number = text.and_then(|text| text.parse::<f64>().ok());
@@ -69,7 +69,7 @@ pub(crate) fn hang(usual: f64) -> Duration {
     Duration::from_secs_f64(20.0 * usual * patience())
 }
 
-/// What runs now.
+/// Cores and jobs in use.
 struct Use {
     cores: usize,
     /// Jobs of several ranks that wait for the machine.
@@ -85,7 +85,7 @@ static USE: (Mutex<Use>, Condvar) = (
 );
 
 /// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way
-/// while they wait for a message: beside a process that computes, a job of two ranks takes six times as long.
+/// while they wait for a message: next to a process that computes, a job of two ranks takes six times as long.
 pub(crate) struct Cores(usize);
 
 impl Cores {
@@ -127,12 +127,12 @@ pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
-    // A socket of Munge that nobody answers costs two seconds at every start.
+    // A Munge socket without a server costs two seconds at every start.
     ("PMIX_MCA_psec", "native"),
     // Ranks share memory: looking for the hardware of clusters takes most of a start.
     ("OMPI_MCA_pml", "ob1"),
     ("OMPI_MCA_btl", "self,vader"),
-    // mpirun binds the first rank of every job to the first core: jobs beside each other would share it.
+    // mpirun binds the first rank of every job to the first core: jobs at the same time would share it.
     ("OMPI_MCA_hwloc_base_binding_policy", "none"),
     // Ranks outnumber cores here: one that waits lets another run.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
@@ -161,7 +161,7 @@ const FIRST_RANK_ENDS_FIRST: &str = r#"
 [ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
 "$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
 
-/// As [`command`], for jobs that nobody signals: mpirun need not wait at an error.
+/// Returns a [`command`] for jobs that get no signals: mpirun need not wait at an error.
 fn prompt_command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     if ranks > 1 {
@@ -172,7 +172,7 @@ fn prompt_command(ranks: usize) -> Command {
     command
 }
 
-/// What starts programs on `ranks` ranks.
+/// Returns the command that starts programs on `ranks` ranks.
 fn launcher(ranks: usize) -> Command {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &limit()]);
@@ -196,7 +196,7 @@ fn launcher(ranks: usize) -> Command {
     command
 }
 
-/// What came of a job.
+/// Result of a job.
 #[derive(Debug)]
 pub(crate) struct Done {
     pub(crate) code: Option<i32>,
@@ -234,14 +234,14 @@ pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), ranks, arguments)
 }
 
-/// As [`start`], but mpirun kills the other ranks at once when one has ended with an error.
+/// Starts a job like [`start`], but mpirun kills the other ranks at once when one has ended with an error.
 pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
     let mut command = command(ranks);
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
     begin(command, ranks, arguments)
 }
 
-/// As [`start`], for jobs that nobody signals: mpirun need not wait at an error.
+/// Starts a job like [`start`] that gets no signals: mpirun need not wait at an error.
 pub(crate) fn start_prompt(ranks: usize, arguments: &[String]) -> Running {
     begin(prompt_command(ranks), ranks, arguments)
 }
@@ -268,7 +268,7 @@ pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
     start_prompt(ranks, arguments).wait()
 }
 
-/// As [`run`], with more variables of the environment.
+/// Runs a job like [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
     let _cores = Cores::of(ranks);
     let mut command = prompt_command(ranks);
@@ -296,7 +296,7 @@ impl Running {
         }
     }
 
-    /// Looks again and again until `found` finds something; fails if the job ends before.
+    /// Polls until `found` returns a result; fails if the job ends before.
     #[track_caller]
     pub(crate) fn until<T>(&mut self, what: &str, mut found: impl FnMut() -> Option<T>) -> T {
         loop {
@@ -374,7 +374,7 @@ fn children(parent: u32) -> Vec<(i32, String)> {
     all
 }
 
-/// A case in a folder of its own, with room for the folders of its runs.
+/// Case in a folder of its own, which also holds the folders of its runs.
 pub(crate) struct Study {
     folder: tempfile::TempDir,
     case: PathBuf,
@@ -452,7 +452,8 @@ impl Study {
         study
     }
 
-    /// The same hole in a packing that is grown, bonded and brought to rest first; then the water is warmed up.
+    /// Returns a study of the hole in a packing that is grown, bonded and brought to rest first; then the water is
+    /// warmed up.
     pub(crate) fn preparing() -> Self {
         let chambers = r#"[
             {"name": "inlet", "box": {"from": [0, 0], "to": [0.0004, 0.0016]}},
@@ -473,7 +474,7 @@ impl Study {
         ])
     }
 
-    /// A folder or file beside the case.
+    /// Returns the path of a folder or file next to the case.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -508,7 +509,7 @@ impl Study {
         run(ranks, &self.arguments(name, threads, set)).expect(0)
     }
 
-    /// Goes on in the folder `name`.
+    /// Continues the run in the folder `name`.
     pub(crate) fn restart(&self, name: &str, ranks: usize, set: &[&str]) -> Done {
         run(ranks, &self.restart_arguments(name, set))
     }

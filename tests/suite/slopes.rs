@@ -114,7 +114,7 @@ fn the_weight_of_the_water_counts_once() {
     let mut conduit = stream(&json!(false));
     conduit["fluid"]["lattice_boltzmann"]["boundaries"] = json!([]);
     assert!(problems(&conduit).iter().all(|p| p.path != path));
-    // The weight as a body force beside the full buoyancy, and beside gravity that acts.
+    // The weight as a body force in addition to the full buoyancy, and in addition to gravity that acts.
     for (acts, why) in [
         (json!(false), "solids get the buoyancy"),
         (json!("auto"), "gravity acts on the water"),

@@ -1,5 +1,5 @@
-//! What a run tells: under `RUST_LOG=debug` every room speaks, without it none does; the table at the end says how long
-//! ranks waited; a grain that left names its face, and what would have kept the run going.
+//! Messages of a run: under `RUST_LOG=debug` every module logs, without it none does; the table at the end has the time
+//! that ranks waited; the message about a grain that left names its face and a remedy.
 
 use crate::ranks::{Done, beside_others, run, run_with};
 use serde_json::{Value, json};
@@ -38,7 +38,7 @@ fn sinking() -> Value {
     })
 }
 
-/// How many lines of the log each room wrote.
+/// Returns the number of lines of the log that each module wrote.
 fn lines_of(done: &Done, room: &str) -> usize {
     let marks = [
         format!(" solver::{room}]"),

@@ -71,7 +71,7 @@ fn reaches(running: &mut Running, folder: &Path, step: u64) {
     });
 }
 
-/// Goes on to the end on `ranks` ranks and compares with the straight run.
+/// Continues to the end on `ranks` ranks and compares with the straight run.
 #[track_caller]
 fn goes_on(study: &Study, name: &str, ranks: usize) {
     study.restart(name, ranks, &[]).expect(0);
@@ -254,7 +254,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let mut running = start_impatient(2, &study.arguments(&name, 1, &[]));
         reaches(&mut running, &study.path(&name), 2 * INTERVAL + 10);
         let ranks = running.ranks(2);
-        // A shell that does nothing but look can answer within a millisecond.
+        // A shell that only polls can answer within a millisecond.
         let trap = Command::new("bash")
             .args([
                 "-c",

@@ -1,5 +1,5 @@
-//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains
-//! beside them, and the same bits on any number of ranks.
+//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains next
+//! to them, and the same bits on any number of ranks.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -289,8 +289,8 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     }
 }
 
-/// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that
-/// lies beside the domain is told where it lies.
+/// Refuses a drawing in millimetres with the scale that mends it, also if it covers the whole domain; for one that is
+/// outside the domain the message has its position.
 #[test]
 fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -334,8 +334,8 @@ fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     assert!(where_it_lies, "{beside:?}");
 }
 
-/// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated
-/// surface.
+/// Compares a cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a
+/// triangulated surface.
 #[test]
 fn a_cylinder_bears_the_same_force_however_it_is_written() {
     let _beside = beside_others();

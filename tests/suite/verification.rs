@@ -1,4 +1,5 @@
-//! The short forms of the cases under `jobs/verification`: published and analytic numbers beside runs of the binary.
+//! The short forms of the cases under `jobs/verification`: runs of the binary compared with published and analytic
+//! numbers.
 //!
 //! `jobs/verification/run.sh` runs the long forms through the same comparison.
 
