@@ -250,7 +250,8 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
         .map(|k| particles.kinetic_energy(k))
         .sum();
     println!(
-        "pile: {:.0} contacts/s, {:.1} us/step ({:.1} by the clock), {count} blocks of {:.1} faces, {} contacts, {:.0} tested a step of {} listed, {} rebuilds, {energy:.2e} J, overlap {:.1e}",
+        "pile: {:.0} contacts/s, {:.1} us/step ({:.1} by the clock), {count} blocks of {:.1} faces, {} contacts, \
+         {:.0} tested a step of {} listed, {} rebuilds, {energy:.2e} J, overlap {:.1e}",
         now.contacts as f64 * 300.0 / seconds[1],
         seconds[1] / 300.0 * 1e6,
         elapsed / 900.0 * 1e6,

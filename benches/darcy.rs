@@ -134,7 +134,8 @@ fn main() -> Result<(), Error> {
     took.sort_by(f64::total_cmp);
     if let (Some((report, mean)), Some(least), Some(most)) = (last, took.first(), took.last()) {
         println!(
-            "{} cells: {:.6e} s ({least:.6e} to {most:.6e}), {} iterations, residual {:.1e}, flow {:.12e} m3/s, mean pressure {mean:.6} Pa, largest gradient {:.3e} Pa/m",
+            "{} cells: {:.6e} s ({least:.6e} to {most:.6e}), {} iterations, residual {:.1e}, flow {:.12e} m3/s, mean \
+             pressure {mean:.6} Pa, largest gradient {:.3e} Pa/m",
             grid.count(),
             took[took.len() / 2],
             report.iterations,

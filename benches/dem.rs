@@ -62,7 +62,8 @@ fn report<S: Space>(
     let now = dem.statistics(particles);
     let (grains, steps) = (now.owned as f64, steps as f64);
     println!(
-        "{name:34} {:8.2} M particle-steps/s (mean {:.2}, {:.2} by processor time) {:8.2} M contacts/s {:9.1} us/step {:7} grains {:7} contacts {:7} tested {:6} rebuilds",
+        "{name:34} {:8.2} M particle-steps/s (mean {:.2}, {:.2} by processor time) {:8.2} M contacts/s {:9.1} us/step \
+         {:7} grains {:7} contacts {:7} tested {:6} rebuilds",
         grains * steps / best / 1e6,
         grains * steps / mean / 1e6,
         grains * steps / cpu / 1e6,
@@ -343,7 +344,8 @@ fn scaling() -> Result<(), Error> {
         let now = dem.statistics(&particles);
         let grains = count as f64;
         println!(
-            "{count:8} spheres, sizes 1:{ratio:<4} lists {:7.1} ns/grain {:7.1} ns/pair, step {:7.1} ns/grain, {:5.2} pairs and {:5.2} contacts per grain, {} ghosts",
+            "{count:8} spheres, sizes 1:{ratio:<4} lists {:7.1} ns/grain {:7.1} ns/pair, step {:7.1} ns/grain, {:5.2} \
+             pairs and {:5.2} contacts per grain, {} ghosts",
             best / grains * 1e9,
             best / now.listed as f64 * 1e9,
             step / grains * 1e9,

@@ -32,7 +32,8 @@ use std::time::{Duration, Instant};
 
 /// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES,
+    subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -741,7 +742,8 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             .iter()
             .map(|e| format!("{:14}  {}", e.name, e.summary))
             .collect();
-        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > study.json; solver sweep study.json";
+        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > \
+            study.json; solver sweep study.json";
         return print(&format!("{}\n{last}", lines.join("\n")));
     };
     match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {

@@ -166,7 +166,8 @@ impl Plan {
                     ..
                 } = plan.clock;
                 log::info!(
-                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
+                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about \
+                     {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
                     plan.estimate.memory_bytes / 1e6,
                     plan.estimate.seconds_on_one_core,
                     plan.margins.len(),

@@ -94,7 +94,8 @@ pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
                     return Err(one_problem(
                         "the study",
                         format!("{text:?}"),
-                        "its path holds a line break or another control character, which would end a line of the script".into(),
+                        "its path holds a line break or another control character, which would end a line of the \
+                         script".into(),
                         "rename it, or choose another --output".into(),
                     ));
                 }
@@ -176,7 +177,8 @@ pub fn enough_cores(run: &Run) -> Result<(), Error> {
             run.at_once, run.ranks, run.threads
         ),
         format!(
-            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not meaningful"
+            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not \
+             meaningful"
         ),
         "lower one of the three".into(),
     ))

@@ -277,7 +277,8 @@ impl Members {
         let (costs, sum) = self.costs();
         json!({
             "scaling": self.scaling,
-            "runs": costs.iter().map(|(name, seconds)| json!({"name": name, "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
+            "runs": costs.iter().map(|(name, seconds)| json!({"name": name,
+                "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
             "seconds_on_one_core": sum,
         })
     }

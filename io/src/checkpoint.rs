@@ -247,7 +247,8 @@ fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
     Some(Error::invalid(
         &path.display().to_string(),
         format!(
-            "a checkpoint of format {format}, written by version {} (commit {}); this program reads format {FORMAT}: continue with that version",
+            "a checkpoint of format {format}, written by version {} (commit {}); this program reads format {FORMAT}: \
+             continue with that version",
             writer("version"),
             writer("commit")
         ),

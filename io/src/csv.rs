@@ -219,7 +219,8 @@ mod tests {
         name: String,
     }
 
-    const TEXT: &str = "# made by hand\nx [m], name\n# m,-\n\n 1e-3 ,sand\r\n  \n2,\"clay, wet\"\n3\nfour,silt\nnan,silt\n";
+    const TEXT: &str = "# made by hand\nx [m], name\n# m,-\n\n 1e-3 ,sand\r\n  \n2,\"clay, wet\"\n3\nfour,silt\nnan,\
+        silt\n";
 
     #[test]
     fn rows_are_read_with_their_lines_and_units() {

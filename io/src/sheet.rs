@@ -319,7 +319,8 @@ impl<'t> Header<'t> {
                 let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
                 let example = needed.collect::<Vec<_>>().join(",");
                 return Err(format!(
-                    "line {} holds numbers where the names of the columns are expected: add a first line such as `{example}`",
+                    "line {} holds numbers where the names of the columns are expected: add a first line such as \
+                     `{example}`",
                     above + 1
                 ));
             }

@@ -148,7 +148,8 @@ fn item(path: &Path, dataset: &DatasetInfo) -> Result<String> {
         .and_then(|s| s.to_str())
         .unwrap_or_default();
     Ok(format!(
-        "<DataItem Format=\"HDF\" NumberType=\"{number}\" Precision=\"{precision}\" Dimensions=\"{}\">{file}:{}</DataItem>",
+        "<DataItem Format=\"HDF\" NumberType=\"{number}\" Precision=\"{precision}\" \
+         Dimensions=\"{}\">{file}:{}</DataItem>",
         shape.join(" "),
         dataset.path
     ))

@@ -132,7 +132,8 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
         return Ok(());
     }
     let header = format!(
-        "# {made} of physical time, {}, one core; bash jobs/ground_fissure/studies.sh {}\nsoil,{},processor time [s],t1 [ms],t2 [ms],t3 [ms],t4 [ms],eroded [%],settlement [mm],error of stages [%],error of eroded mass [%]{}\n",
+        "# {made} of physical time, {}, one core; bash jobs/ground_fissure/studies.sh {}\nsoil,{},processor time [s],\
+         t1 [ms],t2 [ms],t3 [ms],t4 [ms],eroded [%],settlement [mm],error of stages [%],error of eroded mass [%]{}\n",
         machine(),
         study.name,
         study.knob,

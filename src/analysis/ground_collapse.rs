@@ -45,12 +45,15 @@
 //!
 //! # Stages
 //!
-//! | stage | begins when | reason for the criterion |
-//! |---|---|---|
-//! | t1 hidden hole | n grains have left through one point, or its void has the volume of a cell | single grains in the opening leave in any case |
-//! | t2 arch | over a point with a void of the volume of a cell the front reaches half of the cover, while the surface has not sunk as at t3 | the ground above the void moves as a whole, the surface does not yet |
-//! | t3 sinkhole | a column of the surface over a point, or two neighbouring ones elsewhere, have settled by a mean diameter (elevation and own grains) | smaller values are the settling of grains into pores; away from the points a single column is a loose grain |
-//! | t4 extension | the longest depression is 1.5 times the length or width of the sinkhole at t3, and the adjacent soil moves in | the depression grows along the fissure and not around the hole |
+//! - **t1 hidden hole** begins when n grains have left through one point, or its void has the volume of a cell. Single
+//!   grains in the opening leave in any case.
+//! - **t2 arch** begins when over a point with a void of the volume of a cell the front reaches half of the cover,
+//!   while the surface has not sunk as at t3. The ground above the void moves as a whole, the surface does not yet.
+//! - **t3 sinkhole** begins when a column of the surface over a point, or two neighbouring ones elsewhere, have settled
+//!   by a mean diameter (elevation and own grains). Smaller values are the settling of grains into pores; away from the
+//!   points a single column is a loose grain.
+//! - **t4 extension** begins when the longest depression is 1.5 times the length or width of the sinkhole at t3, and
+//!   the adjacent soil moves in. The depression grows along the fissure and not around the hole.
 //!
 //! A stage begins at the first of three consecutive samples that meet its criterion, and only once. t1 and t3 do not
 //! depend on each other. t2 asks for a void and for a surface at rest: ground that sinks as a whole has no arch. t4

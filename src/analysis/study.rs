@@ -286,7 +286,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         && moved > MOVED
     {
         warnings.push(format!(
-            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the law describes erosion of the faces",
+            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the \
+             law describes erosion of the faces",
             folder.display(),
         ));
     }

@@ -70,7 +70,8 @@ pub const EXAMPLES: [Example; 25] = [
     },
     Example {
         name: "cut-off",
-        summary: "a cut-off wall under a dam on layered ground, beside the exact solution for its equivalent permeability (Harr 1962)",
+        summary: "a cut-off wall under a dam on layered ground, beside the exact solution for its equivalent \
+            permeability (Harr 1962)",
         text: include_str!("examples/cut-off.json"),
     },
     Example {

@@ -32,7 +32,8 @@ pub const CHANGEABLE: [Changeable; 33] = [
     may("domain.slab_bounds", "affects the cost only"),
     may(
         "output",
-        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep `from` and `sample_every`",
+        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep \
+         `from` and `sample_every`",
     ),
     may("probes", "from the checkpoint on"),
     may("checkpoint", "from the checkpoint on"),
@@ -43,7 +44,8 @@ pub const CHANGEABLE: [Changeable; 33] = [
     ),
     may(
         "walls",
-        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and times",
+        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and \
+         times",
     ),
     may("box_walls", "walls on faces may be added and removed"),
     may(
@@ -233,7 +235,8 @@ fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
         path,
         value: format!("{} (was {})", brief(new), brief(old)),
         reason: format!("a restart may not change this: {reason}"),
-        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may change".into(),
+        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may \
+            change".into(),
         severity: Severity::Error,
     }
 }

@@ -121,7 +121,8 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     let (finest, coarsest) = (curve[0], curve[curve.len() - 1]);
     if finest.passing > 0.0 {
         return Err(format!(
-            "{} of the mass passes the finest sieve of {} m, and no size is known below it: begin with a diameter that nothing passes",
+            "{} of the mass passes the finest sieve of {} m, and no size is known below it: begin with a diameter \
+             that nothing passes",
             finest.passing, finest.diameter
         ));
     }

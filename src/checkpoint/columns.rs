@@ -121,7 +121,8 @@ fn columns_of_grains_keep_names_order_and_hash() {
          velocity_x velocity_y velocity_z spin_x spin_y spin_z contact_force_x contact_force_y contact_force_z \
          contact_torque_x contact_torque_y contact_torque_z fluid_force_x fluid_force_y fluid_force_z \
          fluid_torque_x fluid_torque_y fluid_torque_z extra_0 extra_1 extra_2 extra_3 extra_4 extra_5 extra_6 \
-         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z last_velocity_x last_velocity_y last_velocity_z shape orientation_x orientation_y \
+         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z last_velocity_x last_velocity_y \
+         last_velocity_z shape orientation_x orientation_y \
          orientation_z orientation_w angular_momentum_x angular_momentum_y angular_momentum_z"
     );
     assert_eq!(digest(&table), 0xd9ce_5dad_5b54_86d3);

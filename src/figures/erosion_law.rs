@@ -242,7 +242,8 @@ fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> 
     }
     writeln!(
         f,
-        "Stress by the gradient of the velocity at the faces (used by the figures) and by the balance of forces on the hole."
+        "Stress by the gradient of the velocity at the faces (used by the figures) and by the balance of forces on \
+         the hole."
     )?;
     writeln!(f, "Intervals are 95 %.")?;
     if let Some(p) = published {
@@ -386,7 +387,8 @@ mod tests {
             fs::write(folder.join("summary.json"), summary.to_string()).unwrap();
         } else {
             let case = serde_json::json!({
-                "contact": {"cohesive_frictional": {"cohesion": {"per_diameter": {"value": cohesion, "source": "paper"}}}},
+                "contact": {"cohesive_frictional": {"cohesion": {"per_diameter": {"value": cohesion,
+                    "source": "paper"}}}},
                 "fluid": {"lattice_boltzmann": {"boundaries": [
                     {"condition": {"pressure": {"value": {"value": pressure + 1.0, "source": "paper"}}}},
                     {"condition": {"pressure": {"value": 1.0}}},

@@ -98,7 +98,8 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
         return Ok(());
     }
     refused(
-        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace it with --overwrite",
+        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace \
+         it with --overwrite",
     )
 }
 
@@ -748,7 +749,8 @@ fn bar(
         let x = x + place * STEP;
         let _ = writeln!(
             svg,
-            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
+            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" \
+             font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
             y - 8,
             y + 5,
             y + 16,

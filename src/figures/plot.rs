@@ -257,8 +257,10 @@ impl Figure {
         let mut pen = Pen::default();
         // Spaces are preserved, otherwise those next to a raised or lowered span are dropped.
         pen.put(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" height=\"{height:.0}\" \
-             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" \
+             height=\"{height:.0}\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', \
+             sans-serif\" \
              font-size=\"{TEXT}\" fill=\"{INK}\">"
         ));
         pen.put(format_args!(
@@ -562,7 +564,8 @@ impl<'a> Drawing<'a> {
         let (left, right) = (self.left, self.left + PLOT_WIDTH);
         let bottom = TOP + PLOT_HEIGHT;
         pen.put(format_args!(
-            "<clipPath id=\"plot{}\"><rect x=\"{left:.2}\" y=\"{TOP:.2}\" width=\"{PLOT_WIDTH}\" height=\"{PLOT_HEIGHT}\"/></clipPath>",
+            "<clipPath id=\"plot{}\"><rect x=\"{left:.2}\" y=\"{TOP:.2}\" width=\"{PLOT_WIDTH}\" \
+             height=\"{PLOT_HEIGHT}\"/></clipPath>",
             self.index
         ));
         self.grid(pen);
@@ -572,7 +575,8 @@ impl<'a> Drawing<'a> {
         }
         pen.put(format_args!("</g>"));
         pen.put(format_args!(
-            "<path d=\"M{left:.2} {TOP:.2}V{bottom:.2}H{right:.2}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1.2\"/>"
+            "<path d=\"M{left:.2} {TOP:.2}V{bottom:.2}H{right:.2}\" fill=\"none\" stroke=\"{INK}\" \
+             stroke-width=\"1.2\"/>"
         ));
         self.ticks(pen);
         let middle = left + 0.5 * PLOT_WIDTH;
@@ -650,7 +654,8 @@ impl<'a> Drawing<'a> {
                 let path = self.path(points.iter().copied());
                 if !path.is_empty() {
                     pen.put(format_args!(
-                        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" stroke-linejoin=\"round\"{dash}/>"
+                        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" \
+                         stroke-linejoin=\"round\"{dash}/>"
                     ));
                 }
             }
@@ -747,7 +752,8 @@ impl<'a> Drawing<'a> {
         };
         if self.panel.legend != Legend::Right {
             pen.put(format_args!(
-                "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"white\" fill-opacity=\"0.85\"/>"
+                "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"white\" \
+                 fill-opacity=\"0.85\"/>"
             ));
         }
         let mut y = top + 0.5 * LINE + 5.0;
@@ -766,7 +772,8 @@ impl<'a> Drawing<'a> {
                     ));
                 }
                 Shape::Band { .. } => pen.put(format_args!(
-                    "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" fill-opacity=\"0.18\"/>",
+                    "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" \
+                     fill-opacity=\"0.18\"/>",
                     y - 5.0
                 )),
                 Shape::Marks { style, .. } => {
@@ -796,7 +803,8 @@ fn dot(pen: &mut Pen, (x, y): (f64, f64), colour: &str, style: Style) {
 
 fn square(pen: &mut Pen, (x, y): (f64, f64), colour: &str, fill: &str) {
     pen.put(format_args!(
-        "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"13\" height=\"13\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.8\"/>",
+        "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"13\" height=\"13\" fill=\"{fill}\" stroke=\"{colour}\" \
+         stroke-width=\"1.8\"/>",
         x - 6.5,
         y - 6.5
     ));
@@ -805,7 +813,8 @@ fn square(pen: &mut Pen, (x, y): (f64, f64), colour: &str, fill: &str) {
 /// A bar with an arrow that points up.
 fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
     pen.put(format_args!(
-        "<path d=\"M{:.2} {y:.2}H{:.2}M{x:.2} {y:.2}V{:.2}M{:.2} {:.2}L{x:.2} {:.2}L{:.2} {:.2}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\"/>",
+        "<path d=\"M{:.2} {y:.2}H{:.2}M{x:.2} {y:.2}V{:.2}M{:.2} {:.2}L{x:.2} {:.2}L{:.2} {:.2}\" fill=\"none\" \
+         stroke=\"{colour}\" stroke-width=\"1.6\"/>",
         x - 5.0,
         x + 5.0,
         y - 14.0,

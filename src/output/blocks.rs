@@ -178,10 +178,13 @@ mod tests {
         "domain": {"size": [4, 4, 4], "spacing": 0.5, "periodic": ["x"]},
         "materials": {"granite": {"density": 2600}},
         "bodies": [
-            {"name": "ball", "shape": {"sphere": {"radius": 0.2}}, "position": [3, 3, 3], "motion": {"fixed": {}}, "material": "granite"},
-            {"name": "box", "shape": {"cuboid": {"edges": [1, 2, 0.5]}}, "position": [2, 2, 1], "motion": {"free": {}}, "material": "granite"}
+            {"name": "ball", "shape": {"sphere": {"radius": 0.2}}, "position": [3, 3, 3], "motion": {"fixed": {}},
+            "material": "granite"},
+            {"name": "box", "shape": {"cuboid": {"edges": [1, 2, 0.5]}}, "position": [2, 2, 1],
+            "motion": {"free": {}}, "material": "granite"}
         ],
-        "blocks": {"material": "granite", "initial": {"list": [{"shape": {"vertices": [[0, 0, 3], [1, 0, 3], [0, 1, 3], [0, 0, 4]]}}]}},
+        "blocks": {"material": "granite", "initial": {"list": [{"shape": {"vertices": [[0, 0, 3], [1, 0, 3], [0, 1,
+        3], [0, 0, 4]]}}]}},
         "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}},
         "time": {"end": 0.1},
         "output": {"blocks": {"every": 0.01}}

@@ -15,7 +15,7 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
-//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
+//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the

@@ -67,7 +67,8 @@ const CASE: &str = r#"{
       {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}},
       {"name": "top", "face": "y_max", "condition": {"free_slip": {}}}
     ]}},
-  "bodies": [{"name": "ball", "shape": {"disc": {"radius": 2e-3}}, "position": [3.2e-3, 2e-3], "material": "glass", "motion": {"fixed": {}}}],
+  "bodies": [{"name": "ball", "shape": {"disc": {"radius": 2e-3}}, "position": [3.2e-3, 2e-3], "material": "glass",
+  "motion": {"fixed": {}}}],
   "coupling": {"bounce_back": {}},
   "time": {"end": 10},
   "output": {

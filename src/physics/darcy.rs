@@ -44,7 +44,8 @@ pub(crate) use reproducible::power_above;
 pub enum Error {
     /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
     #[error(
-        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected to no \
+        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected \
+         to no \
          face with an imposed pressure or head: the water there has no outlet and its pressure is undetermined",
         .at[0], .at[1], .at[2]
     )]

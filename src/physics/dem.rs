@@ -14,7 +14,7 @@
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
-//! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
+//! | `columns`, `table`, `message` | code from that list: struct of arrays, columns of a checkpoint, bytes of a message |
 //! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |

@@ -213,7 +213,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
-            "a {} with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it unstable",
+            "a {} with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it \
+             unstable",
             if kind.packed {
                 "grain in a bed"
             } else {
@@ -246,7 +247,8 @@ mod tests {
             r#"{{
                 "domain": {{"size": [0.04, 0.04], "spacing": 1e-3}},
                 "materials": {{"body": {{"density": {density}}}}},
-                "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8}}}},
+                "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5,
+                "relaxation_time": 0.8}}}},
                 "bodies": [{{"name": "body", "shape": {{"disc": {{"radius": 0.005}}}}, "position": [0.02, 0.02],
                             "motion": {{"free": {{}}}}, "material": "body"}}],
                 "coupling": {coupling}, "time": {{"end": 1}}

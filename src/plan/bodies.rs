@@ -121,7 +121,8 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
             findings.error(&path, reason, remedy);
         } else if cells < SOLID * (1.0 - 1e-9) {
             let reason = format!(
-                "the block is {} cells thick; a block of less than {SOLID} cells may fill no cell completely, and water of low viscosity then flows through it",
+                "the block is {} cells thick; a block of less than {SOLID} cells may fill no cell completely, and \
+                 water of low viscosity then flows through it",
                 number(cells)
             );
             findings.warn(&path, reason, remedy);

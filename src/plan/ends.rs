@@ -47,14 +47,16 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         findings.warn(
             &format!("domain.size[{axis}]"),
             format!(
-                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground is {} m: \
+                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground \
+                 is {} m: \
                  the discharge is about {} % below that of ground without ends",
                 number(shortest.unwrap_or(0.0)),
                 number(length),
                 number(100.0 * loss)
             ),
             format!(
-                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground beyond would do",
+                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground \
+                 beyond would do",
                 number(FAR * length)
             ),
         );
@@ -196,11 +198,14 @@ mod tests {
                 "density": 1000, "viscosity": 1e-3,
                 "zones": [
                     {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
-                    {"name": "cover", "region": {"layer": {"from": 4}}, "permeability": {"hydraulic_conductivity": 4e-6}}
+                    {"name": "cover", "region": {"layer": {"from": 4}},
+                        "permeability": {"hydraulic_conductivity": 4e-6}}
                 ],
                 "boundaries": [
-                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]}, "condition": {"head": {"value": 10}}},
-                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]}, "condition": {"head": {"value": 6}}}
+                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]},
+                        "condition": {"head": {"value": 10}}},
+                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]},
+                        "condition": {"head": {"value": 6}}}
                 ]
             }},
             "time": {"end": 1}

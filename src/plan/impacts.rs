@@ -455,7 +455,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         (impact.part / LARGE).powi(2)
     };
     let reason = format!(
-        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a contact is small up to {LARGE} of it",
+        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a \
+         contact is small up to {LARGE} of it",
         impact.one.path,
         number(impact.one.mass),
         number(impact.speed),
@@ -528,7 +529,8 @@ mod tests {
         assert_eq!(severity(&with("1e4")), Some(Severity::Unstable));
         // A driven wall counts, and so does a fall of what touches nothing.
         let still = "grains.initial.list=[{\"position\": [0.08, 0.05], \"radius\": 0.01}]";
-        let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \"material\": \"glass\", \"velocity\": [200, 0]}]";
+        let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \
+            \"material\": \"glass\", \"velocity\": [200, 0]}]";
         assert_eq!(severity(&planned(&[still])), None);
         assert_eq!(severity(&planned(&[still, wall])), Some(Severity::Unstable));
         let fall = planned(&[still, "gravity=[0, -9.81]"]);

@@ -68,7 +68,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     findings.warn(
         PATH,
         format!(
-            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial losses count from about {} \
+            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial \
+             losses count from about {} \
              on, and a resistance in proportion to the flux overstates it",
             number(reynolds),
             number(DARCY)

@@ -199,7 +199,8 @@ impl Plan {
                 format!("time on {} x {} cores", on.ranks, on.threads),
                 duration(on.seconds),
                 format!(
-                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} times the mean; no messages",
+                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} \
+                     times the mean; no messages",
                     on.crowded, on.unevenness
                 ),
             ]);

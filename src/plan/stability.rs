@@ -73,7 +73,8 @@ fn lid_meets_wall(flow: &Flow) -> bool {
 /// and the matrix of Suga they failed at 2 or 20, by the place of the faces. Half-way links and saturated cells held
 /// at 200.
 fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &mut Findings) {
-    let interpolated = matches!(&scene.coupling, Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated);
+    let interpolated = matches!(&scene.coupling,
+        Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated);
     if !interpolated || scene.polyhedra().next().is_none() {
         return;
     }
@@ -82,7 +83,8 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
         findings.unstable(
             path,
             format!(
-                "the cell Reynolds number U h/nu is {}: runs with this operator and links that are interpolated to the faces of polyhedra failed from {} on",
+                "the cell Reynolds number U h/nu is {}: runs with this operator and links that are interpolated to \
+                 the faces of polyhedra failed from {} on",
                 number(cell),
                 number(fails)
             ),
@@ -171,7 +173,8 @@ fn judge(
             findings.warn(
                 &speed.path,
                 format!(
-                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up to {} and failed from {} on; between the two nothing was run",
+                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up \
+                     to {} and failed from {} on; between the two nothing was run",
                     speed.what,
                     number(cell),
                     number(limit.holds),
@@ -204,7 +207,8 @@ fn judge(
     findings.unstable(
         &speed.path,
         format!(
-            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up to {} and failed from {} on{}",
+            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up \
+             to {} and failed from {} on{}",
             speed.what,
             number(cell),
             number(limit.holds),
@@ -246,7 +250,8 @@ mod tests {
                 "fluid": {{"lattice_boltzmann": {{
                     "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": {tau},
                     "collision": {{"{collision}": {{}}}},
-                    "boundaries": [{{"name": "lid", "face": "{face}", "condition": {{"moving_wall": {{"velocity": [{velocity}]}}}}}}]
+                    "boundaries": [{{"name": "lid", "face": "{face}",
+                    "condition": {{"moving_wall": {{"velocity": [{velocity}]}}}}}}]
                 }}}},
                 "time": {{"end": 1}}
             }}"#
@@ -335,14 +340,17 @@ mod tests {
                     "domain": {{"size": [0.2, 0.1, 0.1], "spacing": 0.01}},
                     "materials": {{"rock": {{}}}},
                     "fluid": {{"lattice_boltzmann": {{
-                        "density": 1000, "kinematic_viscosity": {viscosity}, "time_step": 2e-4, "collision": {{"{collision}": {{}}}},
+                        "density": 1000, "kinematic_viscosity": {viscosity}, "time_step": 2e-4,
+                        "collision": {{"{collision}": {{}}}},
                         "boundaries": [
-                            {{"name": "in", "face": "x_min", "condition": {{"velocity": {{"profile": {{"uniform": [2, 0, 0]}}}}}}}},
+                            {{"name": "in", "face": "x_min", "condition": {{"velocity": {{"profile": {{"uniform": [2,
+                            0, 0]}}}}}}}},
                             {{"name": "out", "face": "x_max", "condition": {{"pressure": {{"value": 0}}}}}}
                         ]
                     }}}},
                     "bodies": [{{
-                        "name": "block", "shape": {{"cuboid": {{"edges": [0.04, 0.04, 0.04]}}}}, "position": [0.1, 0.05, 0.05],
+                        "name": "block", "shape": {{"cuboid": {{"edges": [0.04, 0.04, 0.04]}}}}, "position": [0.1,
+                        0.05, 0.05],
                         "motion": {{"fixed": {{}}}}, "material": "rock"
                     }}],
                     "coupling": {{"bounce_back": {{"scheme": "{scheme}"}}}},
@@ -382,7 +390,8 @@ mod tests {
                 "domain": {"size": vec![0.04; dimension], "spacing": 1e-3, "periodic": &["x", "y", "z"][..dimension]},
                 "materials": {"steel": {"density": 7800}},
                 "fluid": {"lattice_boltzmann": {
-                    "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 5e-5 / cell * 1e3, "collision": {collision: {}},
+                    "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 5e-5 / cell * 1e3,
+                        "collision": {collision: {}},
                     "lattice": if dimension == 2 { "d2q9" } else { "d3q27" }
                 }},
                 "bodies": [{

@@ -140,7 +140,8 @@ impl<S: Space> Deposition<S> {
                 grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
-                        "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.deposition.trim_above): raise it above the floor"
+                        "all {before} grains came to rest above the level of trimming, {level} m \
+                         (grains.initial.deposition.trim_above): raise it above the floor"
                     )));
                 }
                 if grains.len() == before {
@@ -463,7 +464,8 @@ impl<'a, S: Space> Falling<'a, S> {
             report.convergence.push(now);
             self.supervision.report(|| {
                 format!(
-                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {} (until {:.0e})",
+                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d \
+                     (until {:.0e}), unbalanced force {} (until {:.0e})",
                     particles.owned(),
                     dem.steps(),
                     deposition.limit,

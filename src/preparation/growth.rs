@@ -599,7 +599,8 @@ impl<'a, S: Space> Growing<'a, S> {
         self.supervision.report(|| {
             let now = self.look();
             format!(
-                "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean overlap {:.1e} d",
+                "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean \
+                 overlap {:.1e} d",
                 self.particles.owned(),
                 self.dem.steps(),
                 self.progress.factor,

@@ -243,7 +243,8 @@ mod tests {
             )
         };
         let mut structures = vec![
-            r#"{"name": "weir", "shape": {"polygon": {"points": [[0.01, -0.001], [0.03, -0.001], [0.025, 0.03], [0.015, 0.03]]}}}"#.to_owned(),
+            r#"{"name": "weir", "shape": {"polygon": {"points": [[0.01, -0.001], [0.03, -0.001], [0.025, 0.03],
+                [0.015, 0.03]]}}}"#.to_owned(),
             plate("floor", [0.05, 0.01], [0.08, 0.012]),
             plate("left", [0.05, 0.012], [0.052, 0.03]),
             plate("right", [0.078, 0.012], [0.08, 0.03]),

@@ -99,7 +99,8 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
     {
         findings.warn(
             "contact",
-            "the law states no friction angle: contacts have no friction, although friction is a property of the solids",
+            "the law states no friction angle: contacts have no friction, although friction is a property of the \
+             solids",
             "state friction_angle_degrees as measured, or 0 if there is to be none",
         );
     }
@@ -161,7 +162,8 @@ mod tests {
                 r#"{{"domain": {{"size": [1, 1, 1]}}, "materials": {{"glass": {{"density": 2500}}}},
                 "bodies": [{{"name": "ball", "shape": {{"sphere": {{"radius": 0.1}}}}, "position": [0.5, 0.5, 0.5],
                     "motion": {{"free": {{}}}}, "material": "glass"}}],
-                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}}, "friction_angle_degrees": 20{damping}}}}},
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}},
+                "friction_angle_degrees": 20{damping}}}}},
                 "time": {{"end": 0.01}}}}"#
             );
             let document = Document::read(&text, &[], Path::new(".")).unwrap();

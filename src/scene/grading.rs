@@ -155,7 +155,8 @@ impl Grading {
         }
         if let Some(n) = numbers.iter().position(|n| *n == 0) {
             return Err(format!(
-                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met with fewer than about {} grains",
+                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met with fewer \
+                 than about {} grains",
                 classes[n].min,
                 classes[n].max,
                 exact[n],

@@ -543,7 +543,8 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
         findings.error(
             path,
             format!(
-                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, the length of the domain",
+                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, \
+                 the length of the domain",
                 number(2.0 * radius),
                 number(grid.size[axis])
             ),
@@ -731,7 +732,8 @@ fn falls(
             "gravity",
             "a deposition needs gravity along one axis",
             Remedy::from(format!(
-                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the file under the inclined \
+                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the \
+                 file under the inclined \
                  gravity; a `body_force` of the fluid drives the water alone"
             ))
             .set("gravity", down),
@@ -879,7 +881,8 @@ impl Packing {
         } else if fraction < least {
             findings.warn(
                 path,
-                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
+                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more",
+                    number(fraction)),
                 "use more or larger grains if the sample should hold together",
             );
         }

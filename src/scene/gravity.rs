@@ -91,7 +91,8 @@ pub(super) fn acts(
         findings.warn(
             &path,
             format!(
-                "under the surface `{}` nothing holds the weight of the water along {}, but solids get the buoyancy of water that is held: it pushes them up the slope",
+                "under the surface `{}` nothing holds the weight of the water along {}, but solids get the buoyancy \
+                 of water that is held: it pushes them up the slope",
                 surface.name, AXES[axis]
             ),
             Remedy::from("write along_periodic_axes; or, for a closed conduit, make that face a wall")
@@ -157,7 +158,8 @@ pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, St
         (false, false) => (
             format!("acts along {driven}"),
             format!(
-                "it drives the water there; along {held} pressure is the excess over the hydrostatic one, solids have their buoyancy"
+                "it drives the water there; along {held} pressure is the excess over the hydrostatic one, solids have \
+                 their buoyancy"
             ),
         ),
     })

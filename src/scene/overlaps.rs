@@ -276,7 +276,8 @@ impl<'a> Start<'a> {
             };
             let name = ["x", "y", "z"][axis];
             let reason = format!(
-                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own image",
+                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own \
+                 image",
                 self.name(one.origin),
                 number(width),
                 number(self.grid.size[axis])
@@ -422,7 +423,8 @@ impl<'a> Start<'a> {
                 let count = number(real(count));
                 format!("{least}{count} pairs of the sample overlap; the deepest: {sentence}")
             };
-            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it was made for; radii, not diameters, in m";
+            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it \
+                was made for; radii, not diameters, in m";
             findings.error("grains.initial.file.path", reason, remedy);
         }
     }
@@ -518,7 +520,8 @@ impl<'a> Start<'a> {
                 findings.error(
                     "grains.initial.growth.box",
                     format!(
-                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their box",
+                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their \
+                         box",
                         number(-lowest),
                         wall.name
                     ),
@@ -590,11 +593,13 @@ mod tests {
         let text = examples::find("deposition").unwrap().text;
         let problems = |height: f64, cut: bool| {
             let mut set = vec![format!(
-                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}}, "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
+                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}},
+                    "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
             )];
             if cut {
                 set.push(
-                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014, 0.02]}}]"#.into(),
+                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014,
+                        0.02]}}]"#.into(),
                 );
             }
             let document = Document::read(text, &set, Path::new(".")).unwrap();

@@ -248,7 +248,8 @@ pub fn read(
             if z.total_cmp(&first).is_ne() {
                 let line = row.line();
                 return Err(format!(
-                    "line {line}: z is {z}, that of the first grain {first}: grains of a problem in two dimensions lie in one plane"
+                    "line {line}: z is {z}, that of the first grain {first}: grains of a problem in two dimensions \
+                     lie in one plane"
                 ));
             }
         }

@@ -432,7 +432,8 @@ mod tests {
                 "gravity": [0, -9.81, 0],
                 "materials": {"glass": {"density": density}},
                 "fluid": {"lattice_boltzmann": {
-                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8, "body_force": {"constant": [8, 0, 0]}
+                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8,
+                        "body_force": {"constant": [8, 0, 0]}
                 }},
                 "grains": {"material": "glass", "initial": {"deposition": {
                     "number": number, "grading": {"by_count": [{"min": 5e-3, "max": 5e-3, "fraction": 1}]}, "seed": 1,

@@ -227,8 +227,10 @@ mod tests {
     use super::*;
 
     const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 1 1 0\n \
-        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 1 1e-9\n  vertex 0 1 0\n endloop\n\
-        endfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 0 0 0\n  vertex 0 1 0\n endloop\nendfacet\nendsolid\n";
+        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 1 1e-9\n  vertex 0 1 0\n \
+        endloop\n\
+        endfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 0 0 0\n  vertex 0 1 0\n \
+        endloop\nendfacet\nendsolid\n";
 
     fn as_binary() -> Vec<u8> {
         let mut bytes = vec![b's'; 80];

@@ -230,7 +230,8 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
         (least.min(n), most.max(n))
     });
     format!(
-        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean instead of {:.2}",
+        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean \
+         instead of {:.2}",
         imbalance(slabs, planes),
         imbalance(before, planes)
     )
@@ -365,7 +366,8 @@ mod tests {
             "materials": {"rock": {"density": 2600}},
             "fluid": {"lattice_boltzmann": {"lattice": "d3q27", "density": 1000, "kinematic_viscosity": 1e-4,
                 "reference_velocity": 0.1, "lattice_velocity": 0.05}},
-            "bodies": [{"name": "slab", "shape": {"cuboid": {"edges": [0.02, 0.08, 0.02]}}, "position": [0.2, 0.05, 0.05],
+            "bodies": [{"name": "slab", "shape": {"cuboid": {"edges": [0.02, 0.08, 0.02]}}, "position": [0.2, 0.05,
+            0.05],
                 "motion": {"free": {}}, "material": "rock"}],
             "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "normal_damping_ratio": 0.3}},
             "coupling": {"partially_saturated": {}}, "time": {"end": 0.01}}"#;

@@ -285,7 +285,8 @@ impl CollapseRecorder {
         };
         let Some(state) = state else {
             return Err(Error::Io(
-                "the checkpoint does not contain the ground at time 0, because its run had no `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
+                "the checkpoint does not contain the ground at time 0, because its run had no \
+                 `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
                     .into(),
             ));
         };
@@ -426,7 +427,8 @@ impl CollapseRecorder {
         for stage in self.state.stages.note(time, &evidence, &thresholds) {
             let began = self.state.stages.times[stage].unwrap_or(time);
             self.news.push(format!(
-                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
+                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover \
+                 over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
                 stage + 1,
                 NAMES[stage],
                 evidence.eroded_grains,

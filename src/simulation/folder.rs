@@ -180,13 +180,15 @@ impl RunFolder {
                     drop(Release(path.join(LOCK), &lock));
                     if !found.began {
                         return Err(Error::Usage(format!(
-                            "{} holds what a run left that was ended before it began ({}); replace it with --overwrite, or choose another --output",
+                            "{} holds what a run left that was ended before it began ({}); replace it with \
+                             --overwrite, or choose another --output",
                             path.display(),
                             found.describe()
                         )));
                     }
                     return Err(Error::Usage(format!(
-                        "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, or replace it with --overwrite",
+                        "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, \
+                         or replace it with --overwrite",
                         path.display(),
                         found.describe()
                     )));
@@ -281,7 +283,8 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     let name = file.file_name().and_then(|name| name.to_str());
     if file.parent() == Some(&folder) && name.is_some_and(is_of_a_run) {
         return Err(Error::Usage(format!(
-            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another --output, or rename the case",
+            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another \
+             --output, or rename the case",
             case.display(),
             folder.display()
         )));
@@ -361,7 +364,8 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
     let folder = path.parent().unwrap_or(path).display();
     let who = holder.map_or_else(|| "another process runs there".to_owned(), Holder::describe);
     Error::Usage(format!(
-        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if that process certainly no longer exists, remove {}",
+        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if \
+         that process certainly no longer exists, remove {}",
         path.display()
     ))
 }

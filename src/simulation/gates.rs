@@ -140,7 +140,8 @@ pub(super) fn clear_of<S: Space>(
             if distance < allowed {
                 struck.get_or_insert_with(|| {
                     format!(
-                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is \
+                         {radius:.3e} m); move it away from all bodies",
                         written.name, particles.body[k].id, distance
                     )
                 });

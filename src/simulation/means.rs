@@ -107,7 +107,8 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mut doubts = Vec::new();
     if obstacles {
         doubts.push(
-            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream bear".to_owned(),
+            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream \
+             bear".to_owned(),
         );
     }
     match (balance, profile) {
@@ -115,7 +116,8 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
             let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
             if apart > ALIKE {
                 doubts.push(format!(
-                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the bed bears a part of the drive",
+                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the \
+                     bed bears a part of the drive",
                     100.0 * apart
                 ));
             }

@@ -241,7 +241,8 @@ impl Account {
             collectives,
         } = &self.waiting;
         lines.push(format!(
-            "of these, waiting for other ranks (load imbalance {:.2}: computing time of the busiest rank over the mean):",
+            "of these, waiting for other ranks (load imbalance {:.2}: computing time of the busiest rank over the \
+             mean):",
             self.imbalance
         ));
         lines.push(row("waiting", total));

@@ -542,7 +542,8 @@ mod tests {
         Plan::prepare(document).unwrap()
     }
 
-    const OUT: &str = r#"{"name": "left", "box": {"from": [0, 0], "to": [0.0005, 0.004]}, "action": {"remove": {"when": "centre"}}},
+    const OUT: &str = r#"{"name": "left", "box": {"from": [0, 0], "to": [0.0005, 0.004]},
+        "action": {"remove": {"when": "centre"}}},
         {"name": "out", "box": {"from": [0.009, 0], "to": [0.01, 0.004]}, "action": {"remove": {}}}"#;
 
     fn grain(id: u64, x: f64, y: f64) -> (Body, Motion<Plane>) {

@@ -128,7 +128,8 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
             let kept = communicator.all_reduce_max_u64(u64::from(sample.is_dir())) > 0;
             if !kept {
                 return Err(Error::Io(format!(
-                    "no checkpoint in {path}{reason}; start again with `solver {0}/case.json --output ..` or, in the same folder, with a copy of that case and --overwrite",
+                    "no checkpoint in {path}{reason}; start again with `solver {0}/case.json --output ..` or, in the \
+                     same folder, with a copy of that case and --overwrite",
                     folder.path().display()
                 )));
             }
@@ -341,7 +342,8 @@ fn report_version(found: &Found) {
     let mine = (provenance::VERSION, provenance::commit());
     if (version, commit) != mine {
         log::warn!(
-            "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ from those of one program",
+            "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ \
+             from those of one program",
             found.path.display(),
             mine.0,
             mine.1
@@ -466,7 +468,8 @@ fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Re
     let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
     if theirs != Some(plan.case_hash.as_str()) {
         return Err(Error::Io(format!(
-            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case {}); restart it without --set",
+            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case \
+             {}); restart it without --set",
             resumed.found.path.display(),
             theirs.unwrap_or("missing"),
             plan.case_hash

@@ -241,7 +241,8 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     let known = local.is_some() || communicator.size() == 1;
     if known && ranks * threads > cores && first {
         log::warn!(
-            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take turns, \
+            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take \
+             turns, \
              which is slower than `--threads {}`",
             (cores / ranks).max(1)
         );

@@ -265,7 +265,8 @@ pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
             .map(|name| format!("`{name}`"))
             .collect();
         lines.push(format!(
-            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the run; a shorter `every` tells",
+            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the \
+             run; a shorter `every` tells",
             names.join(", "),
             if end.unknown.len() > NAMED { " and others" } else { "" }
         ));

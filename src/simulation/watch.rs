@@ -2,7 +2,7 @@
 //!
 //! | request | response |
 //! |---|---|
-//! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
+//! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the folder, `--max-walltime` | checkpoint, exit code 75 |
 //! | SIGUSR1, SIGCONT | checkpoint, the run continues |
 //!
 //! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun`

@@ -37,7 +37,8 @@ pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> Stri
 set -euo pipefail
 solver=${{SOLVER:-{program}}}
 {launch}
-# 300 s before the time limit this script gets SIGUSR2 and passes it on: the member writes a checkpoint, and the status is 75.
+# 300 s before the time limit this script gets SIGUSR2 and passes it on: the member writes a checkpoint, and
+# the status is 75.
 {sweep} --member "$SLURM_ARRAY_TASK_ID" &
 member=$!
 trap 'kill -USR2 "$member" 2>/dev/null || true' USR2 TERM

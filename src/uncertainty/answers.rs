@@ -2,8 +2,8 @@
 //!
 //! | source | answers |
 //! |---|---|
-//! | probe at a point, in a plane, on a body or a face | each column at the last time, and its mean over the second half of the run |
-//! | probe along a line | velocity and pressure at each point at the last time, and their means over the second half of the run |
+//! | probe at a point, in a plane, on a body or a face | each column: last value, mean over the second half |
+//! | probe along a line | velocity and pressure at each point: last values, means over the second half of the run |
 //! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse |
 //!
 //! An answer has settled where its means over the last tenth of the run and over the tenth before are equal to 0.1 %.

@@ -18,9 +18,12 @@
 //! | monotone, p below it | F = 3 with p, at least 0.5 |
 //! | monotone, p above it | the finer difference is small by chance: least squares as below |
 //! | two grids | F = 3, first order; extrapolated with the formal order, as errors of staircases may cancel |
-//! | oscillating and shrinking | least squares: the better fit of order 1 and 2, 3 of its error, its standard deviation and its distance from the value, and at least half the range |
+//! | oscillating and shrinking | least squares, and at least half the range |
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
+//!
+//! Least squares are the better fit of order 1 and 2; the uncertainty has 3 of its error, its standard deviation and
+//! its distance from the value.
 //!
 //! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,
 //! extrapolation); W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010,
@@ -92,10 +95,12 @@ impl Behaviour {
                 "grid convergence index, F = 3: the order is below the formal one; at least 0.5 is used"
             }
             Self::Fast => {
-                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, so that the finer difference is small by chance"
+                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, so that the finer \
+                 difference is small by chance"
             }
             Self::Oscillating => {
-                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their sign"
+                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their \
+                 sign"
             }
             Self::Diverging => "no number is promised: the differences do not shrink",
             Self::TwoGrids => "grid convergence index, F = 3: two grids and first order",

@@ -56,10 +56,12 @@ impl Scaling {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Diffusive => {
-                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is part of the uncertainty"
+                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is \
+                 part of the uncertainty"
             }
             Self::Acoustic => {
-                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
+                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on \
+                 coarser cells; the error of compressibility is not part of the uncertainty"
             }
             Self::Steady => "cells of the seepage; a steady flow has no time step",
         }

@@ -157,7 +157,8 @@ pub fn conclusion(grids: &[Grid]) -> String {
             grid.folder
         ),
         2 => format!(
-            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of safety is 3"
+            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of \
+             safety is 3"
         ),
         _ => format!("{number} of {of} grids have answers: the estimate uses these"),
     }
@@ -266,14 +267,28 @@ impl Row {
             ));
         }
         causes.push(match self.estimate.behaviour {
-            Behaviour::TwoGrids => "two grids show no order, so that the factor is 3 at first order: a third grid narrows it".to_owned(),
-            Behaviour::Oscillating => "its values rise and fall from grid to grid: gaps or borders are not resolved on the coarser grids".to_owned(),
+            Behaviour::TwoGrids => {
+                "two grids show no order, so that the factor is 3 at first order: a third grid \
+                narrows it"
+                    .to_owned()
+            }
+            Behaviour::Oscillating => {
+                "its values rise and fall from grid to grid: gaps or borders are not resolved \
+                on the coarser grids"
+                    .to_owned()
+            }
             Behaviour::Monotone => format!(
                 "the order {} is below the formal one: the cells are too coarse for it",
-                self.estimate.observed_order.map_or_else(String::new, |p| format!("{p:.2}"))
+                self.estimate
+                    .observed_order
+                    .map_or_else(String::new, |p| format!("{p:.2}"))
             ),
-            Behaviour::Fast => "its order is above that of the method, so that the factor is 3".to_owned(),
-            _ => "it differs this much from grid to grid: the cells are too coarse for it".to_owned(),
+            Behaviour::Fast => {
+                "its order is above that of the method, so that the factor is 3".to_owned()
+            }
+            _ => {
+                "it differs this much from grid to grid: the cells are too coarse for it".to_owned()
+            }
         });
         Some(causes.join("; "))
     }

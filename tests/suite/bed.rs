@@ -40,7 +40,8 @@ fn slabs(width: Option<u32>, period: u32) -> Value {
     };
     (boxes.iter().enumerate())
         .map(|(n, (from, to))| {
-            json!({"name": format!("slab{n}"), "stops": "water", "shape": {"box": {"from": corner(*from), "to": corner(*to)}}})
+            json!({"name": format!("slab{n}"), "stops": "water", "shape": {"box": {"from": corner(*from),
+                "to": corner(*to)}}})
         })
         .collect()
 }
@@ -66,7 +67,8 @@ fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
         "gravity": vector(gravity, -9.81, 0.0),
         "materials": {"glass": {"density": 2500}},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": 0.8, "collision": {"trt": {"magic": 0.1875}},
+            "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": 0.8,
+                "collision": {"trt": {"magic": 0.1875}},
             "body_force": {"constant": vector(force, 0.0, 0.0)},
             "boundaries": [{"name": "top", "face": "y_max", "condition": top}]
         }},
@@ -74,7 +76,8 @@ fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
         "grains": {"material": "glass", "initial": {"list": [
             {"position": vector(4e-3, 2.5e-3, 0.5 * depth), "radius": 2.5e-3}
         ]}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "normal_damping_ratio": 0.5, "rolling": {"friction": 1, "damping_ratio": 0.3}}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "normal_damping_ratio": 0.5,
+            "rolling": {"friction": 1, "damping_ratio": 0.3}}},
         "box_walls": ["y_min"],
         "box_wall_material": "glass",
         "coupling": {"partially_saturated": {}},
@@ -432,7 +435,8 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
         "materials": {"glass": {"density": 2500}, "wall": {}},
         "grains": {"material": "glass", "initial": grains},
         "contact": {"linear": {
-            "normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 25, "normal_damping_ratio": 0.5, "shear_damping_ratio": 0.5,
+            "normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 25, "normal_damping_ratio": 0.5,
+                "shear_damping_ratio": 0.5,
             "pairs": [{"materials": ["glass", "wall"], "friction_angle_degrees": 0}]
         }},
         "box_walls": walls,
@@ -567,7 +571,8 @@ fn the_median_of_what_left_is_that_of_the_record() {
         {"position": [0.026, 0.005], "radius": 4e-3}
     ]});
     let mut case = dry([0.04, 0.02], 1e4, discs, &json!(["y_min"]), 1e-3);
-    case["regions"] = json!([{"name": "out", "box": {"from": [0, 0], "to": [0.018, 0.02]}, "action": {"remove": {"when": "centre"}}}]);
+    case["regions"] = json!([{"name": "out", "box": {"from": [0, 0], "to": [0.018, 0.02]},
+        "action": {"remove": {"when": "centre"}}}]);
     let study = Study::new(&case.to_string());
     study.run("run", 1, 1, &[]);
     let mean = means(&study, "run");

@@ -168,14 +168,16 @@ proptest::proptest! {
     #[test]
     fn no_truncated_example_panics(which in 0_usize..EXAMPLES.len(), cut in 0.0_f64..1.0) {
         let chars: Vec<char> = EXAMPLES[which].text.chars().collect();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a fraction of a short text")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a \
+            fraction of a short text")]
         let count = (chars.len() as f64 * cut) as usize;
         let text: String = chars[..count].iter().collect();
         proptest::prop_assert!(!judge(&text, "truncated") || count + 2 > chars.len());
     }
 
     #[test]
-    fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000, exponent in -40.0_f64..40.0, negative: bool) {
+    fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000,
+        exponent in -40.0_f64..40.0, negative: bool) {
         let _core = Cores::of(1);
         let mut case: Value = serde_json::from_str(EXAMPLES[which].text).unwrap();
         let mut paths = Vec::new();

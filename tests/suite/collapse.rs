@@ -12,7 +12,8 @@ const D: f64 = 1e-3;
 fn case(strength: Option<&str>) -> String {
     let point = |name: &str, from: f64| {
         format!(
-            r#"{{"name": "{name}", "box": {{"from": [{from}, 0, 0], "to": [{}, 0.002, 0.0004]}}, "action": {{"remove": {{"when": "touches"}}}}}}"#,
+            r#"{{"name": "{name}", "box": {{"from": [{from}, 0, 0], "to": [{}, 0.002, 0.0004]}},
+                "action": {{"remove": {{"when": "touches"}}}}}}"#,
             from + 0.002
         )
     };

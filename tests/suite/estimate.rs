@@ -105,7 +105,8 @@ fn weir(limit: f64) -> Value {
     json!({
         "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}},
+                "relaxation_time": 0.8,
             "boundaries": [
                 {"name": "in", "face": "x_min", "condition": {"velocity": {
                     "profile": {"uniform": {"velocity": [0.01, 0]}}, "ramp_time": 0.01}}},

@@ -10,7 +10,10 @@ use std::path::Path;
 /// Sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the left, cells
 /// of this size.
 fn excavation(spacing: f64) -> Value {
-    let side = |name: &str, from: f64, to: f64, head: f64| json!({"name": name, "face": "y_max", "patch": {"from": [from, 0], "to": [to, 6]}, "condition": {"head": {"value": head}}});
+    let side = |name: &str, from: f64, to: f64, head: f64| {
+        json!({"name": name, "face": "y_max",
+        "patch": {"from": [from, 0], "to": [to, 6]}, "condition": {"head": {"value": head}}})
+    };
     json!({
         "domain": {"size": [30, 6], "spacing": spacing},
         "gravity": [0, -9.81],
@@ -20,10 +23,12 @@ fn excavation(spacing: f64) -> Value {
             "boundaries": [side("upstream", 0.0, 15.0, 9.0), side("downstream", 15.0, 30.0, 6.0)],
             "zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]
         }},
-        "structures": [{"name": "pile", "material": "sand", "shape": {"box": {"from": [14.9999, 3.5], "to": [15.0001, 6]}}}],
+        "structures": [{"name": "pile", "material": "sand", "shape": {"box": {"from": [14.9999, 3.5], "to": [15.0001,
+            6]}}}],
         "probes": [
             {"name": "toe", "every": 1, "at": {"point": {"position": [15.001, 3.49]}}},
-            {"name": "exit", "every": 1, "at": {"section": {"axis": "x", "position": 15, "part": {"from": [0, 0], "to": [30, 6]}}}}
+            {"name": "exit", "every": 1, "at": {"section": {"axis": "x", "position": 15, "part": {"from": [0, 0],
+                "to": [30, 6]}}}}
         ],
         "time": {"end": 1, "solid_time_step": 1}
     })

@@ -14,9 +14,11 @@ const SETTLING: &str = r#"{
   "domain": {"size": [0.016, 0.016, 0.024], "spacing": 0.001, "periodic": ["x", "y"]},
   "gravity": [0, 0, -9.81],
   "materials": {"rock": {"density": 2650}, "wall": {}},
-  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5, "lattice_velocity": 0.1}},
+  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5,
+  "lattice_velocity": 0.1}},
   "bodies": [
-    {"name": "b", "shape": {"sphere": {"radius": 0.003}}, "position": [0.008, 0.008, 0.0144], "motion": {"free": {}}, "material": "rock"}
+    {"name": "b", "shape": {"sphere": {"radius": 0.003}}, "position": [0.008, 0.008, 0.0144], "motion": {"free": {}},
+    "material": "rock"}
   ],
   "contact": {"linear": {"normal_stiffness": {"absolute": 1000}, "normal_damping_ratio": 0.2}},
   "box_walls": ["z_min", "z_max"],
@@ -35,7 +37,8 @@ const STREAM: &str = r#"{
     "collision": {"mrt": {}}, "turbulence": {"wale": {}}, "body_force": {"constant": [2000, 0, 0]}
   }},
   "bodies": [
-    {"name": "b", "shape": {"cuboid": {"edges": [0.002, 0.008, 0.008]}}, "position": [0.0163, 0.004, 0.004], "motion": {"fixed": {}}, "material": "rock"}
+    {"name": "b", "shape": {"cuboid": {"edges": [0.002, 0.008, 0.008]}}, "position": [0.0163, 0.004, 0.004],
+    "motion": {"fixed": {}}, "material": "rock"}
   ],
   "coupling": {"partially_saturated": {}},
   "time": {"end": 0.04},
@@ -72,8 +75,10 @@ const DISCS: &str = r#"{
     "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "body_force": {"constant": [1, 0]}
   }},
   "bodies": [
-    {"name": "a", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0055], "motion": {"fixed": {}}, "material": "rock"},
-    {"name": "b", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0145], "motion": {"fixed": {}}, "material": "rock"}
+    {"name": "a", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0055], "motion": {"fixed": {}},
+    "material": "rock"},
+    {"name": "b", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0145], "motion": {"fixed": {}},
+    "material": "rock"}
   ],
   "coupling": {"bounce_back": {"scheme": "interpolated"}},
   "time": {"end": 1},
@@ -86,8 +91,10 @@ const SPECK: &str = r#"{
   "gravity": [0, 0, -9.81],
   "materials": {"rock": {"density": 2650}, "wall": {}},
   "bodies": [
-    {"name": "big", "shape": {"sphere": {"radius": 0.05}}, "position": [0.1, 0.1, 0.05], "motion": {"fixed": {}}, "material": "rock"},
-    {"name": "b", "shape": {"sphere": {"radius": 0.0005}}, "position": [0.1, 0.1, 0.102], "motion": {"free": {}}, "material": "rock"}
+    {"name": "big", "shape": {"sphere": {"radius": 0.05}}, "position": [0.1, 0.1, 0.05], "motion": {"fixed": {}},
+    "material": "rock"},
+    {"name": "b", "shape": {"sphere": {"radius": 0.0005}}, "position": [0.1, 0.1, 0.102], "motion": {"free": {}},
+    "material": "rock"}
   ],
   "contact": {"linear": {"normal_stiffness": {"absolute": 1000}, "normal_damping_ratio": 0.3}},
   "box_walls": ["z_min"],
@@ -120,7 +127,8 @@ const SHAFT: &str = r#"{
 /// The sphere of [`SETTLING`] as a block, with its law of contact.
 const BLOCK: [&str; 2] = [
     "bodies[0].shape={\"cuboid\": {\"edges\": [0.006, 0.005, 0.004]}}",
-    "contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e7}, \"friction_angle_degrees\": 30, \"normal_damping_ratio\": 0.3, \"shear_damping_ratio\": 0.3}}",
+    "contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e7}, \"friction_angle_degrees\": 30, \
+     \"normal_damping_ratio\": 0.3, \"shear_damping_ratio\": 0.3}}",
 ];
 const LINKS: &str = "coupling={\"bounce_back\": {\"scheme\": \"interpolated\"}}";
 const LB: &str = "fluid.lattice_boltzmann";
@@ -360,7 +368,8 @@ fn gaps() -> Vec<Row> {
         let body =
             r#""shape": {"sphere": {"radius": 0.003}}, "motion": {"free": {}}, "material": "rock""#;
         format!(
-            r#"bodies=[{{"name": "a", "position": [0.008, 0.008, 0.004], {body}}}, {{"name": "b", "position": [0.0083, 0.008, {z}], {body}}}]"#
+            r#"bodies=[{{"name": "a", "position": [0.008, 0.008, 0.004], {body}}}, {{"name": "b", "position": [0.0083,
+                0.008, {z}], {body}}}]"#
         )
     };
     let blocks = |z: f64| {
@@ -525,7 +534,8 @@ fn ranks_and_sizes() -> Vec<Row> {
             "size ratio 100 in water",
             SPECK,
             &[
-                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \"reference_velocity\": 1, \"lattice_velocity\": 0.1}}",
+                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \
+                 \"reference_velocity\": 1, \"lattice_velocity\": 0.1}}",
                 "coupling={\"partially_saturated\": {}}",
             ],
             Refused("bodies[1].shape", "0.1 cells; at least 4"),

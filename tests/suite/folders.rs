@@ -137,7 +137,8 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
         (1, "time.end=0.004", "time.end"),
         (
             1,
-            r#"regions[1]={"name": "new", "box": {"from": [0, 0], "to": [0.0003, 0.0016]}, "action": {"generate": {"rate": 1, "radii": {"uniform": {"min": 1e-4, "max": 1e-4}}}}}"#,
+            r#"regions[1]={"name": "new", "box": {"from": [0, 0], "to": [0.0003, 0.0016]},
+                "action": {"generate": {"rate": 1, "radii": {"uniform": {"min": 1e-4, "max": 1e-4}}}}}"#,
             "generate",
         ),
     ] {
@@ -153,7 +154,8 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
     // A wall may come, and grains then rest on it; it may not cut into them.
     let wall = |x: f64| {
         format!(
-            r#"walls=[{{"name": "gate", "shape": {{"plane": {{"point": [{x}, 0], "normal": [-1, 0]}}}}, "material": "wall"}}]"#
+            r#"walls=[{{"name": "gate", "shape": {{"plane": {{"point": [{x}, 0], "normal": [-1, 0]}}}},
+                "material": "wall"}}]"#
         )
     };
     let done = study

@@ -52,7 +52,8 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": viscosity, "relaxation_time": tau, "collision": {"trt": {}},
             "boundaries": [
-                {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
+                {"name": "inlet", "face": "x_min",
+                    "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
                 {"name": "outlet", "face": "x_max",
                  "condition": {"pressure": {"value": 0, "sound": "reflect", "held": "each_cell"}}}
             ]

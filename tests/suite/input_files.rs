@@ -315,7 +315,8 @@ fn with_profile(text: &str, folder: &Path) -> Value {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 0.001,
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"file": {"path": "inlet.csv"}}}}},
+                {"name": "in", "face": "x_min",
+                    "condition": {"velocity": {"profile": {"file": {"path": "inlet.csv"}}}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
             ]
         }},
@@ -576,8 +577,14 @@ fn planes_across_a_periodic_axis_are_refused_before_the_run() {
             "time": {"end": 0.01, "solid_time_step": 1e-6}
         })
     };
-    let wall = |normal: [f64; 2]| json!([{"name": "end", "shape": {"plane": {"point": [0, 0], "normal": normal}}, "material": "sand"}]);
-    let solid = |normal: [f64; 2]| json!([{"name": "rock", "shape": {"plane": {"point": [0.01, 0.01], "normal": normal}}}]);
+    let wall = |normal: [f64; 2]| {
+        json!([{"name": "end", "shape": {"plane": {"point": [0, 0], "normal": normal}},
+        "material": "sand"}])
+    };
+    let solid = |normal: [f64; 2]| {
+        json!([{"name": "rock", "shape": {"plane": {"point": [0.01, 0.01],
+        "normal": normal}}}])
+    };
     let path = "walls[0].shape.plane.normal";
     for normal in [[1.0, 0.0], [1e-3, 1.0]] {
         let closed = case(wall(normal), json!([]), json!(["x"]));

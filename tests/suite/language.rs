@@ -9,12 +9,14 @@
 //! | rule | fault |
 //! |---|---|
 //! | opening | a doc comment that begins with What, Whether, Where, Who, How, Of, As or The same |
-//! | boolean | a doc comment of a `bool`, or of a function that returns one, without "`true`" at first; not of an option |
+//! | boolean | a doc comment of a `bool`, or of a function that returns one, without "`true`" in its first paragraph |
 //! | type | a public type whose name more than two public types of the program have |
 //! | function | a function with a name of [`FUNCTIONS`] |
 //! | width | a line of Rust with more than [`WIDTH`] characters |
 //! | word | a word of [`WORDS`] in a comment of Rust, or in a page |
 //! | reference | a path of the repository, in a comment or on a page, that is not there |
+//!
+//! The comment of an option of the command line is its help, so that the rule `boolean` does not apply to it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -160,7 +162,6 @@ fn is_boolean(lines: &[&str]) -> bool {
     let Some(first) = lines.iter().find(|line| !attribute(line)) else {
         return false;
     };
-    // The comment of an option of the command line is its help.
     let mut attributes = lines.iter().take_while(attribute);
     if attributes.any(|line| line.trim_start().starts_with("#[arg(")) {
         return false;

@@ -44,13 +44,16 @@ struct Seed {
     study: bool,
 }
 
-const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n endloop\nendfacet\n\
+const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n \
+    endloop\nendfacet\n\
     facet normal 0 0 1\n outer loop\n  vertex 2 0 0\n  vertex 2 2 0\n  vertex 0 2 0\n endloop\nendfacet\nendsolid\n";
-const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n\
+const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 \
+    0\nendloop\nendfacet\n\
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+const BLOCKS: &str = r#"[{"shape": {"half_spaces":
+    [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
 /// Ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
@@ -651,7 +654,8 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         }
     }
     println!(
-        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest took {:.2?} (seed {}), {slow} cases more than a second; through the binary {codes:?}; {} wrong",
+        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest \
+         took {:.2?} (seed {}), {slow} cases more than a second; through the binary {codes:?}; {} wrong",
         corpus.len(),
         slowest.0,
         slowest.1,

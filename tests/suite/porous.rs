@@ -28,7 +28,8 @@ fn duct(turbulence: &Value) -> Value {
                 }
             ],
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.002, 0, 0]}, "ramp_time": 0.2}}},
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.002, 0, 0]},
+                    "ramp_time": 0.2}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
             ]
         }},

@@ -462,7 +462,8 @@ impl Study {
         Self::eroding(&[
             (
                 "grains.initial",
-                r#"{"growth": {"amount": {"solid_fraction": 0.82}, "radii": {"uniform": {"min": 5.5e-5, "max": 7e-5}}, "seed": 3, "friction_angle_degrees": 20}}"#,
+                r#"{"growth": {"amount": {"solid_fraction": 0.82}, "radii": {"uniform": {"min": 5.5e-5, "max": 7e-5}},
+                    "seed": 3, "friction_angle_degrees": 20}}"#,
             ),
             ("grains.cut", chambers),
             (

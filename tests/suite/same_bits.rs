@@ -362,7 +362,8 @@ fn averages_of_a_gusty_stream() {
 fn sound_leaves_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
     let boundaries = r#"[
-        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}}, "sound": "absorb"}}},
+        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}},
+        "sound": "absorb"}}},
         {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
     ]"#;
     let study = Study::of(

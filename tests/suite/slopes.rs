@@ -167,10 +167,15 @@ fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
 fn still_water_under_its_weight_stays_at_rest() {
     let _beside = beside_others();
     let (flat, space) = ([0.1, 0.1], [0.08, 0.08, 0.1]);
-    let top = |value: f64| json!([{"name": "top", "face": "y_max", "condition": {"pressure": {"value": value, "sound": "reflect"}}}]);
+    let top = |value: f64| {
+        json!([{"name": "top", "face": "y_max", "condition": {"pressure": {"value": value,
+        "sound": "reflect"}}}])
+    };
     let both = json!([
-        {"name": "left", "face": "z_max", "patch": {"from": [0, 0, 0.1], "to": [0.03, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}},
-        {"name": "right", "face": "z_max", "patch": {"from": [0.05, 0, 0.1], "to": [0.08, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}}
+        {"name": "left", "face": "z_max", "patch": {"from": [0, 0, 0.1], "to": [0.03, 0.08, 0.1]},
+            "condition": {"pressure": {"value": 50}}},
+        {"name": "right", "face": "z_max", "patch": {"from": [0.05, 0, 0.1], "to": [0.08, 0.08, 0.1]},
+            "condition": {"pressure": {"value": 50}}}
     ]);
     let scenes = [
         (&flat[..], "trt", json!([])),

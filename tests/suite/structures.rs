@@ -30,7 +30,8 @@ fn channel(height: f64, structures: &Value) -> Value {
     json!({
         "domain": {"size": [0.04, height], "spacing": 0.01, "periodic": ["x"]},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 0.01, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "density": 1000, "kinematic_viscosity": 0.01, "collision": {"trt": {"magic": 0.1875}},
+                "relaxation_time": 0.8,
             "body_force": {"constant": [8, 0]}
         }},
         "structures": structures,
@@ -105,7 +106,10 @@ fn a_channel_of_boxes_is_one_of_walls() {
 fn a_stream_over_a_raised_floor_starts_developed() {
     let _beside = beside_others();
     let mut case = channel(0.14, &json!([slab("floor", -1.0, 0.04)]));
-    let flow = |from: f64, to: f64| json!({"channel": {"flow": "x", "across": "y", "from": from, "to": to, "peak": 0.001}});
+    let flow = |from: f64, to: f64| {
+        json!({"channel": {"flow": "x", "across": "y", "from": from, "to": to,
+        "peak": 0.001}})
+    };
     let initial = "/fluid/lattice_boltzmann/initial";
     case["fluid"]["lattice_boltzmann"]["initial"] = flow(0.04, 0.14);
     let study = Study::new(&case.to_string());
@@ -300,7 +304,8 @@ fn a_surface_in_millimetres_is_told_from_one_in_metres() {
         let case = json!({
             "domain": {"size": [0.3, 0.2, 0.04], "spacing": 0.01, "periodic": ["x", "z"]},
             "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 0.002, "relaxation_time": 0.8, "body_force": {"constant": [2, 0, 0]}
+                "density": 1000, "kinematic_viscosity": 0.002, "relaxation_time": 0.8, "body_force": {"constant": [2,
+                    0, 0]}
             }},
             "structures": [{"name": "c", "shape": {"surface": {"mesh": {"path": file}}}}],
             "time": {"end": 6}
@@ -394,7 +399,8 @@ fn a_cylinder_bears_the_same_force_however_it_is_written() {
     };
     let shaped = |shape: Value| json!({"name": "c", "shape": shape});
     let body = json!({
-        "name": "c", "shape": {"disc": {"radius": radius}}, "position": centre, "motion": {"fixed": {}}, "material": "stone"
+        "name": "c", "shape": {"disc": {"radius": radius}}, "position": centre, "motion": {"fixed": {}},
+            "material": "stone"
     });
     let [x, y] = centre;
     let reference = run(case(false), "bodies", body, "");
@@ -451,7 +457,8 @@ fn weir(coupling: &Value) -> Value {
             ]
         }},
         "structures": [
-            {"name": "weir", "shape": {"polygon": {"points": [[0.006, -0.001], [0.012, -0.001], [0.0101, 0.0063], [0.008, 0.006]]}}},
+            {"name": "weir", "shape": {"polygon": {"points": [[0.006, -0.001], [0.012, -0.001], [0.0101, 0.0063],
+                [0.008, 0.006]]}}},
             {"name": "sheet", "shape": {"box": {"from": [0.01551, 0.004], "to": [0.01556, 0.012]}}}
         ],
         "contact": {"linear": {"normal_stiffness": {"absolute": 50000}, "normal_damping_ratio": 0.3}},
@@ -513,7 +520,8 @@ fn a_disc_rests_in_the_corner_of_a_structure() {
             "shape": {"polygon": {"points": [[0, 0], [1, 0], [1, 0.8], [0.7, 0.2], [0.3, 0.2], [0, 0.5]]}}
         }],
         "contact": {"linear": {"normal_stiffness": {"absolute": 1e7}, "normal_damping_ratio": 0.5}},
-        "grains": {"material": "stone", "initial": {"list": [{"position": [0.6, 0.4], "radius": 0.1, "velocity": [0.2, 0]}]}},
+        "grains": {"material": "stone", "initial": {"list": [{"position": [0.6, 0.4], "radius": 0.1, "velocity": [0.2,
+            0]}]}},
         "time": {"end": 3},
         "output": {"grains": {"every": 3}},
         "regions": [{"name": "all", "box": {"from": [0.4, 0.25], "to": [1, 1]}, "action": {"record": {}}}]
@@ -672,7 +680,8 @@ fn chute(folder: &Path) -> Value {
         "domain": {"size": [edge, depth, 0.03], "spacing": 0.001, "periodic": ["x", "y"]},
         "gravity": [3.4, 0.5, -9.2],
         "materials": {"glass": {"density": 2500}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 5000}, "normal_damping_ratio": 0.2, "friction_angle_degrees": 17}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 5000}, "normal_damping_ratio": 0.2,
+            "friction_angle_degrees": 17}},
         "structures": [
             {"name": "floor", "shape": {"surface": {"mesh": {"path": file}, "thickness": 0.0001}}},
             {"name": "bar", "shape": {"box": {"from": [0.02, -0.1, 0.001], "to": [0.021, 0.1, 0.0045]}}}

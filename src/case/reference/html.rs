@@ -4,7 +4,8 @@ use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;
 
 /// First words of the front page.
-pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as messages and `--set` write \
+pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as \
+    messages and `--set` write \
 it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value stands, an object \
 `{\"value\": 0.2, \"source\": \"assumed\", \"note\": \"reason\"}` may state its source. Unknown fields are refused.";
 

@@ -51,7 +51,8 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
 
 /// The law of each cohesion by each reading.
 pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
-    let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high [Pa],\
+    let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high \
+        [Pa],\
                     coefficient [s/m],coefficient_low [s/m],coefficient_high [s/m],r_squared [1]\n"
         .to_owned();
     for cohesion in cohesions {

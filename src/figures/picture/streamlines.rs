@@ -148,7 +148,8 @@ pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> Strin
             let turn = (y - y0).atan2(x - x0).to_degrees();
             let _ = writeln!(
                 svg,
-                "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},{y:.1}) rotate({turn:.0})\"/>"
+                "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},\
+                 {y:.1}) rotate({turn:.0})\"/>"
             );
         }
     }

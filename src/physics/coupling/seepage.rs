@@ -340,7 +340,8 @@ impl<Sp: Space> Seepage<Sp> {
         let (balance, settings) = (&self.extremes.unwrap_or_default(), &self.settings);
         if balance.closure > OPEN {
             all.push(format!(
-                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of momentum {:.2}); \
+                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of \
+                 momentum {:.2}); \
                  above {OPEN} the drag law and the resistance do not belong together",
                 100.0 * balance.closure,
                 balance.closure
@@ -349,7 +350,8 @@ impl<Sp: Space> Seepage<Sp> {
         if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
         {
             all.push(format!(
-                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial losses, which the law of \
+                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial \
+                 losses, which the law of \
                  resistance leaves out",
                 balance.reynolds
             ));

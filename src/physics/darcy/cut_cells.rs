@@ -441,7 +441,8 @@ mod tests {
                 assert_eq!(leads_through(&open), through, "{text} {n}");
             }
         }
-        let sheet = r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]], "axis": "y", "from": 0, "to": 1}}"#;
+        let sheet = r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]], "axis": "y", "from": 0,
+            "to": 1}}"#;
         assert!(!leads_through(&open(sheet, 5, 3)));
     }
 

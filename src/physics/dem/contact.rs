@@ -187,7 +187,8 @@ contact_laws! {
     /// Linear springs with friction and brittle cohesion.
     CohesiveFrictional(cohesive_frictional::Input) => CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
     /// The linear law with bonds of given tensile and shear strength.
-    ContactBond(contact_bond::Input) => ContactBond(contact_bond::ContactBond), RollingContactBond(Rolling<contact_bond::ContactBond>);
+    ContactBond(contact_bond::Input) => ContactBond(contact_bond::ContactBond),
+        RollingContactBond(Rolling<contact_bond::ContactBond>);
     /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
     HertzMindlin(hertz_mindlin::Input) => HertzMindlin(hertz_mindlin::HertzMindlin);
     /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).

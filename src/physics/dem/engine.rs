@@ -350,7 +350,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let reach = reach.fold(f64::INFINITY, f64::min);
         if largest + gap > reach {
             return Err(Error::Numerical(format!(
-                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of the domain, {reach} m: its contacts with walls of facets are not known"
+                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of \
+                 the domain, {reach} m: its contacts with walls of facets are not known"
             )));
         }
         ghosts::make(
@@ -368,7 +369,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
         if self.validity.rebuilds.is_power_of_two() {
             log::debug!(
-                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
+                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} \
+                 at plane walls, {} at facets; skin {:.3e} m",
                 domain.rank(),
                 self.validity.rebuilds,
                 self.steps,

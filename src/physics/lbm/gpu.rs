@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `cell` | the pass over one cell, one thread each; also compiled for GPUs |
 //! | `copies` | what enters at walls and goes round periodic axes; also compiled for GPUs |
-//! | `covered`, `loads`, `sums` | the pass over a cell that solids cover, and the forces on them; also compiled for GPUs |
+//! | `covered`, `loads`, `sums` | the pass over a covered cell, and the forces on solids; also compiled for GPUs |
 //! | `balls` | the cover of the cells by balls; also compiled for GPUs |
 //! | `lists` | the lists of the covered cells; also compiled for GPUs |
 //! | `warp` | what the threads of a warp share; for GPUs alone |

@@ -174,19 +174,22 @@ pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
     match (law.model, pair.stiffness) {
         (Model::Point { .. }, _) => findings.unstable(
             "contact.blocks.model",
-            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an impact of edges or corners",
+            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an \
+             impact of edges or corners",
             remedy(),
         ),
         (_, Stiffness::PerContact { .. }) => findings.warn(
             "contact.blocks.normal_stiffness",
-            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs by half over a thousand impacts",
+            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs \
+             by half over a thousand impacts",
             Remedy::from(
                 "use a stiffness `per_area` with the model `pressure`, or a normal damping ratio of 0.05 or more",
             ),
         ),
         (Model::Patch, Stiffness::PerArea { .. }) => findings.warn(
             "contact.blocks.model",
-            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % of it over a thousand impacts",
+            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % \
+             of it over a thousand impacts",
             remedy(),
         ),
         (Model::Pressure, Stiffness::PerArea { .. }) => {}

@@ -255,7 +255,8 @@ mod tests {
     /// `jobs/automatic/left_out.csv` is what this prints.
     #[test]
     fn the_table_of_problems_left_out_is_that_of_the_rows() {
-        let mut table = "dimension,obstacle,problem,other problems,rows,covered by the others,below their bound,largest error over their bound\n".to_owned();
+        let mut table = "dimension,obstacle,problem,other problems,rows,covered by the others,below their bound,\
+            largest error over their bound\n".to_owned();
         for one in left_out() {
             let (dimension, obstacle) = one.key;
             let worst = if one.judged > 0 {

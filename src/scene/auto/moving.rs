@@ -1,13 +1,14 @@
 //! Changes of density that bodies make which move through the lattice fluid.
 //!
 //! ```text
-//! start     ρ c U                                a driven body moves from the first step on
-//! flow      ρ U² |C_p|/2 + k ρ ν U/R             suction at the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
-//!                                                (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in creeping flow
-//! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)          fluid between a free body and the wall that it falls on, δ = 2 cells;
-//!                                                k = 6 (disc), 3 (sphere), and its inertia
-//! impact    2 ρ c U                              a free body that rebounds: from a Stokes number (ρ_s/ρ) 2 R U/(9 ν) of 10
-//!                                                on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
+//! start     ρ c U                             a driven body moves from the first step on
+//! flow      ρ U² |C_p|/2 + k ρ ν U/R          suction at the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
+//!                                             (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in
+//!                                             creeping flow
+//! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)       fluid between a free body and the wall that it falls on, δ = 2 cells;
+//!                                             k = 6 (disc), 3 (sphere), and its inertia
+//! impact    2 ρ c U                           a free body that rebounds: from a Stokes number (ρ_s/ρ) 2 R U/(9 ν)
+//!                                             of 10 on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
 //! ```
 //!
 //! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with the
@@ -197,7 +198,8 @@ mod tests {
             "materials": {"steel": {"density": 3000}},
             "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.6}},
             "bodies": [{
-                "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.02, 0.02], "motion": motion, "material": "steel"
+                "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.02, 0.02], "motion": motion,
+                    "material": "steel"
             }],
             "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 0}},
             "box_walls": ["y_min", "y_max"],

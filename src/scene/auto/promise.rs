@@ -238,7 +238,8 @@ fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
     (left > SOUND * target).then(|| {
         format!(
-            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a shorter time step",
+            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a \
+             shorter time step",
             number(100.0 * left),
             body.name,
             number(100.0 * SOUND * target)

@@ -167,7 +167,8 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         OF_FORMULA.1
     };
     let text = format!(
-        "{}: {} % beside resolved flow through random beds and cubic arrays of spheres, solid fraction {} to {} (van der Hoef et al. 2005, Beetstra et al. 2007, Zick and Homsy 1982: \
+        "{}: {} % beside resolved flow through random beds and cubic arrays of spheres, solid fraction {} to {} (van \
+         der Hoef et al. 2005, Beetstra et al. 2007, Zick and Homsy 1982: \
          {} %)",
         law.description(),
         number(100.0 * worst),

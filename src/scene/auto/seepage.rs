@@ -193,7 +193,8 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises no error",
+                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises \
+                 no error",
                 number(100.0 * overlap),
                 number(bed.stress)
             ),
@@ -217,7 +218,8 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
             findings.warn(
                 "accuracy",
                 format!(
-                    "contacts and coupling interval change the flow by at most {} %, but the plan promises no error: {reason}",
+                    "contacts and coupling interval change the flow by at most {} %, but the plan promises no error: \
+                     {reason}",
                     number(100.0 * numerics)
                 ),
                 "compare the flow with a measurement; `solver estimate` runs the case under other laws of resistance",
@@ -238,7 +240,8 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
                 number(100.0 * promised),
                 number(100.0 * law)
             ),
-            "use stiffer contacts where they are stated, or another law, or state measured permeabilities (`fluid.darcy.zones`)",
+            "use stiffer contacts where they are stated, or another law, or state measured permeabilities \
+             (`fluid.darcy.zones`)",
         );
     }
 }

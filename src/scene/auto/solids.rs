@@ -35,7 +35,8 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
-            "grains that lie packed: their pores are narrower than cells, where links trap moving water and interpolation loses mass",
+            "grains that lie packed: their pores are narrower than cells, where links trap moving water and \
+             interpolation loses mass",
         );
     }
     // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
@@ -80,8 +81,14 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
         findings.warn(
             "coupling",
             "touching discs close all pores between them in 2-D, and no hydraulic radius is given",
-            Remedy::from("for a permeable packing state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
-                .set("coupling", json!({"bounce_back": {"hydraulic_radius_factor": 0.8}})),
+            Remedy::from(
+                "for a permeable packing state for example \"coupling\": {\"bounce_back\": \
+                {\"hydraulic_radius_factor\": 0.8}}",
+            )
+            .set(
+                "coupling",
+                json!({"bounce_back": {"hydraulic_radius_factor": 0.8}}),
+            ),
         );
     }
 }
@@ -126,7 +133,8 @@ pub(crate) fn choose_contact(
     if scene.grains.is_some() && case.contact.is_none() {
         findings.warn(
             "contact",
-            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it is a property of the grains"),
+            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it \
+                is a property of the grains"),
             "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }

@@ -40,7 +40,8 @@ impl Spacing {
             if written < size {
                 let path = format!("domain.size[{axis}]");
                 let reason = format!(
-                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is {size} m long along {}, which is {} m more than written",
+                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is \
+                     {size} m long along {}, which is {} m more than written",
                     number(self.value),
                     ["x", "y", "z"][axis],
                     number(size - written)

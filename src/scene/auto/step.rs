@@ -456,7 +456,8 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
     if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
-            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from {least} on"
+            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from \
+             {least} on"
         );
         let path = format!("{PATH}.kinematic_viscosity");
         // What is stated is taken, with a warning.

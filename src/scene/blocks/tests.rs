@@ -38,7 +38,10 @@ fn list(blocks: &Value) -> Value {
 }
 
 fn joints(more: &Value) -> Value {
-    let set = |dip: f64, direction: f64| json!({"dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": 1}});
+    let set = |dip: f64, direction: f64| {
+        json!({"dip_degrees": dip, "dip_direction_degrees": direction,
+        "spacing": {"constant": 1}})
+    };
     let mut blocks = json!({"material": "granite", "initial": {"joints": {
         "rock_mass": {"box": {"from": [0, 0, 0], "to": [4, 4, 2]}},
         "sets": [set(90.0, 90.0), set(90.0, 0.0), set(0.0, 0.0)]
@@ -89,7 +92,8 @@ fn blocks_of_a_list_stand_and_turn() {
     let hull = json!({"vertices": [[1, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]]});
     let scene = scene(&list(&json!([
         {"shape": hull},
-        {"shape": hull, "position": [3, 3, 3], "orientation": {"axis": [0, 0, 2], "angle_degrees": 90}, "material": "slate"},
+        {"shape": hull, "position": [3, 3, 3], "orientation": {"axis": [0, 0, 2], "angle_degrees": 90},
+            "material": "slate"},
         {"shape": {"half_spaces": [[1,0,0,3],[-1,0,0,-2.5],[0,1,0,1],[0,-1,0,-0.5],[0,0,1,1],[0,0,-1,-0.5]]}}
     ])));
     let blocks = scene.blocks.expect("blocks").list;

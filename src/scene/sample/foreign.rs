@@ -3,7 +3,7 @@
 //! | program | form |
 //! |---|---|
 //! | LAMMPS, LIGGGHTS | `dump custom` as text: the last snapshot; `ITEM: ATOMS` names the columns |
-//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
+//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, position and velocities |
 //!
 //! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which [`io::sheet`]
 //! reads.

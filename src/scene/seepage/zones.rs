@@ -327,7 +327,8 @@ fn read(
     // Nodes that differ and fill every place: all of them.
     if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
         return Err(format!(
-            "{} nodes do not form a raster: their coordinates have {} different values along {}, and every combination must be there once",
+            "{} nodes do not form a raster: their coordinates have {} different values along {}, and every \
+             combination must be there once",
             nodes.len(),
             counts
                 .iter()

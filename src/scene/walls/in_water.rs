@@ -57,10 +57,12 @@ pub(super) fn of_structures(
             if let Some(axis) = across_periodic(grid, normal) {
                 let path = format!("structures[{n}].stops");
                 let reason = format!(
-                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains \
+                     on both sides of it"
                 );
                 let text = format!(
-                    "write water, so that only the water meets it, use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                    "write water, so that only the water meets it, use a normal without a component along {axis}, or \
+                     take {axis} out of `domain.periodic`"
                 );
                 let remedy = if structure.stops == Stops::Grains {
                     Remedy::from(text)
@@ -82,7 +84,8 @@ pub(super) fn of_structures(
             findings.warn(
                 &format!("structures[{n}].shape"),
                 format!(
-                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own image, blocks meet both surfaces, and the contact is twice as stiff",
+                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own \
+                     image, blocks meet both surfaces, and the contact is twice as stiff",
                     ["x", "y", "z"][axis]
                 ),
                 "end it at the length of the domain",

@@ -31,15 +31,18 @@ fn plan() -> Plan {
         "materials": {"soil": {"density": 2000}},
         "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 1.1,
             "boundaries": [
-                {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 0.02, "ramp": {"duration": 0.02}}}},
+                {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 0.02,
+                "ramp": {"duration": 0.02}}}},
                 {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
         "grains": {"material": "soil", "initial": {"list": [{"position": [0.001, 0.0001], "radius": 1e-4}]}},
-        "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e3}, "cohesion": {"per_diameter": 0.506}}},
+        "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e3},
+        "cohesion": {"per_diameter": 0.506}}},
         "coupling": {"bounce_back": {}},
         "regions": [{"name": "left", "box": {"from": [0, 0], "to": [0.0002, 0.0016]}, "action": {"remove": {}}},
             {"name": "out", "box": {"from": [0.0038, 0], "to": [0.004, 0.0016]}, "action": {"remove": {}}}],
         "time": {"end": 1},
-        "analysis": {"erosion_law": {"hole": {"from": [0.0006, 0.0004], "to": [0.0034, 0.0012]}, "every": 0.01, "outlet": "out"}}}"#;
+        "analysis": {"erosion_law": {"hole": {"from": [0.0006, 0.0004], "to": [0.0034, 0.0012]}, "every": 0.01,
+        "outlet": "out"}}}"#;
     Plan::prepare(Document::read(text, &[], Path::new(".")).unwrap()).unwrap()
 }
 

@@ -265,7 +265,8 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     )];
     parts.extend(nearest(plan, |limit| limit.starts_with(IMPACT)).map(limit));
     parts.push(
-        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part that is too much stops it"
+        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part \
+         that is too much stops it"
             .into(),
     );
     parts.join("; ")
@@ -329,22 +330,29 @@ fn limit(margin: &Margin) -> String {
     )
 }
 
-/// A remedy that helped in such a case; otherwise a hint.
+/// Returns a remedy that helped in a similar case; otherwise a hint.
 ///
-/// | scene | failed still with | ended with |
-/// |---|---|---|
-/// | channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52 | 1/2 and 1/4 of the time step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga | half the spacing, 2/3 of the speed, 3/2 of the viscosity, cumulants |
-/// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
-/// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
-/// | wires across a channel without a gap | | every second wire taken out |
-/// | disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
-/// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
+/// Runs that failed, the changes with which they failed still, and those with which they ended:
+///
+/// - Channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52. Failed still with 1/2 and 1/4 of the time
+///   step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga; ended with half the spacing, 2/3 of the
+///   speed, 3/2 of the viscosity, cumulants.
+/// - Lid at cell Reynolds number 1000, tau = 0.5006. Failed still with 1/3 and 1/15 of the time step, 1/2 to 1/8 of the
+///   spacing, cumulants, MRT; ended with a viscosity that brings it to 25.
+/// - Vortices at cell Reynolds number 300, TRT. Failed still with half the time step, half the spacing; ended with a
+///   tenth of the speed, ten times the viscosity, BGK, MRT, cumulants.
+/// - Wires across a channel without a gap. Ended with every second wire taken out.
+/// - Disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6. Ended with half the time step (tau = 0.55), and
+///   with that and half the spacing or half the speed.
+/// - Pressure imposed at once, 30 % of compression, tau = 0.8. Failed still with larger time steps, a ramp; ended with
+///   half the time step (tau = 0.65).
 fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
         return format!(
-            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of at most {} m, a slower flow or a larger viscosity",
+            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of \
+             at most {} m, a slower flow or a larger viscosity",
             number(margin.allowed),
             number(finest)
         );
@@ -354,7 +362,8 @@ fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
         Kind::TooDense if one_way => "check that an open path of several cells leads from inlet to outlet",
         Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
         Kind::TooDense if pressure => {
-            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
+            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a \
+             ramp did not"
         }
         Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }

@@ -288,7 +288,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
-                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} implicit",
+                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} \
+                 implicit",
                 report.inflow,
                 report.outflow,
                 balance.reynolds,
@@ -381,7 +382,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                             |saved| format!("the newest checkpoint is that of step {saved}"),
                         );
                         return Err(Error::Io(format!(
-                            "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
+                            "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; \
+                             free {} bytes before `solver restart {}`",
                             needed.saturating_sub(free),
                             self.folder.path().display()
                         )));

@@ -40,7 +40,8 @@ impl Law for DiFelice {
 
 impl permeability::Law for DiFelice {
     fn summary() -> &'static str {
-        "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected equations."
+        "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected \
+         equations."
     }
 
     fn description(&self) -> String {

@@ -79,7 +79,8 @@ impl Law for Gidaspow {
 
 impl permeability::Law for Gidaspow {
     fn summary() -> &'static str {
-        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected equations."
+        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected \
+         equations."
     }
 
     fn description(&self) -> String {

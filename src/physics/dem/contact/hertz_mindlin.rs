@@ -140,7 +140,8 @@ impl Input {
             report.error(
                 "grains.initial.deposition.falling_stiffness",
                 "hertz_mindlin has no spring to soften".into(),
-                "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved sample".into(),
+                "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved \
+                 sample".into(),
             );
         }
         if scene.bond_at_start {
@@ -165,7 +166,8 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
         if scene.dimension == 2 {
             report.error(
                 PATH,
-                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap alone".into(),
+                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap \
+                 alone".into(),
                 Remedy::from("use linear, or a domain of three dimensions").set("contact", linear::example()),
             );
             return None;

@@ -123,7 +123,10 @@ fn a_toy_is_described_limited_and_stepped() {
 #[test]
 fn overrides_of_pairs_are_checked() {
     let pair = json!({"materials": ["glass", "glass"], "friction_angle_degrees": 45});
-    let law = |pairs: Vec<serde_json::Value>| json!({"linear": {"normal_stiffness": {"absolute": 1e5}, "rolling": {"friction": 0.1}, "pairs": pairs}});
+    let law = |pairs: Vec<serde_json::Value>| {
+        json!({"linear": {"normal_stiffness": {"absolute": 1e5},
+        "rolling": {"friction": 0.1}, "pairs": pairs}})
+    };
     let rolling = resolved(law(vec![pair.clone()]));
     assert!(matches!(rolling, Law::RollingLinear(_)));
     assert_relative_eq!(rolling.model().friction([0, 0]), 1.0, max_relative = 1e-12);

@@ -107,7 +107,8 @@ impl Model for Parameters {
             return (relaxation_time < SECOND_ORDER_GROWS).then(|| {
                 finding(
                     Severity::Warning,
-                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
+                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the \
+                        higher moments at 1"),
                     "use mrt, of which none grow".into(),
                     json!({"mrt": {"higher": 1}}),
                 )
@@ -117,7 +118,8 @@ impl Model for Parameters {
             return None;
         }
         let reason = format!(
-            "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of three cells are linearly unstable from {GROWS} on"
+            "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of \
+             three cells are linearly unstable from {GROWS} on"
         );
         let remedy = format!("use mrt, of which none grow at rest, or a tau below {GROWS}");
         let (severity, reason) = if relaxation_time >= FAILS {

@@ -12,9 +12,11 @@
 //! | plane, row | work | needs |
 //! |---|---|---|
 //! | p, y | even pass | nothing |
-//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | even pass of adjacent cells: vectors pass the row end |
+//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of adjacent cells |
 //! | p - 2, y - 2 | odd pass | adjacent walls of the first step, which it would overwrite |
 //! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass of adjacent cells |
+//!
+//! Whole vectors of the even pass reach beyond the end of a row, to numbers that the walls give.
 //!
 //! Each thread sweeps its planes. The part next to the planes of other threads and ranks follows when these are done.
 //! Every number is computed from the same numbers by the same operations as in two single steps, so that the bits are

@@ -22,7 +22,9 @@ fn bits(x: __m128) -> u8 {
 }
 
 macro_rules! operators {
-    ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident, $load:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr, |$from:ident, $bound:ident| $above:expr, |$numbers:ident, $number:ident| $equal:expr) => {
+    ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident,
+        $set:ident, $sqrt:ident, $load:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr, |$from:ident,
+            $bound:ident| $above:expr, |$numbers:ident, $number:ident| $equal:expr) => {
         impl Add for $lanes {
             type Output = Self;
             #[inline(always)]
