@@ -75,7 +75,7 @@ struct OneGrid {
 
 impl OneGrid {
     /// Finds the pairs closer than `gap`, with cells of `width`; how many entries the grid holds.
-    fn look(&mut self, scene: &Scene, gap: f64, width: f64) -> usize {
+    fn find(&mut self, scene: &Scene, gap: f64, width: f64) -> usize {
         let n = ((scene.length / width).floor() as u32).max(1);
         let cell = |x: f64| ((x / scene.length * f64::from(n)).max(0.0) as u32).min(n - 1);
         let at = |x: u32, y: u32, z: u32| ((z * n + y) * n + x) as usize;
@@ -183,7 +183,7 @@ fn main() {
         let mut grid = OneGrid::default();
         let mut best = (f64::INFINITY, 0.0, 0);
         for factor in [0.7, 1.0, 1.5, 2.0, 3.0, 5.0] {
-            let (time, entries) = timed(|| grid.look(&scene, gap, factor * mean));
+            let (time, entries) = timed(|| grid.find(&scene, gap, factor * mean));
             assert_eq!(grid.pairs.len(), pairs, "both must find the same pairs");
             if time < best.0 {
                 best = (time, factor, entries);

@@ -219,7 +219,7 @@ struct CriticalArgs {
     #[arg(long, allow_hyphen_values = true)]
     to: f64,
     /// Width of the final bracket over its upper end [1].
-    #[arg(long, default_value_t = 0.05, value_parser = share)]
+    #[arg(long, default_value_t = 0.05, value_parser = fraction)]
     tolerance: f64,
     /// Minimum outflow counted as erosion: number of grains that leave in a run.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
@@ -513,7 +513,7 @@ fn folder_of(case: &Path) -> PathBuf {
 }
 
 /// A part of a whole, above 0 and below 1.
-fn share(text: &str) -> Result<f64, String> {
+fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err("a number above 0 and below 1".into()),

@@ -99,7 +99,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(e.to_string()))?;
     let plan = planned(&text, search, &[])?;
-    let inlet = Inlet::of(&plan, search)?;
+    let inlet = Inlet::find(&plan, search)?;
     let found = run::on_world(search.threads, |communicator, threads| {
         Searching {
             search,
@@ -176,7 +176,7 @@ struct Heads<'a> {
 }
 
 impl<'a> Heads<'a> {
-    fn of(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
+    fn new(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let per_volume = if strength > 0.0 { strength } else { 9.80665 };
         Self {
@@ -230,7 +230,7 @@ fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a P
 }
 
 impl Inlet {
-    fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
+    fn find(plan: &Plan, search: &Search) -> Result<Self, Error> {
         let Some(seepage) = &plan.scene.seepage else {
             return Err(if plan.scene.flow.is_some() {
                 refusal(
@@ -263,7 +263,7 @@ impl Inlet {
                 "add a region with the action `remove` below the openings",
             ));
         }
-        let heads = Heads::of(plan.scene.gravity, seepage);
+        let heads = Heads::new(plan.scene.gravity, seepage);
         let (n, patch) = driving(&heads, search.boundary.as_ref())?;
         let (field, quantity, own) = match patch.condition {
             Condition::Pressure { .. } => (

@@ -282,7 +282,7 @@ impl Outputs {
     ) -> Result<(), Error> {
         let (scene, grid) = (&view.plan.scene, &view.plan.scene.grid);
         let communicator = view.domain.communicator();
-        let file = File::of(view, &self.provenance);
+        let file = File::new(view, &self.provenance);
         if let Some(output) = &mut self.fluid {
             output.write(view.step, &due, |fields, series| {
                 fields.write(view, &file, series)
@@ -378,7 +378,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    fn of<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
+    fn new<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
         Self {
             when: Moment {
                 step: view.step,

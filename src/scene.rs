@@ -206,7 +206,7 @@ impl Scene {
         let mut findings = Findings::with_wrong(case, wrong);
         if let Some(like) = like {
             let spacing = auto::spacing::Spacing::like(like);
-            return Self::at(case, &spacing, Some(like), findings);
+            return Self::resolve_at(case, &spacing, Some(like), findings);
         }
         // A spacing chosen from wrong fields would be the cause of further findings.
         if case.domain.spacing.is_none() && findings.stop_plan() {
@@ -215,20 +215,20 @@ impl Scene {
         let Some(spacing) = auto::spacing::first(case, &mut findings) else {
             return (None, findings);
         };
-        let (scene, findings) = Self::at(case, &spacing, None, findings);
+        let (scene, findings) = Self::resolve_at(case, &spacing, None, findings);
         if findings.stopped {
             return (scene, findings);
         }
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
-            Some(finer) => Self::at(case, &finer, None, Findings::with_wrong(case, wrong)),
+            Some(finer) => Self::resolve_at(case, &finer, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }
     }
 
     /// Resolves a case at a spacing, with the choices that it leaves to the program.
-    fn at<'a>(
+    fn resolve_at<'a>(
         written: &Case,
         spacing: &auto::spacing::Spacing,
         like: Option<&Self>,

@@ -274,7 +274,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.guards
             .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
         if self.guards.take_unfetched() {
-            self.look()?;
+            self.check_state()?;
         }
         self.phases.done(Phase::Guards);
         Ok(())
@@ -292,7 +292,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     ///
     /// # Errors
     /// When the numbers fail.
-    fn look(&mut self) -> Result<(), Error> {
+    fn check_state(&mut self) -> Result<(), Error> {
         self.fetch()?;
         let now = &self.now;
         let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));

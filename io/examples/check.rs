@@ -89,7 +89,7 @@ impl Group for Ranks {
 }
 
 /// Rank `rank`'s share of `n` things: all but rank 1 take part, so that one rank is empty where there are several.
-fn share(n: usize, group: &dyn Group) -> (usize, usize) {
+fn part_of_rank(n: usize, group: &dyn Group) -> (usize, usize) {
     let (rank, size) = (group.rank(), group.size());
     if size < 2 {
         return (0, n);
@@ -122,7 +122,7 @@ fn image_step(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<(), Error> {
-    let (first, n) = share(CELLS[axis], group);
+    let (first, n) = part_of_rank(CELLS[axis], group);
     let (mut start, mut count) = ([0; 3], CELLS);
     (start[axis], count[axis]) = (first, n);
     let mut velocity = Vec::new();
@@ -173,7 +173,7 @@ fn meshes(
     series: &mut [Series; 3],
 ) -> Result<(), Error> {
     let provenance = [("version".to_owned(), "1.0".to_owned())];
-    let (first, n) = share(grains, group);
+    let (first, n) = part_of_rank(grains, group);
     let position: Vec<f64> = (3 * first..3 * (first + n)).map(value).collect();
     let stress: Vec<f64> = (9 * first..9 * (first + n)).map(value).collect();
     let id: Vec<i64> = (first..first + n)
@@ -262,7 +262,7 @@ fn checkpoint(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<(), Error> {
-    let (first, n) = share(planes, group);
+    let (first, n) = part_of_rank(planes, group);
     let population: Vec<f64> = (4096 * first..4096 * (first + n)).map(value).collect();
     let id: Vec<u64> = (first..first + n).map(|i| i as u64).collect();
     let arrays = [

@@ -90,7 +90,7 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
 /// # Errors
 /// As [`check`].
 pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
-    let (gone, longer) = look(folder, marks)?;
+    let (gone, longer) = compare(folder, marks)?;
     for (path, bytes) in longer {
         OpenOptions::new()
             .write(true)
@@ -109,13 +109,13 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
 /// # Errors
 /// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
 pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
-    Ok(look(folder, marks)?.0)
+    Ok(compare(folder, marks)?.0)
 }
 
 /// Tables that are gone, and those that are longer than their marks with the bytes up to there.
 type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
 
-fn look(folder: &Path, marks: &Marks) -> Result<Looked> {
+fn compare(folder: &Path, marks: &Marks) -> Result<Looked> {
     let mut gone = Vec::new();
     let mut longer = Vec::new();
     for (name, mark) in marks {

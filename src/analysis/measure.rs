@@ -80,7 +80,7 @@ pub enum Norm {
 }
 
 impl Norm {
-    fn of(self, values: &[f64], reference: &[f64]) -> f64 {
+    fn distance(self, values: &[f64], reference: &[f64]) -> f64 {
         let pairs = values.iter().zip(reference);
         match self {
             Self::Largest => {
@@ -138,7 +138,7 @@ impl Profile {
             .iter()
             .map(|&at| cubic(&self.x, &self.y, at))
             .collect();
-        Ok(norm.of(&there?, &reference.y))
+        Ok(norm.distance(&there?, &reference.y))
     }
 }
 
@@ -175,11 +175,11 @@ impl Measure {
             Take::Period => period(&rows.numbers("time")?, &values),
             Take::LargestError(reference) => {
                 let rows = rows.of_last_time()?;
-                Ok(Norm::Largest.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+                Ok(Norm::Largest.distance(&rows.numbers(of)?, &rows.numbers(reference)?))
             }
             Take::MeanError(reference) => {
                 let rows = rows.of_last_time()?;
-                Ok(Norm::Mean.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+                Ok(Norm::Mean.distance(&rows.numbers(of)?, &rows.numbers(reference)?))
             }
             Take::TableError { table, at } => {
                 let found = self.profile(output, at, known)?;

@@ -220,13 +220,13 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn at(&self, pointer: &str) -> &'a Value {
+    fn node(&self, pointer: &str) -> &'a Value {
         self.root.pointer(pointer).unwrap_or(&Value::Null)
     }
 
     /// The schemas among which a value may choose: references resolved, `null` left out.
     fn alternatives(&self, pointer: &str) -> Vec<String> {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         if let Some(target) = node.get("$ref").and_then(Value::as_str) {
             return self.alternatives(target.trim_start_matches('#'));
         }
@@ -241,9 +241,9 @@ impl<'a> Reader<'a> {
 
     /// Lists a field or variant and all below it.
     fn parameter(&mut self, path: String, pointer: &str, about: Option<&str>, required: bool) {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         let alternatives = self.alternatives(pointer);
-        let described = |pointer: &str| self.at(pointer).get("description")?.as_str();
+        let described = |pointer: &str| self.node(pointer).get("description")?.as_str();
         let mut meaning = Vec::from_iter(about.or_else(|| described(pointer)));
         for one in &alternatives {
             let items = format!("{one}/items");
@@ -265,7 +265,7 @@ impl<'a> Reader<'a> {
             unit: unit(&meaning).map(str::to_owned),
             required,
             default: node.get("default").cloned(),
-            range: alternatives.iter().find_map(|one| range(self.at(one))),
+            range: alternatives.iter().find_map(|one| range(self.node(one))),
             words: alternatives
                 .iter()
                 .flat_map(|one| self.words(one))
@@ -287,7 +287,7 @@ impl<'a> Reader<'a> {
 
     /// Lists what lies below a resolved schema: required fields first.
     fn children(&mut self, path: &str, pointer: &str) {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         if let Some(properties) = node.get("properties").and_then(Value::as_object) {
             let required = |key: &str| {
                 let list = node.get("required").and_then(Value::as_array);
@@ -329,7 +329,7 @@ impl<'a> Reader<'a> {
 
     /// Words that a schema allows, with their meanings.
     fn words(&self, pointer: &str) -> Vec<(String, String)> {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         let word = |option: &Value| {
             let text = option.get("const")?.as_str()?;
             let about = option.get("description").and_then(Value::as_str);
@@ -351,7 +351,7 @@ impl<'a> Reader<'a> {
     fn kind(&self, alternatives: &[String]) -> String {
         let mut kinds: Vec<String> = Vec::new();
         for one in alternatives {
-            let kind = self.kind_of(self.at(one), one);
+            let kind = self.kind_of(self.node(one), one);
             if !kinds.contains(&kind) {
                 kinds.push(kind);
             }

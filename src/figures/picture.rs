@@ -439,7 +439,7 @@ fn grain_colour(share: f64) -> [f64; 3] {
     along(&STOPS, share)
 }
 
-fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
+fn fraction_of_range(value: f64, [low, high]: [f64; 2]) -> f64 {
     if high > low {
         (value - low) / (high - low)
     } else {
@@ -467,7 +467,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     if !(frame.high[0] > frame.low[0] && frame.high[1] > frame.low[1]) {
         return Err(Error::Io("there is nothing to draw at these times".into()));
     }
-    let scales = Scales::of(scenes);
+    let scales = Scales::new(scenes);
     let panel = |scene| Panel::new(scene, &scales, &frame, request.width.into());
     let panels: Vec<Panel> = scenes.iter().map(panel).collect();
     let Some(first) = panels.first() else {
@@ -481,7 +481,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         sheet.size[0], sheet.size[1]
     );
     for (k, panel) in panels.iter().enumerate() {
-        panel.write(&mut svg, &sheet, sheet.place(k))?;
+        panel.write(&mut svg, &sheet, sheet.corner(k))?;
     }
     let foot = sheet.foot;
     let length = round_length(real(sheet.panel[0]) * first.raster.pixel);
@@ -521,7 +521,7 @@ struct Scales {
 }
 
 impl Scales {
-    fn of(scenes: &[Scene]) -> Self {
+    fn new(scenes: &[Scene]) -> Self {
         let waters = || scenes.iter().filter_map(|s| s.water.as_ref());
         let of_water = waters().flat_map(|w| {
             let cells = w.values.iter().zip(&w.solid);
@@ -614,7 +614,7 @@ impl Sheet {
     }
 
     /// Returns the upper left corner of a panel.
-    fn place(&self, k: usize) -> [usize; 2] {
+    fn corner(&self, k: usize) -> [usize; 2] {
         let [width, height] = self.panel;
         [
             GAP + (k % self.columns) * (width + GAP),
@@ -640,7 +640,9 @@ impl Panel {
         if let Some(all) = &scene.grains {
             for (k, (&p, &r)) in all.positions.iter().zip(&all.radii).enumerate() {
                 let colour = match (&all.values, scales.grains) {
-                    (Some(values), Some(scale)) => grain_colour(share(values[k], scale)),
+                    (Some(values), Some(scale)) => {
+                        grain_colour(fraction_of_range(values[k], scale))
+                    }
                     _ => SAND,
                 };
                 raster.grain(frame, p, r, colour, all.flat);
@@ -650,7 +652,9 @@ impl Panel {
             structures.paint(&mut raster, frame, |_| STONE);
         }
         if let (Some(faces), Some(scale)) = (&scene.faces, scales.grains) {
-            faces.paint(&mut raster, frame, |v| grain_colour(share(v, scale)));
+            faces.paint(&mut raster, frame, |v| {
+                grain_colour(fraction_of_range(v, scale))
+            });
         }
         let flat = scene.water.as_ref().filter(|w| w.cells[2] == 1);
         let lines = flat.filter(|w| w.flow.is_some()).map(|water| {

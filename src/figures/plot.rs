@@ -416,7 +416,7 @@ impl Mapping {
     }
 
     /// 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
-    fn share(&self, value: f64) -> Option<f64> {
+    fn fraction(&self, value: f64) -> Option<f64> {
         let share = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
             Scale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -553,10 +553,10 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    fn place(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    fn position(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         // Points far outside are drawn to the clip only; huge coordinates trouble some viewers.
-        let x = self.x.share(x)?.clamp(-3.0, 4.0);
-        let y = self.y.share(y)?.clamp(-3.0, 4.0);
+        let x = self.x.fraction(x)?.clamp(-3.0, 4.0);
+        let y = self.y.fraction(y)?.clamp(-3.0, 4.0);
         Some((self.left + x * PLOT_WIDTH, TOP + (1.0 - y) * PLOT_HEIGHT))
     }
 
@@ -603,13 +603,13 @@ impl<'a> Drawing<'a> {
     fn grid(&self, pen: &mut Pen) {
         let bottom = TOP + PLOT_HEIGHT;
         for (value, text) in &self.x.ticks {
-            if let (Some(share), false) = (self.x.share(*value), text.is_empty()) {
+            if let (Some(share), false) = (self.x.fraction(*value), text.is_empty()) {
                 let x = self.left + share * PLOT_WIDTH;
                 pen.segment((x, TOP), (x, bottom), PALE, 0.8);
             }
         }
         for (value, text) in &self.y.ticks {
-            if let (Some(share), false) = (self.y.share(*value), text.is_empty()) {
+            if let (Some(share), false) = (self.y.fraction(*value), text.is_empty()) {
                 let y = bottom - share * PLOT_HEIGHT;
                 pen.segment((self.left, y), (self.left + PLOT_WIDTH, y), PALE, 0.8);
             }
@@ -619,7 +619,7 @@ impl<'a> Drawing<'a> {
     fn ticks(&self, pen: &mut Pen) {
         let bottom = TOP + PLOT_HEIGHT;
         for (value, text) in &self.x.ticks {
-            let Some(share) = self.x.share(*value) else {
+            let Some(share) = self.x.fraction(*value) else {
                 continue;
             };
             let x = self.left + share * PLOT_WIDTH;
@@ -630,7 +630,7 @@ impl<'a> Drawing<'a> {
             }
         }
         for (value, text) in &self.y.ticks {
-            let Some(share) = self.y.share(*value) else {
+            let Some(share) = self.y.fraction(*value) else {
                 continue;
             };
             let y = bottom - share * PLOT_HEIGHT;
@@ -673,19 +673,22 @@ impl<'a> Drawing<'a> {
                 for mark in marks {
                     self.bars(pen, mark, colour);
                 }
-                for place in marks.iter().filter_map(|mark| self.place(mark.x, mark.y)) {
+                for place in marks
+                    .iter()
+                    .filter_map(|mark| self.position(mark.x, mark.y))
+                {
                     dot(pen, place, colour, *style);
                 }
             }
             Shape::Words { words } => {
                 for (x, y, text) in words {
-                    if let Some((x, y)) = self.place(*x, *y) {
+                    if let Some((x, y)) = self.position(*x, *y) {
                         pen.words(x + 6.0, y - 7.0, "start", "", text);
                     }
                 }
             }
             Shape::LowerBounds { points } => {
-                for place in points.iter().filter_map(|&(x, y)| self.place(x, y)) {
+                for place in points.iter().filter_map(|&(x, y)| self.position(x, y)) {
                     arrow(pen, place, colour);
                 }
             }
@@ -696,7 +699,7 @@ impl<'a> Drawing<'a> {
         let mut path = String::new();
         let mut command = 'M';
         for (x, y) in points {
-            match self.place(x, y) {
+            match self.position(x, y) {
                 Some((x, y)) => {
                     let _ = write!(path, "{command}{x:.2} {y:.2}");
                     command = 'L';
@@ -708,16 +711,16 @@ impl<'a> Drawing<'a> {
     }
 
     fn bars(&self, pen: &mut Pen, mark: &Mark, colour: &str) {
-        let Some((x, y)) = self.place(mark.x, mark.y) else {
+        let Some((x, y)) = self.position(mark.x, mark.y) else {
             return;
         };
         let bottom = TOP + PLOT_HEIGHT;
         if let Some((low, high)) = mark.y_bar {
             // A bar that reaches below a logarithmic axis ends at its foot.
             let low = self
-                .place(mark.x, low)
+                .position(mark.x, low)
                 .map_or(bottom + 9.0, |place| place.1);
-            let high = self.place(mark.x, high).map_or(y, |place| place.1);
+            let high = self.position(mark.x, high).map_or(y, |place| place.1);
             pen.segment((x, low), (x, high), colour, 1.2);
             for end in [low, high] {
                 pen.segment((x - 3.0, end), (x + 3.0, end), colour, 1.2);
@@ -725,9 +728,9 @@ impl<'a> Drawing<'a> {
         }
         if let Some((low, high)) = mark.x_bar {
             let low = self
-                .place(low, mark.y)
+                .position(low, mark.y)
                 .map_or(self.left - 9.0, |place| place.0);
-            let high = self.place(high, mark.y).map_or(x, |place| place.0);
+            let high = self.position(high, mark.y).map_or(x, |place| place.0);
             pen.segment((low, y), (high, y), colour, 1.2);
             for end in [low, high] {
                 pen.segment((end, y - 3.0), (end, y + 3.0), colour, 1.2);
@@ -906,8 +909,8 @@ mod tests {
         assert_eq!(labels(&mapping), ["1", "10"]);
         let mapping = Mapping::new(&axis, &[0.9, 11.0]);
         assert_eq!(labels(&mapping), ["1", "2", "5", "10"]);
-        assert_eq!(mapping.share(0.0), None);
-        assert_eq!(mapping.share(-1.0), None);
+        assert_eq!(mapping.fraction(0.0), None);
+        assert_eq!(mapping.fraction(-1.0), None);
     }
 
     #[test]
@@ -964,10 +967,10 @@ mod tests {
         };
         let drawing = Drawing::new(&panel, LEFT, 0);
         assert_eq!(
-            drawing.place(5.0, 10.0),
+            drawing.position(5.0, 10.0),
             Some((LEFT + 0.5 * PLOT_WIDTH, TOP + 0.5 * PLOT_HEIGHT))
         );
-        assert_eq!(drawing.place(0.0, 1.0), Some((LEFT, TOP + PLOT_HEIGHT)));
+        assert_eq!(drawing.position(0.0, 1.0), Some((LEFT, TOP + PLOT_HEIGHT)));
     }
 
     #[test]

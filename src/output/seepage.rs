@@ -84,16 +84,16 @@ impl<T: Number> Buffers<T> {
         }
         let (pressure, pores) = (seepage.pressure(), seepage.pores());
         for cell in 0..seepage.grid().count() {
-            self.pressure.push(T::of(pressure.pressure(cell)));
-            self.porosity.push(T::of(pores.porosity()[cell]));
+            self.pressure.push(T::from_value(pressure.pressure(cell)));
+            self.porosity.push(T::from_value(pores.porosity()[cell]));
             self.velocity
-                .extend(seepage.water_velocity(cell).map(T::of));
+                .extend(seepage.water_velocity(cell).map(T::from_value));
             let head = if pores.porosity()[cell] > 0.0 {
                 pressure.head(pressure.reduced(cell))
             } else {
                 f64::NAN
             };
-            self.head.push(T::of(head));
+            self.head.push(T::from_value(head));
         }
     }
 

@@ -60,7 +60,7 @@ impl Velocities {
             .product()
     }
 
-    fn place(&self, [x, y, z]: [usize; 3]) -> usize {
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         (z * self.cells[1] + y) * self.cells[0] + x
     }
 
@@ -82,7 +82,7 @@ impl Velocities {
         for z in starts[2]..ends[2] {
             for y in starts[1]..ends[1] {
                 for x in starts[0]..ends[0] {
-                    for u in self.own[self.place([x, y, z])] {
+                    for u in self.own[self.index([x, y, z])] {
                         bytes.extend_from_slice(&u.to_le_bytes());
                     }
                 }
@@ -93,7 +93,7 @@ impl Velocities {
 
     /// Velocity of a cell of the slab.
     pub(crate) fn at(&self, cell: [usize; 3]) -> [f64; 3] {
-        self.own[self.place(cell)]
+        self.own[self.index(cell)]
     }
 
     /// Velocity of the next cell along `axis`, up or down; none outside the domain.

@@ -416,7 +416,7 @@ impl Pool {
                 helper.thread.unpark();
             }
         }
-        let mine = catch_unwind(AssertUnwindSafe(|| board.share(&job, 0)));
+        let mine = catch_unwind(AssertUnwindSafe(|| board.work_on(&job, 0)));
         board.state.fetch_and(!OPEN, Ordering::SeqCst);
         board.wait_for_helpers();
         if let Err(panic) = mine {
@@ -431,7 +431,7 @@ impl Pool {
 
 impl Board {
     /// Does the pieces of a thread, then those that no other thread has begun.
-    fn share(&self, job: &Job, thread: usize) {
+    fn work_on(&self, job: &Job, thread: usize) {
         let groups = job.groups();
         let all = u64::MAX >> (GROUPS - groups);
         // SAFETY: the caller keeps the function alive until this thread has left the job.
@@ -540,7 +540,7 @@ fn help(board: &Board, sleeps: &AtomicBool, thread: usize, mut seen: u64) {
         }
         // SAFETY: the caller wrote it before it opened the job, and writes it again only after this helper has left.
         if let Some(job) = unsafe { *board.work.get() } {
-            let mine = || board.share(&job, thread);
+            let mine = || board.work_on(&job, thread);
             if catch_unwind(AssertUnwindSafe(mine)).is_err() {
                 board.failed.store(true, Ordering::Relaxed);
             }
@@ -598,8 +598,8 @@ mod tests {
                 threads: 4,
             };
             board.begun.store(0, Ordering::Relaxed);
-            board.share(&job, 0);
-            board.share(&job, 3);
+            board.work_on(&job, 0);
+            board.work_on(&job, 3);
             assert!(
                 done.iter().all(|n| n.load(Ordering::Relaxed) == 1),
                 "{pieces}"

@@ -101,7 +101,7 @@ mod tests {
     use crate::plan::Plan;
     use std::path::Path;
 
-    fn of(example: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
+    fn planned(example: &str, set: &[&str]) -> Result<Plan, Vec<crate::error::Problem>> {
         let set: Vec<String> = set.iter().map(|&text| text.into()).collect();
         let text = examples::find(example).unwrap().text;
         Plan::prepare(Document::read(text, &set, Path::new("."))?)
@@ -119,10 +119,10 @@ mod tests {
             "output={}",
         ];
         let with = |device| [&cavity[..], &[device]].concat();
-        let ok = of("cavity", &with(gpu));
+        let ok = planned("cavity", &with(gpu));
         assert!(ok.is_ok(), "{ok:?}");
-        assert!(of("cavity", &[gpu]).is_err());
-        let Err(problems) = of("piping", &[gpu]) else {
+        assert!(planned("cavity", &[gpu]).is_err());
+        let Err(problems) = planned("piping", &[gpu]) else {
             panic!("the openings and links of piping were accepted");
         };
         let problem = problems
@@ -131,9 +131,9 @@ mod tests {
             .unwrap();
         assert!(problem.reason.contains("pressure"), "{}", problem.reason);
         assert!(problem.reason.contains("bounce_back"), "{}", problem.reason);
-        let auto = of("piping", &["fluid.lattice_boltzmann.device=auto"]).unwrap();
+        let auto = planned("piping", &["fluid.lattice_boltzmann.device=auto"]).unwrap();
         assert_eq!(super::device(&auto.scene), super::Device::Cpu);
-        let auto = of("cavity", &with("fluid.lattice_boltzmann.device=auto")).unwrap();
+        let auto = planned("cavity", &with("fluid.lattice_boltzmann.device=auto")).unwrap();
         assert_eq!(super::device(&auto.scene), super::Device::Auto);
     }
 }

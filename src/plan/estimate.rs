@@ -111,7 +111,7 @@ pub struct Amounts {
 }
 
 impl Amounts {
-    fn of(scene: &Scene) -> Self {
+    fn new(scene: &Scene) -> Self {
         let dimension = scene.grid.dimension;
         let spacing = scene.grid.spacing;
         let cell = spacing.powi(if dimension == 3 { 3 } else { 2 });
@@ -178,7 +178,7 @@ fn outputs(every: f64, end: f64) -> f64 {
 
 impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let amounts = Amounts::of(scene);
+        let amounts = Amounts::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
@@ -198,7 +198,7 @@ impl Estimate {
         self.seconds = Seconds::of(
             scene,
             clock,
-            &Amounts::of(scene),
+            &Amounts::new(scene),
             self.machine,
             self.checkpoint_bytes,
         );
@@ -241,7 +241,7 @@ impl Estimate {
         let cells = &grid.cells[..grid.dimension];
         let mut lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
         // What is gathered for an output grows with the cells, too.
-        if self.fluid_output_bytes > disk::tables(&Amounts::of(scene)) {
+        if self.fluid_output_bytes > disk::tables(&Amounts::new(scene)) {
             lattice += self.fluid_output_bytes;
         }
         let room = available - (self.memory_bytes - lattice);

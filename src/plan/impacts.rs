@@ -93,7 +93,7 @@ struct Things {
 }
 
 impl Things {
-    fn of(scene: &Scene) -> Self {
+    fn new(scene: &Scene) -> Self {
         let mut all = Self::default();
         all.add_bodies(scene);
         all.add_blocks(scene);
@@ -430,7 +430,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         mut moving,
         others,
         standing,
-    } = Things::of(scene);
+    } = Things::new(scene);
     at_rest(scene, &mut moving, &standing);
     let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
         return;

@@ -309,7 +309,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    fn look(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
+    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
         let (mut energy, mut scale, mut resultant, mut grains) = (0.0, 0.0, 0.0, 0.0);
         let g = self.gravity.length();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
@@ -457,7 +457,7 @@ impl<'a, S: Space> Falling<'a, S> {
                 })?;
             }
             let (dem, particles) = (&mut self.dem, &self.particles);
-            let now = deposition.look(dem, particles, self.progress.began);
+            let now = deposition.check(dem, particles, self.progress.began);
             let settled = now.kinetic_energy <= deposition.kinetic_energy
                 && now.unbalanced <= deposition.unbalanced;
             let report = &mut self.progress.report;

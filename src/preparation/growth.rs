@@ -376,7 +376,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 
     /// The packing as it is, the unbalanced force left out.
-    fn look(&self) -> Report {
+    fn measure(&self) -> Report {
         let count = self.particles.owned();
         let mut touches = vec![0_usize; count];
         let (mut contacts, mut sum, mut largest) = (0.0, 0.0, 0.0_f64);
@@ -492,7 +492,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.check_limit()?;
         let mut grown = self.progress.factor >= self.full_size();
         if !grown {
-            let now = self.look();
+            let now = self.measure();
             let crowded = now.mean_overlap > 0.5 * STAGE_GROWTH;
             let done = match self.settings.stop {
                 Stop::Coordination(wanted) => now.coordination >= wanted,
@@ -544,7 +544,7 @@ impl<'a, S: Space> Growing<'a, S> {
         unbalanced: f64,
     ) -> Result<(), Error> {
         self.check_limit()?;
-        let apart = if self.look().coordination < JAMMED {
+        let apart = if self.measure().coordination < JAMMED {
             apart + 1
         } else {
             0
@@ -570,7 +570,7 @@ impl<'a, S: Space> Growing<'a, S> {
             Stop::Overlap(overlap) => overlap,
             Stop::Coordination(_) => self.settings.overlap,
         };
-        let now = self.look();
+        let now = self.measure();
         if purpose == Purpose::Fine
             && jammed
             && (0.25 * target..=4.0 * target).contains(&now.mean_overlap)
@@ -597,7 +597,7 @@ impl<'a, S: Space> Growing<'a, S> {
 
     fn check_limit(&self) -> Result<(), Error> {
         self.supervision.report(|| {
-            let now = self.look();
+            let now = self.measure();
             format!(
                 "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean \
                  overlap {:.1e} d",
@@ -612,7 +612,7 @@ impl<'a, S: Space> Growing<'a, S> {
         if self.dem.steps() < self.settings.limit {
             return Ok(());
         }
-        let now = self.look();
+        let now = self.measure();
         Err(Error::Numerical(format!(
             "no packing within {} steps: solid fraction {:.4}, {:.2} contacts per grain, mean overlap {:.2e} diameters",
             self.settings.limit, now.solid_fraction, now.coordination, now.mean_overlap
@@ -623,7 +623,7 @@ impl<'a, S: Space> Growing<'a, S> {
         let still = self.dem.stillness(&self.particles, &alone());
         let report = Report {
             unbalanced: still.unbalanced(),
-            ..self.look()
+            ..self.measure()
         };
         let mut grains: Vec<Grain<S>> = (0..self.particles.owned())
             .map(|k| Grain {

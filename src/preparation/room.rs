@@ -99,7 +99,7 @@ impl Room {
         };
         let in_clouds: Vec<usize> = (0..count).filter(|n| within(*n)).collect();
         let (axis, positive) = bounds.up;
-        let level = |n: usize| self.place(n)[axis];
+        let level = |n: usize| self.cell(n)[axis];
         let highest = |levels: &mut dyn Iterator<Item = usize>| {
             if positive { levels.max() } else { levels.min() }
         };
@@ -125,7 +125,7 @@ impl Room {
             reached[n] = true;
         }
         while let Some(n) = next.pop() {
-            let place = self.place(n);
+            let place = self.cell(n);
             for a in 0..self.dimension {
                 let cells = self.cells[a];
                 let before = if place[a] > 0 {
@@ -206,13 +206,13 @@ impl Room {
         place[0] + self.cells[0] * (place[1] + self.cells[1] * place[2])
     }
 
-    fn place(&self, n: usize) -> [usize; 3] {
+    fn cell(&self, n: usize) -> [usize; 3] {
         let [x, y, _] = self.cells;
         [n % x, n / x % y, n / (x * y)]
     }
 
     fn centre(&self, n: usize) -> [f64; 3] {
-        let place = self.place(n);
+        let place = self.cell(n);
         std::array::from_fn(|a| {
             if a < self.dimension {
                 self.lower[a] + (real(place[a]) + 0.5) * self.width

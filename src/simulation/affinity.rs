@@ -27,7 +27,7 @@ pub(super) fn provide(threads: usize) -> Cores {
     if had >= threads {
         return Cores::Enough;
     }
-    let wanted = share(threads, online(), local("RANK").unwrap_or(0));
+    let wanted = cores_of(threads, online(), local("RANK").unwrap_or(0));
     // The system leaves out cores that a job may not use.
     let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
     if widened.is_ok_and(|now| count(&now) >= threads) {
@@ -66,7 +66,7 @@ fn listed(text: &str) -> Option<usize> {
 
 /// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough
 /// for all.
-fn share(threads: usize, online: usize, rank: usize) -> CpuSet {
+fn cores_of(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
     let own = rank * threads..(rank + 1) * threads;
     let mut cores = CpuSet::new();
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn ranks_take_cores_that_follow_each_other() {
         let cores = |rank| {
-            let set = share(3, 8, rank);
+            let set = cores_of(3, 8, rank);
             (0..8).filter(|core| set.is_set(*core)).collect::<Vec<_>>()
         };
         assert_eq!(cores(0), [0, 1, 2]);

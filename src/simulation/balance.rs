@@ -53,7 +53,7 @@ impl Costs {
             solids: vec![0; planes],
         };
         for k in 0..particles.owned() {
-            all.add(scene, &parts, Solid::of(scene, particles, k));
+            all.add(scene, &parts, Solid::new(scene, particles, k));
         }
         communicator.all_reduce_sum_i64s(&mut all.fluid);
         communicator.all_reduce_sum_i64s(&mut all.solids);
@@ -139,7 +139,7 @@ struct Solid {
 }
 
 impl Solid {
-    fn of<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
+    fn new<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
         let (grid, axis) = (&scene.grid, scene.grid.split_axis);
         let (body, motion) = (&particles.body[k], &particles.motion[k]);
         let (radius, spacing) = (body.radius / grid.spacing, grid.spacing);

@@ -53,7 +53,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
         match table::read(&path) {
             // A sample may differ from its time by half a step.
             Ok(rows) => {
-                let mut means = of(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
+                let mut means = means_from(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
                 if let (Some(means), ProbeAt::Bed(_)) = (&mut means, &probe.at) {
                     let obstacles =
                         !plan.scene.structures.is_empty() || !plan.scene.bodies.is_empty();
@@ -68,7 +68,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
 }
 
 /// The means of the rows from a time on; none without such rows.
-fn of(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
+fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
     let times = rows.column("time")?;
     let first = times.iter().position(|&time| time >= from)?;
     let quantities = rows.columns.iter().zip(&rows.units);
@@ -195,12 +195,12 @@ mod tests {
                 vec![1.5, 3.0, f64::NAN],
             ],
         };
-        let means = of("bed", &rows, 0.5).unwrap();
+        let means = means_from("bed", &rows, 0.5).unwrap();
         assert_eq!((means.from, means.to, means.samples), (0.5, 1.5, 3));
         let value = |n: usize| (means.values[n].mean, means.values[n].last);
         assert_eq!(value(0), (Some(2.0), Some(3.0)));
         assert_eq!(value(1), (Some(4.0), None));
-        assert!(of("bed", &rows, 2.0).is_none());
+        assert!(means_from("bed", &rows, 2.0).is_none());
         let lines = lines(&[means]).join("\n");
         assert!(
             lines.contains("height") && lines.contains("2.0000e0"),

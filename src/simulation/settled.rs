@@ -108,7 +108,7 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
             Ok(rows) => {
                 let known = all.len();
                 let seen = quantities.iter().filter_map(|quantity| {
-                    let seen = look(&rows, quantity, time)?;
+                    let seen = last_windows(&rows, quantity, time)?;
                     Some((probe.name.clone(), *quantity, seen))
                 });
                 all.extend(seen);
@@ -142,7 +142,7 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The last two windows of a quantity before `end`, the shortest that have enough samples; none where none have.
-fn look(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
+fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
     let mut windows = WINDOWS.iter();
     windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
 }
@@ -335,7 +335,7 @@ mod tests {
     }
 
     fn settled(of: impl Fn(f64) -> [f64; 2]) -> Settled {
-        let seen = look(&rows(of), &FORCE, 10.0).unwrap();
+        let seen = last_windows(&rows(of), &FORCE, 10.0).unwrap();
         judge(vec![("p".into(), FORCE, seen)]).remove(0)
     }
 
@@ -368,22 +368,22 @@ mod tests {
             let mut few = rows(|t| [5.0 + t.cos(), 0.0]);
             few.values = few.values.into_iter().step_by(every).collect();
             few.steps = few.steps.into_iter().step_by(every).collect();
-            let seen = look(&few, &FORCE, 10.0).unwrap();
+            let seen = last_windows(&few, &FORCE, 10.0).unwrap();
             approx::assert_relative_eq!(seen.window, window);
             let one = judge(vec![("p".into(), FORCE, seen)]).remove(0);
             assert!(one.swing.max(one.drift) > SETTLED, "{every}: {one:?}");
         }
         let mut two = rows(|_| [5.0, 0.0]);
         two.values = two.values.into_iter().step_by(999).collect();
-        assert!(look(&two, &FORCE, 10.0).is_none());
+        assert!(last_windows(&two, &FORCE, 10.0).is_none());
     }
 
     /// Leaves out few samples, and values that are small compared with a larger one.
     #[test]
     fn what_has_nothing_to_settle() {
-        assert!(look(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
-        let small = look(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
-        let large = look(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
+        assert!(last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
+        let small = last_windows(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
+        let large = last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
         let all = vec![("s".into(), FORCE, small), ("l".into(), FORCE, large)];
         assert!(judge(all).iter().all(|one| one.drift < 1e-4));
     }

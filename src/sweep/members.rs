@@ -196,7 +196,7 @@ fn varied(study: &Study) -> Vec<Draft> {
         if let Some(sample) = sample.filter(|sample| sample.draws(field)) {
             let places = sample.places(place);
             for (n, draft) in &mut grid {
-                let (label, set) = variation.at(field, places[*n]);
+                let (label, set) = variation.value_at(field, places[*n]);
                 draft.labels.push(Some(label));
                 draft.set.extend(set);
             }
@@ -242,7 +242,7 @@ impl Variation {
     }
 
     /// Label and fields of the value at a place from 0 to 1.
-    fn at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
+    fn value_at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
         if let Self::Range(range) = self {
             let value = Value::from(range.at(place));
             return (label(&value), vec![(field.to_owned(), value)]);

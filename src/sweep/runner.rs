@@ -152,7 +152,7 @@ impl<'a> Runner<'a> {
             }
             let mut running = Vec::new();
             for mut job in jobs {
-                if !self.look(&mut job, stopping)? {
+                if !self.check(&mut job, stopping)? {
                     running.push(job);
                     continue;
                 }
@@ -162,7 +162,7 @@ impl<'a> Runner<'a> {
                 stopped += usize::from(job.record.outcome == Outcome::Stopped);
                 let left =
                     planned.max(0.0) * spent / of_plan.max(1e-9) / f64::from(self.run.at_once);
-                self.tell(&job, members.len(), left);
+                self.report(&job, members.len(), left);
             }
             jobs = running;
             if jobs.is_empty() && (stopping || queue.is_empty()) {
@@ -189,7 +189,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    fn tell(&self, job: &Job<'_>, count: usize, left: f64) {
+    fn report(&self, job: &Job<'_>, count: usize, left: f64) {
         let record = &job.record;
         let why = if record.message.is_empty() {
             String::new()
@@ -296,7 +296,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Checks whether a member has ended, and stops it if required; true if it has ended and its record is written.
-    fn look(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
+    fn check(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
         let fail = |e: std::io::Error| Error::Io(format!("{}: {e}", job.member.name));
         let (ended, processor) = processor_time(job.child.id());
         job.processor = job.processor.max(processor);

@@ -69,7 +69,7 @@ impl Table {
         let mut rows = Vec::new();
         let mut found = Vec::new();
         for member in members {
-            let mut row = Row::of(study, member, &output.join(&member.name));
+            let mut row = Row::new(study, member, &output.join(&member.name));
             let outputs = if row.outcome == Outcome::Finished {
                 row.read(study, member, beside, &output.join(&member.name))
             } else {
@@ -195,7 +195,7 @@ impl Table {
 }
 
 impl Row {
-    fn of(study: &Study, member: &Member, folder: &Path) -> Self {
+    fn new(study: &Study, member: &Member, folder: &Path) -> Self {
         let mut row = Self {
             outcome: Outcome::Missing,
             outputs: Vec::new(),

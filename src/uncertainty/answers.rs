@@ -345,7 +345,7 @@ mod tests {
         text
     }
 
-    fn of(text: &str) -> Answers {
+    fn parsed(text: &str) -> Answers {
         let mut found = Answers::new();
         Samples::read(text).unwrap().columns("force", &mut found);
         found
@@ -353,7 +353,7 @@ mod tests {
 
     #[test]
     fn last_mean_and_drift_of_a_probe() {
-        let found = of(&table(|time| time));
+        let found = parsed(&table(|time| time));
         let last = &found["force: fluid_force_x, last"];
         assert_eq!((last.value, last.unit.as_str()), (1.0, "N"));
         // 0.95 and 1 after 0.85 and 0.9.
@@ -365,13 +365,13 @@ mod tests {
             found["force: fluid_force_y, last"].scale,
             (1.0_f64 + 9e-18).sqrt()
         );
-        let settled = of(&table(|_| 2.0));
+        let settled = parsed(&table(|_| 2.0));
         assert_eq!(settled["force: fluid_force_x, last"].drift, Some(0.0));
     }
 
     #[test]
     fn few_samples_have_no_mean_and_no_drift() {
-        let found = of(&format!("{BODY}0,0,1,0,0\n9,1,2,0,0\n"));
+        let found = parsed(&format!("{BODY}0,0,1,0,0\n9,1,2,0,0\n"));
         assert_eq!(found["force: fluid_force_x, last"].drift, None);
         assert!(!found.contains_key("force: fluid_force_x, mean"));
     }

@@ -211,7 +211,7 @@ impl Series {
         own: f64,
         least: f64,
     ) -> Estimate {
-        let [one, two] = [1.0, 2.0].map(|order| Fit::of(&self.values, order));
+        let [one, two] = [1.0, 2.0].map(|order| Fit::new(&self.values, order));
         let fit = if one.deviation < two.deviation {
             one
         } else {
@@ -284,7 +284,7 @@ struct Fit {
 }
 
 impl Fit {
-    fn of(values: &[(f64, f64)], order: f64) -> Self {
+    fn new(values: &[(f64, f64)], order: f64) -> Self {
         let number = real(values.len());
         let powers: Vec<(f64, f64)> = values
             .iter()

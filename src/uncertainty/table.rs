@@ -49,7 +49,7 @@ impl Noise {
     }
 
     /// Differences that are rounding.
-    fn of(self, answer: &Answer) -> f64 {
+    fn rounding(self, answer: &Answer) -> f64 {
         (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
     }
 }
@@ -186,7 +186,7 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
         let series = Series {
             at: places.iter().position(|place| *place == at)?,
             formal,
-            rounding: noise.of(answer),
+            rounding: noise.rounding(answer),
             values,
         };
         Some(Row {

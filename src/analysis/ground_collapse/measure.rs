@@ -140,7 +140,7 @@ pub struct Sample {
     clippy::cast_sign_loss,
     reason = "clamped to the range of the cells before"
 )]
-fn place(x: f64, size: f64, count: usize) -> usize {
+fn index_along(x: f64, size: f64, count: usize) -> usize {
     (x / size).floor().clamp(0.0, real(count.max(1) - 1)) as usize
 }
 
@@ -157,7 +157,7 @@ impl Cells {
     /// The cell of a point; points outside belong to the nearest one.
     #[must_use]
     pub fn of(&self, at: [f64; 3]) -> [usize; 3] {
-        std::array::from_fn(|axis| place(at[axis], self.size[axis], self.count[axis]))
+        std::array::from_fn(|axis| index_along(at[axis], self.size[axis], self.count[axis]))
     }
 
     /// Returns the index of a cell in lists of cells.
@@ -193,8 +193,8 @@ impl Cells {
         let size = self.size[axis];
         // A box that ends on a face does not cover the cell beyond it.
         let slack = 1e-9 * size;
-        let first = place(from + slack, size, self.count[axis]);
-        let last = place(to - slack, size, self.count[axis]).max(first);
+        let first = index_along(from + slack, size, self.count[axis]);
+        let last = index_along(to - slack, size, self.count[axis]).max(first);
         first..last + 1
     }
 }
@@ -477,7 +477,7 @@ impl Ground {
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = limits.percentile / 100.0 * real(sorted.len().max(1) - 1);
-        let rank = place(rank.round(), 1.0, sorted.len());
+        let rank = index_along(rank.round(), 1.0, sorted.len());
         Sample {
             voids: distinct.len() as u64,
             void_volume: distinct.iter().map(|hole| self.missing(hole, &solid)).sum(),

@@ -183,7 +183,7 @@ struct Points {
 }
 
 impl Points {
-    fn of(cohesions: &[CohesionReport]) -> Self {
+    fn new(cohesions: &[CohesionReport]) -> Self {
         let mut points = Self::default();
         let bar = |interval: Interval| Some((interval.low, interval.high));
         for cohesion in cohesions {
@@ -237,7 +237,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         slopes,
         lower,
         brackets,
-    } = Points::of(cohesions);
+    } = Points::new(cohesions);
     let mark_published = |value: fn(Published) -> f64| {
         published.map(|p| {
             Layer::new(

@@ -1,6 +1,6 @@
 //! The frame that a panel shows, and its pixels.
 
-use super::{PAPER, Scene, View, Water, share, water_colour};
+use super::{PAPER, Scene, View, Water, fraction_of_range, water_colour};
 use crate::error::Error;
 use crate::number::{real, whole};
 
@@ -142,7 +142,7 @@ impl Raster {
                 self.colours[row * self.width + column] = if water.solid[n] {
                     [225.0, 225.0, 225.0]
                 } else {
-                    water_colour(share(water.values[n], scale))
+                    water_colour(fraction_of_range(water.values[n], scale))
                 };
             }
         }

@@ -91,7 +91,7 @@ impl Bed {
     pub(super) fn sample<S: Space>(&mut self, view: &View<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);
-        let grains = Grains::of(view, bed);
+        let grains = Grains::measure(view, bed);
         let spacing = grid.spacing;
         let heights = heights(view, fluid, bed, grains.median / spacing);
         let bottom = real(bed.cells[bed.axes[1]][0]);
@@ -136,7 +136,7 @@ struct Grains {
 
 impl Grains {
     /// Collective.
-    fn of<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
+    fn measure<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
         let along = bed.axes[0];
@@ -346,7 +346,7 @@ impl Planes {
     }
 
     /// Collective.
-    fn of<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
+    fn measure<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
         let grid = &view.plan.scene.grid;
         let [along, across, aside] = bed.axes;
         let bottom = bed.cells[across][0];
@@ -408,7 +408,7 @@ impl Stream {
         let scene = &view.plan.scene;
         let grid = &scene.grid;
         let [along, across, aside] = bed.axes;
-        let planes = Planes::of(view, fluid, bed);
+        let planes = Planes::measure(view, fluid, bed);
         let bottom = bed.cells[across][0];
         let rows = grid.cells[across] - bottom;
         let share = |row: usize| (real(bottom + row + 1) - height).clamp(0.0, 1.0);

@@ -137,12 +137,12 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     let owner = (0..3)
                         .filter(|&a| outside[a])
                         .map(|a| Face::ALL[2 * a + usize::from(c[a] > 0)])
-                        .max_by_key(|face| nature(condition(*face, cell, flow)).strength);
+                        .max_by_key(|face| wall_kind(condition(*face, cell, flow)).strength);
                     if owner != Some(face) {
                         continue;
                     }
                     // A population leaves with c and comes back reversed, or mirrored at the faces it crosses.
-                    let surface = nature(condition(face, cell, flow)).surface;
+                    let surface = wall_kind(condition(face, cell, flow)).surface;
                     let mirrored = surface == Surface::Symmetry;
                     for a in 0..3 {
                         if outside[a] || !mirrored {
@@ -168,7 +168,7 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
 }
 
 /// Returns the condition type of the wall; a wall at rest if no condition is given.
-fn nature(condition: Option<&Condition>) -> Nature {
+fn wall_kind(condition: Option<&Condition>) -> Nature {
     condition.map_or(Nature::WALL, |condition| condition.model().nature())
 }
 

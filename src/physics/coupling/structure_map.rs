@@ -114,7 +114,7 @@ impl StructureMap {
         map.cut(&near, populations);
         for (at, position) in populations.interior() {
             let cell = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-            if map.owner[map.at(cell)] != WATER {
+            if map.owner[map.position(cell)] != WATER {
                 map.inside.push(u32::try_from(position).unwrap_or(u32::MAX));
             }
         }
@@ -195,7 +195,7 @@ impl StructureMap {
     }
 
     /// Place of a cell in the map, the same as in that of bodies.
-    fn at(&self, cell: [i32; 3]) -> usize {
+    fn position(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.local[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
@@ -298,7 +298,7 @@ impl StructureMap {
             }
         }
         let mut near: Vec<[i32; 3]> = near.into_iter().collect();
-        near.sort_unstable_by_key(|cell| self.at(*cell));
+        near.sort_unstable_by_key(|cell| self.position(*cell));
         near
     }
 
@@ -307,7 +307,7 @@ impl StructureMap {
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
                 for x in low[0]..high[0] {
-                    let place = self.at([x, y, z]);
+                    let place = self.position([x, y, z]);
                     if self.owner[place] == WATER {
                         self.owner[place] = tag;
                     }
@@ -353,7 +353,7 @@ impl StructureMap {
         let mut found = Vec::new();
         let mut cuts = Vec::new();
         for &cell in near {
-            if self.owner[self.at(cell)] != WATER || !self.in_domain(cell) {
+            if self.owner[self.position(cell)] != WATER || !self.in_domain(cell) {
                 continue;
             }
             for i in 1..velocities.q() {
@@ -362,7 +362,7 @@ impl StructureMap {
                 if !self.held(next) || !self.in_domain(next) {
                     continue;
                 }
-                let there = self.owner[self.at(next)];
+                let there = self.owner[self.position(next)];
                 // The bits of a cut do not depend on the end from which it is looked at.
                 let crossing = if there != WATER || i < velocities.opposite[i] {
                     self.crossing(cell, c, &mut found)
@@ -374,7 +374,7 @@ impl StructureMap {
                     (WATER, None) => continue,
                     (WATER, Some(crossing)) => {
                         let direction = u8::try_from(i).unwrap_or(0);
-                        self.sheets.insert((self.at(cell), direction));
+                        self.sheets.insert((self.position(cell), direction));
                         if velocities.opposite[i] < i {
                             continue;
                         }
@@ -410,14 +410,15 @@ impl StructureMap {
             let c = velocities.c[i].map(i32::from);
             let directions = [velocities.opposite[i], i];
             let mut ends = Ends {
-                cells: (cut.cells).map(|cell| u32::try_from(self.at(cell)).unwrap_or(u32::MAX)),
+                cells: (cut.cells)
+                    .map(|cell| u32::try_from(self.position(cell)).unwrap_or(u32::MAX)),
                 behind: [0; 2],
                 wet: [false; 2],
                 kappa: [0.0; 2],
             };
             for end in 0..2 {
                 let own = cut.cells[end];
-                if self.owner[self.at(own)] != WATER || !self.interior(own) {
+                if self.owner[self.position(own)] != WATER || !self.interior(own) {
                     continue;
                 }
                 ends.wet[end] = true;
@@ -426,12 +427,12 @@ impl StructureMap {
                 let direction = u8::try_from(directions[end]).unwrap_or(0);
                 let open = self.held(behind)
                     && self.in_domain(behind)
-                    && self.owner[self.at(behind)] == WATER
-                    && !self.sheets.contains(&(self.at(own), direction));
+                    && self.owner[self.position(behind)] == WATER
+                    && !self.sheets.contains(&(self.position(own), direction));
                 let q = cut.parts[end].clamp(0.0, 1.0);
                 if self.interpolated && open && (q - 0.5).abs() > HALF {
                     ends.kappa[end] = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
-                    ends.behind[end] = u32::try_from(self.at(behind)).unwrap_or(u32::MAX);
+                    ends.behind[end] = u32::try_from(self.position(behind)).unwrap_or(u32::MAX);
                 }
             }
             let cell = cut.cells[0];
@@ -467,7 +468,7 @@ impl StructureMap {
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-        self.owner[self.at(cell)] != WATER
+        self.owner[self.position(cell)] != WATER
     }
 
     /// The solid cells of the slab and of the layers round it that are known.
@@ -475,7 +476,7 @@ impl StructureMap {
         let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
         let all = range(2)
             .flat_map(move |z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])));
-        all.filter(|cell| !self.owner.is_empty() && self.owner[self.at(*cell)] != WATER)
+        all.filter(|cell| !self.owner.is_empty() && self.owner[self.position(*cell)] != WATER)
     }
 
     /// The links between two cells of water that a sheet cuts, by the place of a cell in the map and the direction.

@@ -41,7 +41,7 @@ impl Division<'_> {
         self.by.iter().product()
     }
 
-    fn place(&self, sub: [usize; 3]) -> usize {
+    fn index(&self, sub: [usize; 3]) -> usize {
         (sub[2] * self.by[1] + sub[1]) * self.by[0] + sub[0]
     }
 
@@ -123,7 +123,7 @@ impl Division<'_> {
                     let mut sub = first;
                     sub[axis] = level;
                     let (low, high) = (real(level) * edge, real(level + 1) * edge);
-                    let mark = &mut marks[self.place(sub)];
+                    let mark = &mut marks[self.index(sub)];
                     if parts.iter().any(|[s, t]| *s < low && low < *t) {
                         *mark |= 1;
                     }
@@ -138,7 +138,7 @@ impl Division<'_> {
                 for sub in self.layer(axis, level) {
                     let at = self.centre(cell, sub);
                     if self.solids.iter().any(|solid| solid.distance(at) < 0.0) {
-                        marks[self.place(sub)] |= 1;
+                        marks[self.index(sub)] |= 1;
                     }
                 }
             }
@@ -211,7 +211,7 @@ impl Division<'_> {
         }
         // A sheet may lie between two whole cells.
         let wet = |left: Option<&Left>, sub: [usize; 3]| match left {
-            Some(Left::Part(part)) => part[self.place(sub)],
+            Some(Left::Part(part)) => part[self.index(sub)],
             other => whole(other),
         };
         let edge = self.edge(axis);

@@ -156,7 +156,7 @@ pub(super) struct Mobility {
 }
 
 impl Mobility {
-    fn of(body: &Body) -> Self {
+    fn new(body: &Body) -> Self {
         match body.kind {
             Kind::Free => Self {
                 inverse_mass: 1.0 / body.mass,
@@ -206,7 +206,7 @@ grain_arrays! {
         }
         derived {
             /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
-            pub(super) mobility: Mobility, |new| Mobility::of(&new.body);
+            pub(super) mobility: Mobility, |new| Mobility::new(&new.body);
         }
         /// Entries `0..owned` are owned.
         pub(super) owned: usize,
@@ -406,7 +406,7 @@ impl<S: Space> Particles<S> {
     /// The next step makes new lists and updates every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
-        self.mobility[k] = Mobility::of(&self.body[k]);
+        self.mobility[k] = Mobility::new(&self.body[k]);
         if kind == Kind::Fixed {
             self.motion[k].velocity = S::Vector::default();
             self.motion[k].spin = S::Spin::default();

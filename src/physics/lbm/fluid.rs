@@ -132,7 +132,7 @@ fn terms<'a, S: Stored>(
 const CELLS_PER_THREAD: usize = 1000;
 
 /// The planes of worker t.
-fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
+fn planes_of(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     let begin = |t: usize| planes.start + planes.len() * t / threads;
     begin(t)..begin(t + 1)
 }
@@ -146,7 +146,7 @@ fn inner(share: &Range<usize>) -> Range<usize> {
 /// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones
 /// of the shares of the planes between its ends.
 fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
-    let followed = move |t: usize| inner(&share(&between(planes), threads, t));
+    let followed = move |t: usize| inner(&planes_of(&between(planes), threads, t));
     (0..=threads).map(move |t| {
         let begin = t.checked_sub(1).map_or(0, |t| followed(t).end);
         let end = if t == threads {
@@ -566,7 +566,7 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         thread_pool::each(threads, |t| {
-            let cells = shared.planes(share(&planes, threads, t));
+            let cells = shared.planes(planes_of(&planes, threads, t));
             // SAFETY: the shares of planes are disjoint, and each worker has one.
             unsafe { self.pass.pass(shared, force, &cells, t) };
         });
@@ -582,7 +582,7 @@ impl<S: Stored> Fluid<S> {
             .min(all * shared.cells() / CELLS_PER_THREAD)
             .max(1);
         thread_pool::each(threads, |t| {
-            let mine = share(&(0..all), threads, t);
+            let mine = planes_of(&(0..all), threads, t);
             for (plane, first) in [(0, 0), (planes - 1, rows)] {
                 let part = |row: usize| row.clamp(first, first + rows) - first;
                 let cells = Block {
@@ -619,7 +619,7 @@ impl<S: Stored> Fluid<S> {
         let parity = self.populations.parity();
         let (pass, boundaries) = (&self.pass, &self.boundaries);
         thread_pool::each(threads, |t| {
-            let share = share(&planes, threads, t);
+            let share = planes_of(&planes, threads, t);
             let followed = inner(&share);
             for plane in share {
                 // SAFETY: the shares of planes are disjoint, and each worker has one.

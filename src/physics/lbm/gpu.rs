@@ -349,11 +349,11 @@ impl Gpu {
         self.stream
             .memcpy_htod(bytes, &mut self.numbers)
             .map_err(failed)?;
-        self.tell(|there| &there.ready)
+        self.record(|there| &there.ready)
     }
 
     /// Records for the stream of the bodies that the fluid has reached an event.
-    fn tell(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+    fn record(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => so_far(there).record(&self.stream).map_err(failed),
             None => Ok(()),
@@ -610,7 +610,7 @@ impl Gpu {
             // SAFETY: as above; the rectangles lie within the slab.
             unsafe { launch.launch(shape) }.map_err(failed)?;
         }
-        self.tell(|there| &there.ready)
+        self.record(|there| &there.ready)
     }
 }
 

@@ -271,7 +271,7 @@ impl Table {
     }
 
     #[inline(always)]
-    fn of(&self, link: &BodyLink) -> &Direction {
+    fn direction(&self, link: &BodyLink) -> &Direction {
         &self.0[usize::from(link.direction % 32)]
     }
 }
@@ -295,7 +295,7 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
         table,
         motion,
     } = all;
-    let along = table.of(link);
+    let along = table.direction(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
     let u = surface_velocity::<D>(motion, r);
     let term = if link.moves {
@@ -344,7 +344,7 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         table,
         motion,
     } = all;
-    let along = table.of(link);
+    let along = table.direction(link);
     let c = along.c;
     let d: [f64; 3] =
         std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);

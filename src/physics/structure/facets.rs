@@ -58,7 +58,9 @@ impl Facets {
         for piece in pieces(outline) {
             let at = |level: f64| -> Vec<Point> {
                 let corners = piece.iter();
-                corners.map(|&k| place(outline[k], axis, level)).collect()
+                corners
+                    .map(|&k| point_across(outline[k], axis, level))
+                    .collect()
             };
             let (mut low, mut high) = (at(from), at(to));
             // Seen along the axis, x and z run clockwise.
@@ -78,7 +80,10 @@ impl Facets {
     pub fn area(outline: &[[f64; 2]]) -> Self {
         let mut facets = Self::default();
         for piece in pieces(outline) {
-            let corners: Vec<Point> = piece.iter().map(|&k| place(outline[k], 2, 0.0)).collect();
+            let corners: Vec<Point> = piece
+                .iter()
+                .map(|&k| point_across(outline[k], 2, 0.0))
+                .collect();
             facets.face(&corners);
         }
         facets
@@ -88,10 +93,10 @@ impl Facets {
         for (k, a) in outline.iter().enumerate() {
             let b = &outline[(k + 1) % outline.len()];
             let mut side = [
-                place(*a, axis, from),
-                place(*b, axis, from),
-                place(*b, axis, to),
-                place(*a, axis, to),
+                point_across(*a, axis, from),
+                point_across(*b, axis, from),
+                point_across(*b, axis, to),
+                point_across(*a, axis, to),
             ];
             if axis == 1 {
                 side.reverse();
@@ -102,7 +107,7 @@ impl Facets {
 }
 
 /// A point of the plane across an axis.
-fn place([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
+fn point_across([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
     match axis {
         0 => [level, p, q],
         1 => [p, level, q],

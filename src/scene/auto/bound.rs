@@ -92,7 +92,7 @@ impl Bound {
     pub(crate) fn error(&self, cells: f64, reynolds: f64) -> Option<f64> {
         let enough = cells >= self.cells[0] * (1.0 - 1e-9);
         let covered = enough && reynolds <= self.largest_reynolds();
-        covered.then(|| self.at(cells.clamp(self.cells[0], self.cells[1]), reynolds))
+        covered.then(|| self.formula(cells.clamp(self.cells[0], self.cells[1]), reynolds))
     }
 
     /// The largest Reynolds number at which it holds.
@@ -100,7 +100,7 @@ impl Bound {
         self.most_reynolds.max(CREEPING)
     }
 
-    fn at(&self, cells: f64, reynolds: f64) -> f64 {
+    fn formula(&self, cells: f64, reynolds: f64) -> f64 {
         let log = self.constant - self.order * cells.ln() + self.inertia * reynolds.ln_1p();
         (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
@@ -119,7 +119,7 @@ impl Bound {
         let trial = |n: usize| few * (many / few).powf(real(n) / real(TRIALS));
         let found = (0..=TRIALS)
             .map(trial)
-            .find(|n| self.at(*n, slower) <= target);
+            .find(|n| self.formula(*n, slower) <= target);
         found.unwrap_or(many) * layers
     }
 }

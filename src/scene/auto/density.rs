@@ -161,7 +161,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
         open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
     });
     let inlets = flow.patches().filter(|patch| imposes_a_velocity(patch));
-    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::of).collect();
+    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::new).collect();
     let mut causes = Vec::new();
     for inlet in &inlets {
         let open = sections[inlet.axis].as_ref().map(|found| found.open);
@@ -216,7 +216,7 @@ struct Inlet<'a> {
 }
 
 impl<'a> Inlet<'a> {
-    fn of(patch: &'a Patch) -> Option<Self> {
+    fn new(patch: &'a Patch) -> Option<Self> {
         let speed = patch.condition.model().speed()?;
         Some(Self {
             patch,

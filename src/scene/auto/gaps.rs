@@ -131,7 +131,7 @@ struct Places<'a> {
 }
 
 impl Places<'_> {
-    fn of<'a>(case: &'a Case, lbm: &LatticeBoltzmann) -> Places<'a> {
+    fn new<'a>(case: &'a Case, lbm: &LatticeBoltzmann) -> Places<'a> {
         let size = &case.domain.size.0;
         let mut period = [None; 3];
         for axis in &case.domain.periodic {
@@ -198,7 +198,7 @@ impl Places<'_> {
 
 /// The gaps of a case; none where the solids are not known before they are made, or are too many.
 pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
-    let places = Places::of(case, lbm);
+    let places = Places::new(case, lbm);
     let Some(solids) = solids(case, factor) else {
         return Gaps::default();
     };

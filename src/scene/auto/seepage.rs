@@ -106,7 +106,7 @@ struct Bed {
 }
 
 impl Bed {
-    fn of(scene: &Scene) -> Option<Self> {
+    fn new(scene: &Scene) -> Option<Self> {
         let seepage = scene.seepage.as_ref()?;
         let grains: &Grains = scene.grains.as_ref()?;
         let (low, high) = grains.radii?;
@@ -145,7 +145,7 @@ pub(super) fn stiffness(
     target: f64,
     impact: impl Fn(f64) -> f64,
 ) -> Option<(f64, String)> {
-    let bed = Bed::of(scene)?;
+    let bed = Bed::new(scene)?;
     let row = needed("overlap", OF_CONTACTS * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
@@ -160,7 +160,7 @@ pub(super) fn stiffness(
 
 /// Chooses the coupling interval, and adds the promised error of interval and contacts.
 pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
-    let Some(bed) = Bed::of(scene) else { return };
+    let Some(bed) = Bed::new(scene) else { return };
     let shortest = step::intervals(scene).fold(f64::INFINITY, f64::min);
     let Some(seepage) = scene.seepage.as_mut() else {
         return;
@@ -323,7 +323,7 @@ mod tests {
     fn stiffness_and_interval_follow_from_the_load_of_the_bed() {
         let scene = scene(&[]);
         let stress = 0.6 * 1650.0 * 9.81 * 0.1 + 500.0;
-        let bed = Bed::of(&scene).unwrap();
+        let bed = Bed::new(&scene).unwrap();
         assert!((bed.stress / stress - 1.0).abs() < 1e-9, "{}", bed.stress);
         let stiffness = stress * 0.004 / 0.0000473;
         assert!((softest(&scene).unwrap() / stiffness - 1.0).abs() < 1e-9);

@@ -74,7 +74,7 @@ struct Body {
 }
 
 impl Body {
-    fn of(name: String, at: Point, radius: f64, hull: Option<&Hull>) -> Option<Self> {
+    fn new(name: String, at: Point, radius: f64, hull: Option<&Hull>) -> Option<Self> {
         let Some(hull) = hull else {
             return Some(Self {
                 name,
@@ -150,7 +150,7 @@ struct Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    fn of(scene: &'a Scene, flow: &Flow) -> Self {
+    fn new(scene: &'a Scene, flow: &Flow) -> Self {
         let grid = &scene.grid;
         let passes = |patch: &&Patch| patch.condition.model().passes_water();
         let rectangle = |patch: &Patch| {
@@ -175,7 +175,7 @@ impl<'a> Ground<'a> {
             }
         }
         let named = scene.bodies.iter().filter_map(|body| {
-            Body::of(
+            Body::new(
                 body.name.clone(),
                 body.position,
                 body.radius,
@@ -184,7 +184,7 @@ impl<'a> Ground<'a> {
         });
         let blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let blocks = blocks.enumerate().filter_map(|(n, block)| {
-            Body::of(format!("block {n}"), [0.0; 3], 0.0, Some(&block.solid))
+            Body::new(format!("block {n}"), [0.0; 3], 0.0, Some(&block.solid))
         });
         Self {
             scene,
@@ -434,7 +434,7 @@ pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
     if !structures && bodies == 0 || bodies > MOST_SOLIDS {
         return Vec::new();
     }
-    let ground = Ground::of(scene, flow);
+    let ground = Ground::new(scene, flow);
     let samples = sampled(&ground);
     let apart = samples.step.into_iter().fold(0.0, f64::max);
     let mut ways: Vec<Way> = Vec::new();

@@ -86,7 +86,7 @@ impl Channel {
             gradient: DROP / 2.8e-3,
         }
     }
-    fn at(&self, cell: usize) -> f64 {
+    fn coordinate(&self, cell: usize) -> f64 {
         (real(cell) + 0.5) * self.units.spacing
     }
 }
@@ -102,7 +102,7 @@ impl FluidView for Channel {
         [0; 3]
     }
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        let (x, y) = (self.at(cell[0]), self.at(cell[1]));
+        let (x, y) = (self.coordinate(cell[0]), self.coordinate(cell[1]));
         let speed = (self.gradient / 2e-3 * (y - self.lower) * (self.upper - y)).max(0.0);
         let pressure = DROP - self.gradient * (x - 6e-4);
         (
@@ -114,7 +114,7 @@ impl FluidView for Channel {
         [[0.0; 3]; 3]
     }
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
-        let y = self.at(cell[1]);
+        let y = self.coordinate(cell[1]);
         let inside = (15..85).contains(&cell[0]);
         (inside && !(self.lower..self.upper).contains(&y)).then_some(0)
     }

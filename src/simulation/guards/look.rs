@@ -60,7 +60,7 @@ impl Order {
         }
     }
 
-    fn place(&self, at: [usize; 3]) -> u64 {
+    fn index(&self, at: [usize; 3]) -> u64 {
         let [slow, middle, fast] = self.axes;
         ((at[slow] * self.cells[middle] + at[middle]) * self.cells[fast] + at[fast]) as u64
     }
@@ -151,7 +151,7 @@ fn go_through<Sp: Space, S: Stored>(
     let (order, start) = (Order::of(flow), fluid.start());
     for k in 0..cells[fast] {
         at[fast] = k;
-        let place = order.place(std::array::from_fn(|a| at[a] + start[a]));
+        let place = order.index(std::array::from_fn(|a| at[a] + start[a]));
         let [drho, x, y, z] = [0, 1, 2, 3].map(|n| moments[n][k]);
         let squared = squared_speed(drho, [x, y, z], half);
         if !squared.is_finite() {

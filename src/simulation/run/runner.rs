@@ -210,7 +210,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 break;
             }
             if step >= ask_at {
-                self.tell();
+                self.report();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
                 ask_at = step + self.watch.steps();
                 self.folder.beat();
@@ -226,7 +226,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     }
                     Request::Stop => {
                         self.save(Occasion::Stop)?;
-                        self.simulation.look()?;
+                        self.simulation.check_state()?;
                         if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
@@ -239,7 +239,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 }
             }
         }
-        self.simulation.look()?;
+        self.simulation.check_state()?;
         // The state comes first: whatever fails afterwards, a restart ends the run from here.
         if self.first_step == self.simulation.now.step {
             self.progress.note(&format!(
@@ -275,7 +275,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             .is_some_and(|end| self.simulation.recorder.eroded_fraction() >= end)
     }
 
-    fn tell(&mut self) {
+    fn report(&mut self) {
         if !self.progress.due() {
             return;
         }

@@ -55,7 +55,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
         guards.check_warm_up(step, flow, &now.particles, plan, domain)?;
         if step.is_multiple_of(LOOK_EVERY) {
             flow.fetch()?;
-            look.at(flow, domain.communicator());
+            look.compare(flow, domain.communicator());
             if look.change < relative_change {
                 break;
             }
@@ -108,7 +108,7 @@ impl Look {
     }
 
     /// Compares the velocities with those of the last check and stores them. Collective.
-    fn at<Sp: Space, S: Saved>(
+    fn compare<Sp: Space, S: Saved>(
         &mut self,
         flow: &dyn LatticeFlow<Sp, S>,
         communicator: &Communicator,

@@ -37,7 +37,7 @@ impl BodyMap {
                 if has_moved(body, &motion[k], block, slab.dimension)
                     && !holds_the_same(body, &motion[k], slab.dimension)
                 {
-                    found.look(k, body, &motion[k], block, slab);
+                    found.check(k, body, &motion[k], block, slab);
                 }
             }
         });
@@ -58,7 +58,7 @@ impl Found {
     }
 
     /// Checks body `k`.
-    fn look(
+    fn check(
         &mut self,
         k: usize,
         body: &mut Mapped,
@@ -76,7 +76,7 @@ impl Found {
             body.rows.reserve(rows);
             body.other.reserve(rows);
         }
-        body.slack = look(
+        body.slack = find_cells(
             slab,
             rigid,
             block,
@@ -238,7 +238,7 @@ fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
 }
 
 /// Finds the cells of a body, and its slack.
-fn look(
+fn find_cells(
     slab: &Slab,
     rigid: &Rigid,
     block: Option<&Turned>,
@@ -400,7 +400,7 @@ mod tests {
                 let at = (cells[a] as f64 + 4.0) * draw.uniform() - 2.0;
                 rigid.position[a] = if draw.uniform() < 0.2 { at.round() } else { at };
             }
-            let slack = look(&slab, &rigid, None, [0; 3], &mut rows, &mut nearest);
+            let slack = find_cells(&slab, &rigid, None, [0; 3], &mut rows, &mut nearest);
             let size = |a: usize| -GHOSTS..slab.cells[a] + GHOSTS;
             for z in if D == 3 { size(2) } else { 0..1 } {
                 for (y, x) in size(1).flat_map(|y| size(0).map(move |x| (y, x))) {

@@ -164,7 +164,7 @@ impl BodyMap {
                 own.each(rows, |own, row| own.occupy(row, one.body, tag(*id)));
             }
             for change in &*own.changes {
-                if let Some(owner) = own.place(change.cell) {
+                if let Some(owner) = own.index(change.cell) {
                     own.owner[owner] &= !NOTED;
                 }
             }
@@ -191,7 +191,7 @@ impl BodyMap {
 
 impl Layers<'_> {
     /// Place of a cell among those of these layers.
-    fn place(&self, cell: [i32; 3]) -> Option<usize> {
+    fn index(&self, cell: [i32; 3]) -> Option<usize> {
         let first = self.layers.start * self.slab.cells_of_a_layer();
         let place = self.slab.at(cell).wrapping_sub(first);
         (place < self.owner.len()).then_some(place)
@@ -200,7 +200,7 @@ impl Layers<'_> {
     /// The owners of the cells of a row, with the first of the cells; none of other layers.
     fn row(&self, row: Row) -> Range<usize> {
         let first = [row.span[0], row.y, row.z];
-        let first = self.place(first).filter(|_| row.length() > 0);
+        let first = self.index(first).filter(|_| row.length() > 0);
         first.map_or(0..0, |first| first..first + row.length())
     }
 

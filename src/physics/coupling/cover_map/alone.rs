@@ -214,7 +214,7 @@ mod tests {
         (0..spheres.len()).map(|k| alone.is(k)).collect()
     }
 
-    fn at(x: f64, radius: f64) -> Sphere {
+    fn sphere(x: f64, radius: f64) -> Sphere {
         Sphere {
             centre: [x, 25.0, 20.0],
             radius,
@@ -223,10 +223,15 @@ mod tests {
 
     #[test]
     fn neighbours_and_walls_are_found() {
-        let spheres = [at(10.0, 4.0), at(19.0, 4.0), at(32.0, 4.0), at(54.5, 5.0)];
+        let spheres = [
+            sphere(10.0, 4.0),
+            sphere(19.0, 4.0),
+            sphere(32.0, 4.0),
+            sphere(54.5, 5.0),
+        ];
         assert_eq!(found(&spheres, true), [true, true, true, true]);
         assert_eq!(found(&spheres, false), [true, true, true, false]);
-        let close = [at(10.0, 4.0), at(18.4, 4.0), at(32.0, 4.0)];
+        let close = [sphere(10.0, 4.0), sphere(18.4, 4.0), sphere(32.0, 4.0)];
         assert_eq!(found(&close, true), [false, false, true]);
     }
 
@@ -256,7 +261,7 @@ mod tests {
         let mut alone = Alone::default();
         let mut x = 30.0;
         while x > 18.0 {
-            let spheres = [at(10.0, 4.0), at(x, 4.0)];
+            let spheres = [sphere(10.0, 4.0), sphere(x, 4.0)];
             alone.update(spheres.iter().copied(), &grid(true), Method::Exact, 3);
             // A gap below a quarter of a cell is never taken for none.
             assert!(x > 18.25 || !alone.is(0), "{x}");

@@ -54,7 +54,7 @@ impl Runs {
     }
 
     /// Those from one to another.
-    fn some(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
+    fn pieces_in(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
         let mut start = self.end_before(runs.start);
         self.runs[runs].iter().map(move |run| {
             let parts = &self.parts[start..run.end as usize];
@@ -90,7 +90,7 @@ impl Runs {
         threads: usize,
     ) -> impl Iterator<Item = (usize, f32)> {
         let [from, to] = [thread, thread + 1].map(|t| self.runs.len() * t / threads);
-        self.some(from..to).flat_map(|(run, parts)| {
+        self.pieces_in(from..to).flat_map(|(run, parts)| {
             let row = run.row as usize;
             let cells = (run.first..).zip(parts);
             cells.map(move |(k, part)| (row.wrapping_add_signed(k as isize), *part))
@@ -130,8 +130,8 @@ impl Runs {
         for k in here.start..here.start + AHEAD {
             ask(cover, k);
         }
-        let mut olds = before.some(olds).peekable();
-        for (k, (run, parts)) in here.clone().zip(self.some(here.clone())) {
+        let mut olds = before.pieces_in(olds).peekable();
+        for (k, (run, parts)) in here.clone().zip(self.pieces_in(here.clone())) {
             ask(cover, k + AHEAD);
             while let Some((old, gone)) = olds.next_if(|(old, _)| old.row < run.row) {
                 change(cover, slot, old.row, (old.first, gone), (old.first, &[]));
@@ -240,7 +240,7 @@ enum Exact<'a> {
 
 impl<'a> Exact<'a> {
     #[inline(always)]
-    fn of(form: &Form<'a>, method: Method, fast: usize) -> Self {
+    fn new(form: &Form<'a>, method: Method, fast: usize) -> Self {
         match (form, method) {
             (Form::Ball { .. }, Method::Exact) => Self::Ball,
             (Form::Disc { .. }, Method::Exact) if fast < 2 => Self::Disc,
@@ -353,7 +353,7 @@ impl<'a, 'f> Walk<'a, 'f> {
             form: self.form,
             frame,
             method: self.method,
-            exact: Exact::of(self.form, self.method, axes[2]),
+            exact: Exact::new(self.form, self.method, axes[2]),
             low,
             high,
             axes,

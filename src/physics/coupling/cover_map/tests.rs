@@ -48,7 +48,7 @@ fn solid(populations: &Populations<f64>, cover: &Cover) -> f64 {
         .sum()
 }
 
-fn at(x: f64, y: f64, z: f64) -> Motion<Volume> {
+fn motion_at(x: f64, y: f64, z: f64) -> Motion<Volume> {
     Motion {
         position: Vector3::new(x, y, z),
         ..Motion::default()
@@ -64,12 +64,12 @@ fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
         .unwrap();
     particles.insert(
         Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
-        at(0.71, 0.82, 0.55),
+        motion_at(0.71, 0.82, 0.55),
     );
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
     let block = Body::of_block(2, &shape, 1000.0, 0);
     particles
-        .add_block(block, at(x, 0.77, 0.64), 0, turn)
+        .add_block(block, motion_at(x, 0.77, 0.64), 0, turn)
         .unwrap();
     (particles, shape)
 }
@@ -208,7 +208,7 @@ fn workers_cover_what_one_covers() {
         for n in (0..40).filter(|n| n % 7 != step % 7) {
             let mix = |k: i32| f64::from(n.wrapping_mul(0x9e37_79b1_u32.cast_signed()) >> k & 63);
             let away = 0.004 * f64::from(step);
-            let motion = at(0.03 * mix(3) + away, 0.026 * mix(9), 0.02 * mix(15));
+            let motion = motion_at(0.03 * mix(3) + away, 0.026 * mix(9), 0.02 * mix(15));
             let body = Body::uniform::<Volume>(n.unsigned_abs().into(), 0.21, 1000.0, 0);
             particles.insert(body, motion);
         }
@@ -311,7 +311,7 @@ fn a_gpu_finds_the_same_cells() {
                 if (id + step) % 7 != 0 {
                     particles.insert(
                         Body::uniform::<Volume>((id * 7) % 41, radius, 1000.0, 0),
-                        at(x, y, z),
+                        motion_at(x, y, z),
                     );
                 }
             }

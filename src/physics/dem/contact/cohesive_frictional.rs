@@ -219,7 +219,7 @@ pub struct Row {
 }
 
 #[inline(always)]
-fn at([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
+fn scaled([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
     constant + per_diameter * diameter
 }
 
@@ -280,19 +280,19 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     fn scale(row: &Row, pair: &PairProperties) -> f64 {
-        (pair.mass * at(row.normal, pair.diameter)).sqrt()
+        (pair.mass * scaled(row.normal, pair.diameter)).sqrt()
     }
 
     #[inline(always)]
     fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
-        let normal = at(row.normal, diameter);
+        let normal = scaled(row.normal, diameter);
         Constants {
             normal,
             shear: normal * row.ratio,
             normal_dashpot: row.normal_dashpot * root,
             shear_dashpot: row.shear_dashpot * root,
             friction: row.friction,
-            cohesion: at(row.cohesion, diameter),
+            cohesion: scaled(row.cohesion, diameter),
             square: root * root,
         }
     }

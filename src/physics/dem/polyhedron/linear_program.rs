@@ -54,7 +54,7 @@ struct Basis {
 
 impl Basis {
     /// Returns the basis of four planes, the first as origin: rows `a_i - a_0`.
-    fn of(planes: &[HalfSpace; 4]) -> Option<Self> {
+    fn new(planes: &[HalfSpace; 4]) -> Option<Self> {
         let origin = planes[0].normal;
         let [r, s, t] = [1, 2, 3].map(|k| planes[k].normal - origin);
         let (st, tr, rs) = (s.cross(&t), t.cross(&r), r.cross(&s));
@@ -111,7 +111,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
     let mut names = *basis;
     let valid = names.iter().all(|&name| name < count + 4);
     let mut current = names.map(get);
-    let mut solved = if valid { Basis::of(&current) } else { None };
+    let mut solved = if valid { Basis::new(&current) } else { None };
     if let Some(warm) = &solved
         && warm
             .parts(&Vector3::zeros())
@@ -125,7 +125,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
         None => {
             names = afresh;
             current = names.map(get);
-            match Basis::of(&current) {
+            match Basis::new(&current) {
                 Some(first) => first,
                 None => return Verdict::Open,
             }
@@ -176,7 +176,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
         };
         names[out] = name;
         current[out] = *plane;
-        match Basis::of(&current) {
+        match Basis::new(&current) {
             Some(next) => system = next,
             None => break,
         }

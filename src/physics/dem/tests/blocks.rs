@@ -38,7 +38,7 @@ fn cuboid(x: f64, y: f64, z: f64) -> Polyhedron {
     Polyhedron::cuboid(Vector3::new(x, y, z)).unwrap()
 }
 
-fn at(position: Vector3<f64>, velocity: Vector3<f64>, spin: Vector3<f64>) -> Motion<Volume> {
+fn motion_at(position: Vector3<f64>, velocity: Vector3<f64>, spin: Vector3<f64>) -> Motion<Volume> {
     Motion {
         position,
         velocity,
@@ -57,7 +57,7 @@ fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Partic
     particles.set_shapes(shapes.into()).unwrap();
     for (k, (shape, place, orientation)) in (0..).zip(blocks) {
         let body = Body::of_block(u64::from(k), shape, DENSITY, 0);
-        let motion = at(*place, Vector3::zeros(), Vector3::zeros());
+        let motion = motion_at(*place, Vector3::zeros(), Vector3::zeros());
         particles.add_block(body, motion, k, *orientation).unwrap();
     }
     particles
@@ -106,7 +106,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
         let body = Body::of_block(7, &shape, DENSITY, 0);
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(0.9, 0.0, 0.0),
             Vector3::new(2.0, 0.0, 0.0),
             Vector3::new(0.3, 12.0, 0.5),
@@ -155,7 +155,7 @@ fn a_collision_through_a_periodic_face() {
             let x = x - shift - if wrapped { 2.0 } else { 0.0 };
             let shape = u32::from(id == 4);
             let body = Body::of_block(id, &shapes[shape as usize], DENSITY, 0);
-            let motion = at(
+            let motion = motion_at(
                 Vector3::new(x, 0.0, z),
                 Vector3::new(speed, 0.0, 0.0),
                 Vector3::zeros(),
@@ -236,13 +236,13 @@ fn spheres_and_blocks_meet_either_way_round() {
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
         let still = Vector3::zeros();
-        let motion = at(Vector3::new(0.0, 0.0, 0.0), still, still);
+        let motion = motion_at(Vector3::new(0.0, 0.0, 0.0), still, still);
         let body = Body::of_block(ids[0], &shape, DENSITY, 0);
         let turn = UnitQuaternion::from_euler_angles(0.2, 0.3, 0.0);
         particles.add_block(body, motion, 0, turn).unwrap();
         particles.insert(
             Body::uniform::<Volume>(ids[1], 0.1, DENSITY, 0),
-            at(
+            motion_at(
                 Vector3::new(0.5, 0.05, 0.0),
                 Vector3::new(-2.0, 0.0, 0.0),
                 Vector3::new(0.0, 0.0, 30.0),
@@ -291,7 +291,7 @@ fn a_flat_mesh_is_a_plane() {
         let shape = cuboid(1.0, 0.8, 0.3);
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(-1.0, 0.1, 0.25),
             Vector3::new(3.0, 0.5, 0.0),
             Vector3::z() * 2.0,
@@ -442,7 +442,7 @@ fn a_spinning_cube_is_braked_by_its_patch() {
         let mut particles = Particles::new();
         particles.set_shapes(vec![cube.clone()].into()).unwrap();
         let body = Body::of_block(0, &cube, DENSITY, 0);
-        let motion = at(place, Vector3::x() * sideways, Vector3::z() * 2.0);
+        let motion = motion_at(place, Vector3::x() * sideways, Vector3::z() * 2.0);
         particles
             .add_block(body, motion, 0, UnitQuaternion::identity())
             .unwrap();
@@ -473,7 +473,7 @@ fn a_sphere_rolls_down_a_block() {
     particles.body[0].kind = Kind::Fixed;
     let sphere = Body::uniform::<Volume>(1, 0.05, DENSITY, 0);
     let place = Vector3::new(0.0, 0.0, 0.05);
-    particles.insert(sphere, at(place, Vector3::zeros(), Vector3::zeros()));
+    particles.insert(sphere, motion_at(place, Vector3::zeros(), Vector3::zeros()));
     let mut settings = Settings::new(about_origin(20.0), 4e-6, 0.02);
     settings.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * GRAVITY;
     let mut dem = Dem::new(law(1e11, 0.8, 0.3, 0.0), settings, vec![]).unwrap();
@@ -608,11 +608,11 @@ fn fill(particles: &mut Particles<Volume>, mine: impl Fn(u64) -> bool) {
         }
     };
     let still = Vector3::zeros();
-    let giant = at(Vector3::new(0.12, 0.12, 0.08), still, still);
+    let giant = motion_at(Vector3::new(0.12, 0.12, 0.08), still, still);
     place(500_000, giant, 8, Kind::Free, Vector3::new(0.5, 0.4, 0.0));
-    let fixed = at(Vector3::new(0.03, 0.03, 0.01), still, still);
+    let fixed = motion_at(Vector3::new(0.03, 0.03, 0.01), still, still);
     place(400_000, fixed, 6, Kind::Fixed, Vector3::new(0.4, 0.0, 0.3));
-    let stirs = at(
+    let stirs = motion_at(
         Vector3::new(0.12, 0.12, 0.3),
         Vector3::new(0.3, 0.0, -0.6),
         Vector3::z() * 20.0,
@@ -628,7 +628,7 @@ fn fill(particles: &mut Particles<Volume>, mine: impl Fn(u64) -> bool) {
         let z = 0.05 + 0.042 * f64::from(u32::try_from(layer).unwrap());
         let random = |draw: &mut Stream| Vector3::from_fn(|_, _| 2.0 * draw.uniform() - 1.0);
         let velocity = random(&mut draw) * 0.4 - Vector3::z();
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(step(cell % 5), step(cell / 5), z),
             velocity,
             random(&mut draw) * 10.0,

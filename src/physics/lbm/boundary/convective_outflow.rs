@@ -107,7 +107,7 @@ impl Upstream {
     }
 
     /// Returns its position.
-    fn at(self, parity: Parity) -> usize {
+    fn position(self, parity: Parity) -> usize {
         self.0[usize::from(parity == Parity::Reversed)]
     }
 }
@@ -284,7 +284,7 @@ impl<S: Stored> Rule<S> for Links {
             let mut sums = Sums::default();
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
                 let area = 6.0 * leaving.weight;
-                let upstream = numbers[leaving.upstream.at(parity)].to_f64();
+                let upstream = numbers[leaving.upstream.position(parity)].to_f64();
                 let terms = [
                     numbers[link.link.out(parity)].to_f64(),
                     area,
@@ -326,7 +326,10 @@ impl<S: Stored> Rule<S> for Links {
             .map_or(0.0, |held| 6.0 * held.wave.excess());
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
-                let (from, to) = (leaving.upstream.at(parity), link.link.incoming(parity));
+                let (from, to) = (
+                    leaving.upstream.position(parity),
+                    link.link.incoming(parity),
+                );
                 // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule
                 // gives nothing.
                 unsafe {

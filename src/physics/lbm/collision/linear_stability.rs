@@ -99,7 +99,7 @@ fn most<L: Lattice<Q>, const Q: usize>(
     };
     for vector in vectors {
         let k = vector.map(|n| PI / f64::from(NUMBERS) * f64::from(n));
-        let factor = Matrix::of::<L>(linear, k).radius();
+        let factor = Matrix::new::<L>(linear, k).radius();
         if factor > fastest.factor {
             fastest = Wave { factor, vector };
         }
@@ -141,7 +141,7 @@ impl<const Q: usize> Matrix<Q> {
     }
 
     /// D(k) C.
-    fn of<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
+    fn new<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
         let mut all = Self::zeros();
         let [real, imaginary] = &mut all.0;
         for i in 0..Q {

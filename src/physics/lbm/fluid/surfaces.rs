@@ -1,7 +1,7 @@
 //! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links
 //! of structures.
 
-use super::{Fluid, share};
+use super::{Fluid, planes_of};
 use crate::lbm::lanes::Stored;
 use crate::lbm::links::fixed::FixedLink;
 use crate::lbm::links::{BodyLink, Rigid, surface_velocity};
@@ -92,7 +92,7 @@ impl<S: Stored> Fluid<S> {
         let populations = &self.populations;
         let velocities = populations.velocities();
         field.find_walls(|thread, threads, found| {
-            let bodies = share(&(0..links.len().min(motion.len())), threads, thread);
+            let bodies = planes_of(&(0..links.len().min(motion.len())), threads, thread);
             for (links, motion) in links[bodies.clone()].iter().zip(&motion[bodies]) {
                 for link in links.iter().filter(|link| link.loads) {
                     let direction = usize::from(link.direction);
@@ -129,7 +129,7 @@ impl<S: Stored> Fluid<S> {
         let populations = &self.populations;
         let velocities = populations.velocities();
         field.find_walls(|thread, threads, found| {
-            let mine = |group: &Vec<FixedLink>| share(&(0..group.len()), threads, thread);
+            let mine = |group: &Vec<FixedLink>| planes_of(&(0..group.len()), threads, thread);
             for link in groups.iter().flat_map(|group| &group[mine(group)]) {
                 for end in (0..2).filter(|&end| link.wet[end]) {
                     let forth = usize::from(link.direction);

@@ -23,7 +23,7 @@
 //! the same.
 
 use super::dispatch::Step;
-use super::{CoverView, Fluid, View, between, share};
+use super::{CoverView, Fluid, View, between, planes_of};
 use crate::lbm::block::Block;
 use crate::lbm::boundary::Boundaries;
 use crate::lbm::kernel::Shared;
@@ -88,8 +88,9 @@ impl<S: Stored> Fluid<S> {
         };
         let first = moment(self.step, Parity::Reversed);
         let second = moment(self.step + 1, Parity::Home);
-        let shares: Vec<Range<usize>> =
-            (0..threads).map(|t| share(&interior, threads, t)).collect();
+        let shares: Vec<Range<usize>> = (0..threads)
+            .map(|t| planes_of(&interior, threads, t))
+            .collect();
         // Planes next to the ends of shares, and the end planes of the slab: these go with the first and the last
         // share.
         let rest = |t: usize, distance: usize| {

@@ -155,7 +155,7 @@ impl Room {
     }
 
     /// Allocates memory for a count of numbers; returns its address.
-    fn of<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
+    fn reserve<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
             self.there = stream.alloc_zeros(bytes.next_power_of_two())?;
@@ -176,7 +176,7 @@ impl Room {
 
     /// Sends a list, without waiting; its address.
     fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
-        let address = self.of::<T>(stream, list.len())?;
+        let address = self.reserve::<T>(stream, list.len())?;
         let count = size_of_val(list);
         if count > 0 {
             let here = self.here(count);
@@ -384,19 +384,27 @@ impl OnGpu {
         }
         let blocks = to_u32(of_blocks.len());
         let cells_of_boxes = of_blocks.len() * BLOCK as usize;
-        let shares = self.shares.of::<Shares>(stream, cells_of_boxes)?;
+        let shares = self.shares.reserve::<Shares>(stream, cells_of_boxes)?;
         let balls = Balls {
             solids: pointer(solids),
             boxes: pointer(self.mapping.boxes.send(stream, boxes)?),
             of_blocks: pointer(self.mapping.of_blocks.address(stream)),
-            edges: pointer(self.mapping.edges.of::<f64>(stream, edges)?),
-            parts: pointer(self.mapping.fractions.of::<f32>(stream, cells_of_boxes)?),
-            positions: pointer(self.mapping.positions.of::<u32>(stream, cells_of_boxes)?),
-            next: pointer(self.mapping.next.of::<u32>(stream, cells_of_boxes)?),
+            edges: pointer(self.mapping.edges.reserve::<f64>(stream, edges)?),
+            parts: pointer(
+                self.mapping
+                    .fractions
+                    .reserve::<f32>(stream, cells_of_boxes)?,
+            ),
+            positions: pointer(
+                self.mapping
+                    .positions
+                    .reserve::<u32>(stream, cells_of_boxes)?,
+            ),
+            next: pointer(self.mapping.next.reserve::<u32>(stream, cells_of_boxes)?),
             heads: pointer(self.mapping.heads.device_ptr(stream).0),
             fraction: pointer(self.fractions[self.now].device_ptr(stream).0),
             owner: pointer(self.owner.device_ptr(stream).0),
-            shares: pointer(self.parts.of::<Share>(stream, cells_of_boxes)?),
+            shares: pointer(self.parts.reserve::<Share>(stream, cells_of_boxes)?),
             shared: pointer(shares),
             counters: pointer(self.counters.device_ptr(stream).0),
             cells_of_boxes: blocks * BLOCK,
@@ -428,7 +436,7 @@ impl OnGpu {
     pub(super) fn clear_loads(&mut self, bodies: usize) -> Result<(), DriverError> {
         self.bodies = to_u32(bodies);
         let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
-        self.loads.of::<u8>(&self.stream, bytes)?;
+        self.loads.reserve::<u8>(&self.stream, bytes)?;
         // A driver refuses to set nothing.
         if bytes == 0 {
             return Ok(());

@@ -500,7 +500,7 @@ impl Part<'_> {
             self.fraction[at] = sign * fraction + 0.0;
             self.owner[at] = if fraction > 0.0 { slot } else { NONE };
         } else {
-            self.share(at, slot, sign, fraction);
+            self.add_share(at, slot, sign, fraction);
         }
     }
 
@@ -526,7 +526,7 @@ impl Part<'_> {
 
     /// Covers a cell that another body covers too, at an index from the first position on.
     #[inline(never)]
-    fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
+    fn add_share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
         let cell = (&mut self.owner[at], &mut self.fraction[at]);
         if *cell.0 & SHARED == 0 && fraction <= 0.0 {
             return;
@@ -550,11 +550,11 @@ impl Part<'_> {
         match &mut self.lists {
             Access::Alone(lists) => {
                 let lists = lists[shelf].get();
-                lists.share(cell, place, self.solids, (slot, sign, fraction));
+                lists.add_share(cell, place, self.solids, (slot, sign, fraction));
             }
             Access::Shared(lists, _) => {
                 let mut lists = lists[shelf].lock();
-                lists.share(cell, place, self.solids, (slot, sign, fraction));
+                lists.add_share(cell, place, self.solids, (slot, sign, fraction));
             }
         }
     }
@@ -562,7 +562,7 @@ impl Part<'_> {
 
 impl Lists {
     /// Body `slot` fills a fraction of a cell, given by its owner and fraction, in which another body is.
-    fn share(
+    fn add_share(
         &mut self,
         (owner, held): (&mut u32, &mut f32),
         at: Place,

@@ -26,7 +26,7 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    fn look(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
+    fn meet(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
         let [one, two] = [0, 1].map(|k| placed(self.shapes[k], &self.orientations[k]));
         narrow.blocks(&one, &two, &self.separation, model, history)
     }
@@ -159,7 +159,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         ];
         let model = models[usize::try_from(id % 3).unwrap()];
         let mut history = History::default();
-        let touch = pair.look(&mut narrow, &model, &mut history);
+        let touch = pair.meet(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
             within += 1;
             continue;
@@ -182,7 +182,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         }
         // Warm: the same answer, and where apart without another program.
         let before = narrow.ways.programs;
-        let again = pair.look(&mut narrow, &model, &mut history);
+        let again = pair.meet(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
         if let (Some(a), Some(b)) = (again, touch) {
             assert!(
@@ -235,7 +235,7 @@ fn the_patch_has_the_overlaps_volume() {
     let mut compared = 0;
     for id in 0..1200 {
         let pair = pair(&shapes, id);
-        let Some(touch) = pair.look(&mut narrow, &Model::Patch, &mut History::default()) else {
+        let Some(touch) = pair.meet(&mut narrow, &Model::Patch, &mut History::default()) else {
             continue;
         };
         // The half-spaces of both as one solid: another algorithm.
@@ -298,18 +298,18 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
     for id in 0..1500 {
         let pair = pair(&shapes, id);
         for model in [Model::Pressure, Model::Patch, rounding] {
-            let Some(touch) = pair.look(&mut narrow, &model, &mut History::default()) else {
+            let Some(touch) = pair.meet(&mut narrow, &model, &mut History::default()) else {
                 continue;
             };
             // The same bits from the same numbers, whatever was done in between.
-            let again = pair.look(&mut Narrow::default(), &model, &mut History::default());
+            let again = pair.meet(&mut Narrow::default(), &model, &mut History::default());
             assert_eq!(again, Some(touch));
             let swapped = Pair {
                 shapes: [pair.shapes[1], pair.shapes[0]],
                 orientations: [pair.orientations[1], pair.orientations[0]],
                 separation: -pair.separation,
             };
-            let other = swapped.look(&mut narrow, &model, &mut History::default());
+            let other = swapped.meet(&mut narrow, &model, &mut History::default());
             // Through and through the exhaustive test decides, and may have two answers as good as each other.
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
@@ -340,7 +340,7 @@ fn history_survives_as_numbers() {
     for id in 0..200 {
         let pair = pair(&shapes, id);
         let mut history = History::default();
-        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
+        pair.meet(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
         assert_eq!(History::load(&history.save()), history);
     }
 }
@@ -384,7 +384,7 @@ fn a_pebble_on_a_mountain() {
             Model::Patch,
             Model::Point { rounding: 2e-3 },
         ] {
-            let touch = pair.look(&mut narrow, &model, &mut History::default());
+            let touch = pair.meet(&mut narrow, &model, &mut History::default());
             assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
             if let Some(touch) = touch {
                 assert!(
