@@ -50,7 +50,7 @@ pub enum Take {
     Count,
     /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula [s].
     Cosine(String),
-    /// Amplitude of the sine.
+    /// The sum of [`Self::Cosine`] with sin(2 pi time/period).
     Sine(String),
     /// Time between upward crossings of the mean, on average [s].
     Period,

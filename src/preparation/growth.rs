@@ -47,7 +47,7 @@ pub enum Sizes {
 pub enum Stop {
     /// At the requested sizes, for any overlaps: their sum over the box is this solid fraction.
     SolidFraction(f64),
-    /// Mean number of contacts of grains that have any; then the overlap is that of [`PackingSettings::overlap`].
+    /// At this mean number of contacts of grains that have any; then at the overlap of [`PackingSettings::overlap`].
     Coordination(f64),
     /// When the relaxed packing has this mean overlap over the mean diameter.
     Overlap(f64),

@@ -104,7 +104,7 @@ pub struct Traffic {
 pub struct Account {
     /// The phases; together they are the time of the steps.
     pub phases: Vec<Spent>,
-    /// Time of that spent waiting.
+    /// Part of this time spent waiting.
     pub waiting: Waiting,
     /// Messages between ranks.
     pub traffic: Traffic,

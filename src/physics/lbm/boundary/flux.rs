@@ -20,7 +20,7 @@ struct Exchange {
     patch: usize,
     /// Deviation from rest of the population that left, and its direction.
     out: (f64, usize),
-    /// Deviation and index of the population that entered.
+    /// Deviation from rest of the population that entered, and its direction.
     into: (f64, usize),
     /// The cells that they left and entered: positions within an array.
     cells: [u32; 2],
