@@ -64,7 +64,7 @@ fn cuboid(draw: &mut Stream) -> Result<Polyhedron, ShapeError> {
     Polyhedron::cuboid(Vector3::from_fn(|_, _| 0.5 + 0.5 * draw.uniform()))
 }
 
-/// Twelve points on a sphere: twenty triangles.
+/// Returns twelve points on a sphere: twenty triangles.
 fn twenty(draw: &mut Stream) -> Result<Polyhedron, ShapeError> {
     let points: Vec<Vector3<f64>> = (0..12).map(|_| direction(draw) * 0.6).collect();
     Ok(Polyhedron::from_vertices(&points)?.shape)
@@ -145,7 +145,7 @@ fn row(name: &str, pairs: &[Pair], model: &Model) {
 const BOX: f64 = 0.30;
 const SIZE: f64 = 0.04;
 
-/// Fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
+/// Returns fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
 fn random_block(seed: u64) -> Result<Polyhedron, ShapeError> {
     let mut draw = Stream::new(8, seed, 0);
     loop {
@@ -278,7 +278,7 @@ fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     std::fs::write(file, text).map_err(|e| Error::Internal(format!("{file}: {e}")))
 }
 
-/// Processor time of this thread (s).
+/// Returns the processor time of this thread (s).
 fn on_processor() -> f64 {
     let mut time = libc::timespec {
         tv_sec: 0,

@@ -23,7 +23,7 @@ use solver::darcy::{
 const VISCOSITY: f64 = 0.1;
 const SIZE: [f64; 3] = [0.06, 0.2, 0.06];
 
-/// The cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
+/// Returns the cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
 fn window(grid: &Grid, axis: usize, middle: f64, half: f64) -> (usize, usize) {
     let near = |k: &usize| {
         let centre = (*k as f64 + 0.5) * grid.spacing[axis];

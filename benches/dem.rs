@@ -155,7 +155,7 @@ fn on_processor() -> f64 {
     }
 }
 
-/// Resident memory of this process (bytes).
+/// Returns the resident memory of this process (bytes).
 fn resident() -> f64 {
     let pages = std::fs::read_to_string("/proc/self/statm")
         .ok()
@@ -179,7 +179,7 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
     })
 }
 
-/// The V of the fissure as triangles that share vertices, and planes at its ends.
+/// Returns the V of the fissure as triangles that share vertices, and planes at its ends.
 fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     let half = |z: f64| 0.004 + 0.42 * (z - 0.01);
     let mut vertices = Vec::new();

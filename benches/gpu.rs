@@ -23,7 +23,7 @@ struct Row {
     forced: bool,
 }
 
-/// A box with a lid that starts to slide, periodic along some axes.
+/// Returns a box with a lid that starts to slide, periodic along some axes.
 fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: Device) -> Setup<S> {
     let flat = row.set.dimension() == 2;
     let axis = if flat { 1 } else { 2 };
@@ -106,7 +106,7 @@ fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
     Ok(moves && processor == gpu)
 }
 
-/// Lattice updates per second, median of several stretches of steps.
+/// Returns the lattice updates per second, median of several stretches of steps.
 fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
     let cells = if row.set.dimension() == 2 {
         [edge * 18, edge * 18, 1]

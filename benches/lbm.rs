@@ -81,7 +81,7 @@ fn measure_with<S: Stored>(
         .fold(0.0, f64::max)
 }
 
-/// Bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
+/// Returns the bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
 fn update_in_place() -> f64 {
     let mut a = vec![1.0_f64; 64 << 20];
     (0..4)

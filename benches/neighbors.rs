@@ -51,7 +51,7 @@ fn scene(count: u64, ratio: f64) -> Scene {
     }
 }
 
-/// Best of three runs [s], and what they gave.
+/// Returns the best of three runs [s], and what they gave.
 fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     let mut best = f64::INFINITY;
     let mut result = None;

@@ -248,7 +248,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     }
 }
 
-/// The JSON schema of a case, for editors: every value may also be written with its source.
+/// Returns the JSON schema of a case, for editors: every value may also be written with its source.
 #[must_use]
 pub fn schema() -> Value {
     restart::mark(annotation::allow(check::bare_schema()))

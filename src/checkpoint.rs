@@ -51,8 +51,8 @@ fn each_cell_of<S: Stored>(
     }
 }
 
-/// Incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy would double
-/// the memory of a run.
+/// Returns the incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy
+/// would double the memory of a run.
 fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
@@ -77,7 +77,7 @@ fn scatter<S: Stored>(populations: &mut Populations<S>, range: &Range<usize>, so
     }
 }
 
-/// Local cells of a slab in the order `[z][y][x]` with their positions.
+/// Returns the local cells of a slab in the order `[z][y][x]` with their positions.
 fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
     let populations = fluid.populations();
     let [nx, ny, nz] = populations.cells();
@@ -104,8 +104,8 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     }))
 }
 
-/// Kind, mass and unshared excess of the cells of a slab below a free surface, in the order `[z][y][x][number]`; none
-/// without one.
+/// Returns the kind, mass and unshared excess of the cells of a slab below a free surface, in the order
+/// `[z][y][x][number]`; none without one.
 fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let surface = fluid.surface()?;
     let populations = fluid.populations();
@@ -317,7 +317,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         })
     }
 
-    /// Hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
+    /// Returns the hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
     #[must_use]
     pub fn hash(&self, communicator: &Communicator) -> String {
         let mut hash = StateHash::new();
@@ -601,7 +601,7 @@ pub fn read_earlier<S: Saved>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f
     reader.read(EARLIER, &start, &count).map_err(as_error)
 }
 
-/// Local cells of a slab in the order in which checkpoints hold them.
+/// Returns the local cells of a slab in the order in which checkpoints hold them.
 pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
@@ -626,7 +626,7 @@ pub fn read_averages<S: Saved>(
     Ok(())
 }
 
-/// Numbers of the seepage in a checkpoint, on every rank; none if there are none.
+/// Returns the numbers of the seepage in a checkpoint, on every rank; none if there are none.
 ///
 /// # Errors
 /// When they cannot be read.
@@ -641,8 +641,8 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank and from
-/// there to their owners.
+/// Returns grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank
+/// and from there to their owners.
 ///
 /// # Errors
 /// When a column is missing or broken.

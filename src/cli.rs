@@ -507,12 +507,12 @@ fn sweep(sweep: &Sweep) -> Result<(), Error> {
     report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
-/// The folder of a case where none is named.
+/// Returns the folder of a case where none is named.
 fn folder_of(case: &Path) -> PathBuf {
     Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
 }
 
-/// A part of a whole, above 0 and below 1.
+/// Returns a part of a whole, above 0 and below 1.
 fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
@@ -537,7 +537,7 @@ fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     outcome
 }
 
-/// The verdict on a case that is not run.
+/// Returns the verdict on a case that is not run.
 fn refusal(findings: &[Problem], name: &Path) -> String {
     let sentence = match Verdict::of(findings) {
         // Files that are not text have no findings.
@@ -653,14 +653,14 @@ fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     }
 }
 
-/// The plan and its verdict as data.
+/// Returns the plan and its verdict as data.
 fn shown(plan: &Plan) -> serde_json::Value {
     let mut tree = serde_json::to_value(plan).unwrap_or_default();
     tree["verdict"] = Verdict::of(&plan.warnings).name().into();
     tree
 }
 
-/// The findings as data.
+/// Returns the findings as data.
 fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
     let verdict = Verdict::of(findings);
     let allowed = stability.allow_unstable;

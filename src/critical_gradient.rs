@@ -127,7 +127,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     Ok(lines.join("\n"))
 }
 
-/// The case with more changes.
+/// Returns the case with more changes.
 fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
     let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
     let directory = search.case.parent().unwrap_or(Path::new(""));
@@ -304,7 +304,7 @@ impl Inlet {
     }
 }
 
-/// Lowest head of another boundary, and how far its centre is from that of the inlet.
+/// Returns the lowest head of another boundary, and how far its centre is from that of the inlet.
 fn lowest(
     seepage: &Seepage,
     inlet: usize,
@@ -444,7 +444,7 @@ impl Searching<'_> {
     }
 }
 
-/// Grains that left up to a step and after it, and the mean porosity at the end.
+/// Returns grains that left up to a step and after it, and the mean porosity at the end.
 fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
     let removed = folder.join("removed.csv");
     let (mut early, mut late) = (0, 0);

@@ -59,7 +59,7 @@ fn yields(ranks: Option<OsString>, now: Option<OsString>) -> bool {
     ranks.is_some_and(|ranks| ranks != "1") && now.is_none()
 }
 
-/// The tunables with the word, given the switch of the system; none where there is nothing to ask for.
+/// Returns the tunables with the word, given the switch of the system; none if there is nothing to ask for.
 fn tunables(switch: &str, now: Option<OsString>) -> Option<OsString> {
     let word = format!("{NAME}=1");
     if !switch.contains("[madvise]") {

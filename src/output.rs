@@ -253,7 +253,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// The next step at which an output is due; `u64::MAX` if none is.
+    /// Returns the next step at which an output is due; `u64::MAX` if none is.
     #[must_use]
     pub fn next_due(&self) -> u64 {
         self.next

@@ -84,13 +84,13 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The steps nearest to the multiples of `interval` seconds.
+    /// Returns the steps nearest to the multiples of `interval` seconds.
     #[must_use]
     pub fn every(&self, interval: f64) -> Interval {
         Interval::new(interval, self.time_step)
     }
 
-    /// The fewest whole steps that take `interval` seconds or longer; at least 1.
+    /// Returns the fewest whole steps that take `interval` seconds or longer; at least 1.
     #[must_use]
     pub fn interval_to_steps(&self, interval: f64) -> u64 {
         steps(interval / self.time_step).max(1)
@@ -395,7 +395,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     })
 }
 
-/// A number of steps: the nearest whole number, if it is one to round-off, else the next.
+/// Returns a number of steps: the nearest whole number, if it is one to round-off, else the next.
 fn steps(x: f64) -> u64 {
     let nearest = x.round();
     let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);

@@ -21,7 +21,7 @@ pub fn commit() -> &'static str {
     BUILD.get().map_or("unknown", |[commit, _]| commit)
 }
 
-/// Profile, level of optimisation and target of the build.
+/// Returns the profile, level of optimisation and target of the build.
 #[must_use]
 pub fn profile() -> &'static str {
     BUILD.get().map_or("unknown", |[_, profile]| profile)

@@ -196,8 +196,9 @@ impl Scene {
         }
     }
 
-    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields
-    /// that both leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
+    /// Returns the scene as far as it can be resolved, with all findings. If it continues the state of another scene,
+    /// fields that both leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema
+    /// refuses.
     pub(crate) fn attempt<'a>(
         case: &'a Case,
         like: Option<&Self>,
@@ -374,14 +375,14 @@ impl Scene {
             || written.is_some_and(|grains| grains.displacement)
     }
 
-    /// Id of the first grain: the named bodies come first, then the blocks.
+    /// Returns the id of the first grain: the named bodies come first, then the blocks.
     #[must_use]
     pub fn first_grain(&self) -> u64 {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then
-    /// blocks.
+    /// Returns all polyhedra with their materials and whether they move by forces, in the order of their ids: bodies,
+    /// then blocks.
     pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
             let free = body.mobility == bodies::Mobility::Free;
@@ -393,7 +394,7 @@ impl Scene {
         bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
     }
 
-    /// The polyhedron of this id in its initial position.
+    /// Returns the polyhedron of this id in its initial position.
     #[must_use]
     pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
         let place = usize::try_from(id).ok()?;
@@ -421,7 +422,7 @@ impl Scene {
         }
     }
 
-    /// Density of a material [kg/m3]; zero where it has none.
+    /// Returns the density of a material [kg/m3]; zero where it has none.
     #[must_use]
     pub fn density(&self, material: usize) -> f64 {
         let known = self.materials.get(material);
@@ -612,8 +613,8 @@ pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }
 
-/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else
-/// of the first free body, else of the first body.
+/// Returns the material that walls and structures have where the case states none: that of the grains, else of the
+/// blocks, else of the first free body, else of the first body.
 pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
@@ -628,7 +629,7 @@ pub(crate) fn usual_material(case: &Case) -> Option<&str> {
         .map(String::as_str)
 }
 
-/// The index of a material, or a finding.
+/// Returns the index of a material, or a finding.
 pub(crate) fn material(
     names: &[String],
     name: &str,

@@ -91,7 +91,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         self.flow.as_ref().and_then(Water::seepage)
     }
 
-    /// Physical time [s].
+    /// Returns the physical time [s].
     fn time(&self) -> f64 {
         crate::number::real(self.step) * self.plan.clock.time_step
     }
@@ -135,7 +135,7 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
-    /// The present state.
+    /// Returns the present state.
     #[must_use]
     pub fn view(&self) -> View<'_, Sp> {
         self.now.view()

@@ -76,7 +76,7 @@ pub struct Members {
 }
 
 impl Members {
-    /// The runs of the estimate of a case.
+    /// Returns the runs of the estimate of a case.
     ///
     /// # Errors
     /// [`Error::Case`] where no other grid can run.
@@ -128,7 +128,8 @@ impl Members {
         Ok(members)
     }
 
-    /// The grids by one rule of the time step; those that a plan refuses are there without a case that can be run.
+    /// Returns the grids by one rule of the time step; those that a plan refuses are there without a case that can be
+    /// run.
     fn scaled(
         plan: &Plan,
         stated: &Value,
@@ -229,7 +230,7 @@ impl Members {
         }
     }
 
-    /// Planned time of each run on one core \[s\], and of all.
+    /// Returns the planned time of each run on one core \[s\], and of all.
     #[must_use]
     pub fn costs(&self) -> (Vec<(&str, f64)>, f64) {
         let seconds = |member: &Member| member.prepared.as_ref().map_or(0.0, |p| p.seconds);
@@ -242,7 +243,7 @@ impl Members {
         (costs, sum)
     }
 
-    /// The costs as lines of a plan.
+    /// Returns the costs as lines of a plan.
     #[must_use]
     pub fn cost_lines(&self) -> String {
         let (costs, sum) = self.costs();
@@ -271,7 +272,7 @@ impl Members {
         }
     }
 
-    /// The costs for a plan as JSON.
+    /// Returns the costs for a plan as JSON.
     #[must_use]
     pub fn cost_json(&self) -> Value {
         let (costs, sum) = self.costs();
@@ -300,7 +301,7 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// A run of a changed case on a machine of this speed; its input files have absolute paths already.
+/// Returns a run of a changed case on a machine of this speed; its input files have absolute paths already.
 fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {
@@ -379,7 +380,7 @@ pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Tab
 /// Grids that an estimate needs.
 const MOST_GRIDS: usize = 3;
 
-/// The places in the list of the grids that were run and have no answers.
+/// Returns the places in the list of the grids that were run and have no answers.
 fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     let places = members.grids.iter().map(|(_, place)| *place);
     let failed = places.filter(|&place| {

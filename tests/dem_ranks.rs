@@ -33,7 +33,7 @@ fn example() -> PathBuf {
 
 const SCENES: [&str; 5] = ["colliding", "periodic", "bonded", "giant", "blocks"];
 
-/// The hash of each scene; all scenes in one job, for a start takes longer than a scene.
+/// Returns the hash of each scene; all scenes in one job, for a start takes longer than a scene.
 fn hashes(ranks: usize, axis: &str) -> Vec<String> {
     let output = Command::new("timeout")
         .args(["--kill-after=5", "100", "mpirun", "--oversubscribe", "-n"])

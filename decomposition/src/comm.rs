@@ -116,14 +116,15 @@ impl World {
         })
     }
 
-    /// A handle to all ranks of the job.
+    /// Returns a handle to all ranks of the job.
     #[must_use]
     pub fn communicator(&self) -> Communicator {
         self.communicator.clone()
     }
 }
 
-/// Name and version of the MPI library that this program is linked with, one line; MPI need not have been started.
+/// Returns the name and version of the MPI library that this program is linked with, one line; MPI need not have been
+/// started.
 #[must_use]
 pub fn mpi_library() -> String {
     let (major, minor) = environment::version();
@@ -285,7 +286,7 @@ impl Communicator {
         }
     }
 
-    /// The number of this rank, from 0.
+    /// Returns the number of this rank, from 0.
     #[must_use]
     pub fn rank(&self) -> usize {
         match &self.kind {
@@ -295,7 +296,7 @@ impl Communicator {
         }
     }
 
-    /// The number of ranks, at least 1.
+    /// Returns the number of ranks, at least 1.
     #[must_use]
     pub fn size(&self) -> usize {
         match &self.kind {
@@ -305,7 +306,7 @@ impl Communicator {
         }
     }
 
-    /// MPI's handle for libraries that speak MPI themselves; `None` without MPI.
+    /// Returns MPI's handle for libraries that speak MPI themselves; `None` without MPI.
     #[must_use]
     pub fn raw(&self) -> Option<RawCommunicator> {
         match &self.kind {
@@ -314,7 +315,7 @@ impl Communicator {
         }
     }
 
-    /// The channels of a rank that is a thread.
+    /// Returns the channels of a rank that is a thread.
     pub(crate) fn post(&self) -> Option<&Post> {
         match &self.kind {
             Kind::Threads(post) => Some(post),
@@ -322,7 +323,7 @@ impl Communicator {
         }
     }
 
-    /// A rank that is a thread.
+    /// Returns a rank that is a thread.
     pub(crate) fn of_thread(post: Post) -> Self {
         Self {
             kind: Kind::Threads(Rc::new(post)),
@@ -330,7 +331,7 @@ impl Communicator {
         }
     }
 
-    /// Name and version of the MPI library, one line, for logs and provenance.
+    /// Returns the name and version of the MPI library, one line, for logs and provenance.
     #[must_use]
     pub fn mpi_version(&self) -> String {
         if self.raw().is_none() {
@@ -445,7 +446,7 @@ impl Communicator {
         values[0]
     }
 
-    /// Smallest value of all ranks; -0.0 counts as smaller than 0.0, and NaN on any rank gives NaN.
+    /// Returns the smallest value of all ranks; -0.0 counts as smaller than 0.0, and NaN on any rank gives NaN.
     #[must_use]
     pub fn all_reduce_min_f64(&self, value: f64) -> f64 {
         let key = if value.is_nan() {
@@ -456,7 +457,7 @@ impl Communicator {
         unordered(self.reduce_one(key, Reduction::Min))
     }
 
-    /// Largest value of all ranks; 0.0 counts as larger than -0.0, and NaN on any rank gives NaN.
+    /// Returns the largest value of all ranks; 0.0 counts as larger than -0.0, and NaN on any rank gives NaN.
     #[must_use]
     pub fn all_reduce_max_f64(&self, value: f64) -> f64 {
         let key = if value.is_nan() {
@@ -467,38 +468,38 @@ impl Communicator {
         unordered(self.reduce_one(key, Reduction::Max))
     }
 
-    /// Smallest value of all ranks.
+    /// Returns the smallest value of all ranks.
     #[must_use]
     pub fn all_reduce_min_i64(&self, value: i64) -> i64 {
         self.reduce_one(value, Reduction::Min)
     }
 
-    /// Largest value of all ranks.
+    /// Returns the largest value of all ranks.
     #[must_use]
     pub fn all_reduce_max_i64(&self, value: i64) -> i64 {
         self.reduce_one(value, Reduction::Max)
     }
 
-    /// Sum over all ranks, modulo 2^64.
+    /// Returns the sum over all ranks, modulo 2^64.
     #[must_use]
     pub fn all_reduce_sum_i64(&self, value: i64) -> i64 {
         // Through unsigned numbers, whose overflow is defined in C as well.
         self.all_reduce_sum_u64(value.cast_unsigned()).cast_signed()
     }
 
-    /// Smallest value of all ranks.
+    /// Returns the smallest value of all ranks.
     #[must_use]
     pub fn all_reduce_min_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Min)
     }
 
-    /// Largest value of all ranks.
+    /// Returns the largest value of all ranks.
     #[must_use]
     pub fn all_reduce_max_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Max)
     }
 
-    /// Sum over all ranks, modulo 2^64.
+    /// Returns the sum over all ranks, modulo 2^64.
     #[must_use]
     pub fn all_reduce_sum_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Sum)
@@ -510,7 +511,7 @@ impl Communicator {
         self.reduce(bytemuck::cast_slice_mut::<i64, u64>(values), Reduction::Sum);
     }
 
-    /// Sum over all ranks, modulo 2^128.
+    /// Returns the sum over all ranks, modulo 2^128.
     #[must_use]
     pub fn all_reduce_sum_u128(&self, value: u128) -> u128 {
         let mut values = [value];
@@ -549,8 +550,8 @@ impl Communicator {
         self.all_reduce_min_i64(i64::from(value)) == 1
     }
 
-    /// Sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a
-    /// global list, and how long that list is.
+    /// Returns the sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a global
+    /// list, and how long that list is.
     #[must_use]
     pub fn exclusive_scan_u64(&self, value: u64) -> (u64, u64) {
         if self.post().is_some() {
@@ -649,7 +650,7 @@ impl Communicator {
         }
     }
 
-    /// The bytes of every rank, by rank, on rank `root`; `None` on the others.
+    /// Returns the bytes of every rank, by rank, on rank `root`; `None` on the others.
     #[must_use]
     pub fn gather_bytes(&self, root: usize, bytes: &[u8]) -> Option<Vec<Vec<u8>>> {
         if let Some(post) = self.post() {
@@ -679,7 +680,7 @@ impl Communicator {
         Some(parts)
     }
 
-    /// The bytes of every rank, by rank, on every rank.
+    /// Returns the bytes of every rank, by rank, on every rank.
     #[must_use]
     pub fn all_gather_bytes(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let lengths = self.all_gather_u64(bytes.len() as u64);
@@ -695,7 +696,7 @@ impl Communicator {
         parts
     }
 
-    /// One number of every rank, by rank, on every rank.
+    /// Returns one number of every rank, by rank, on every rank.
     #[must_use]
     pub fn all_gather_u64(&self, value: u64) -> Vec<u64> {
         if let Some(post) = self.post() {
@@ -896,19 +897,19 @@ fn pieces(bytes: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
         .map(move |start| start..bytes.min(start + limit))
 }
 
-/// A float as an integer in the same order (that of `f64::total_cmp`).
+/// Returns a float as an integer in the same order (that of `f64::total_cmp`).
 fn ordered(value: f64) -> i64 {
     let bits = value.to_bits().cast_signed();
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
-/// The float that [`ordered`] made into `key`.
+/// Returns the float that [`ordered`] made into `key`.
 fn unordered(key: i64) -> f64 {
     let bits = key ^ ((key >> 63).cast_unsigned() >> 1).cast_signed();
     f64::from_bits(bits.cast_unsigned())
 }
 
-/// The lowest 32 bits.
+/// Returns the lowest 32 bits.
 fn low_digit(value: u128) -> u64 {
     (value & 0xffff_ffff) as u64
 }

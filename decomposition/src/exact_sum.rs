@@ -52,7 +52,7 @@ impl PartialEq for ExactSum {
 }
 
 impl ExactSum {
-    /// The sum of nothing.
+    /// Returns the empty sum.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -181,7 +181,7 @@ impl ExactSum {
         }
     }
 
-    /// The sum, rounded to nearest (ties to even).
+    /// Returns the sum, rounded to nearest (ties to even).
     #[must_use]
     pub fn value(&self) -> f64 {
         let special = self.special();
@@ -311,13 +311,13 @@ impl Fixed {
         self != Self::INVALID
     }
 
-    /// The sum in steps of 2^-62.
+    /// Returns the sum in steps of 2^-62.
     #[must_use]
     pub fn steps(self) -> i128 {
         self.0
     }
 
-    /// The sum, rounded to nearest; NaN if it is invalid.
+    /// Returns the sum, rounded to nearest; NaN if it is invalid.
     #[must_use]
     pub fn to_f64(self) -> f64 {
         if self.is_valid() {
@@ -409,8 +409,8 @@ mod tests {
         );
     }
 
-    /// The exact sum by another way: a list of floats without overlap (Shewchuk, Discrete Comput
-    /// Geom 18, 305 (1997)), rounded as in Python's `math.fsum`.
+    /// Returns the exact sum by another way: a list of floats without overlap (Shewchuk, Discrete Comput Geom 18, 305
+    /// (1997)), rounded as in Python's `math.fsum`.
     fn expansion_sum(values: &[f64]) -> f64 {
         let mut parts: Vec<f64> = Vec::new();
         for &value in values {

@@ -189,7 +189,7 @@ impl Persistent {
         })
     }
 
-    /// The requests as MPI takes them.
+    /// Returns the requests as MPI takes them.
     fn raw_requests(&self) -> *mut MPI_Request {
         // `Cell<T>` has the layout of `T` and may be written through a shared reference.
         self.requests.as_ptr().cast::<MPI_Request>().cast_mut()
@@ -272,7 +272,7 @@ impl Persistent {
         typed_mut(self.sends[index].slice_mut())
     }
 
-    /// Received message number `index`.
+    /// Returns the received message number `index`.
     pub(crate) fn received<T: Pod>(&self, index: usize) -> &[T] {
         self.finish();
         typed(self.receives[index].slice())

@@ -88,7 +88,7 @@ impl Group for Ranks {
     }
 }
 
-/// Rank `rank`'s share of `n` things: all but rank 1 take part, so that one rank is empty where there are several.
+/// Returns rank `rank`'s share of `n` items: all but rank 1 take part, so that one rank is empty if there are several.
 fn part_of_rank(n: usize, group: &dyn Group) -> (usize, usize) {
     let (rank, size) = (group.rank(), group.size());
     if size < 2 {
@@ -370,7 +370,7 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
     read_checkpoint(folder, 5, group, mode)
 }
 
-/// Ask the system to refuse files above `bytes` in this process: a disk that fails while it is written.
+/// Asks the system to refuse files above `bytes` in this process: a disk that fails while it is written.
 fn limit_files(bytes: u64) {
     let limit = libc::rlimit {
         rlim_cur: bytes,

@@ -124,7 +124,7 @@ impl Manifest {
         Ok(all)
     }
 
-    /// Read a manifest and make sure that it is, byte for byte, the one that was written.
+    /// Reads a manifest and makes sure that it is, byte for byte, the one that was written.
     fn read(path: &Path) -> Result<Self> {
         let bytes = plain::bytes(path, LONGEST)?;
         let signed: Signed = serde_json::from_slice(&bytes).map_err(|e| {
@@ -275,7 +275,7 @@ fn manifest_path(folder: &Path, step: u64) -> PathBuf {
     folder.join(format!("checkpoint_{step:09}.json"))
 }
 
-/// Write a checkpoint and keep the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
+/// Writes a checkpoint and keeps the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
 ///
 /// # Errors
 /// The same on all ranks, and the checkpoints there were before are untouched: [`Error::Space`] before anything is
@@ -364,7 +364,7 @@ fn check_name(name: &str) -> Result<()> {
     name.split('/').try_for_each(crate::data::check_name)
 }
 
-/// The next serial number, and a file name that no manifest uses: where the step is written again, its present
+/// Returns the next serial number, and a file name that no manifest uses: where the step is written again, its present
 /// checkpoint stays whole until the manifest is replaced.
 fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
     let known = intact(folder)?;
@@ -375,7 +375,7 @@ fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
     Ok((serial, if used { other } else { plain }))
 }
 
-/// The manifests of a folder that match their own hash, with their paths.
+/// Returns the manifests of a folder that match their own hash, with their paths.
 fn intact(folder: &Path) -> Result<Vec<(PathBuf, Manifest)>> {
     Ok(manifests(folder)?
         .into_iter()
@@ -397,7 +397,7 @@ fn manifests(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// Every rank's boxes and checksums: for each array, one block per rank.
+/// Returns every rank's boxes and checksums: for each array, one block per rank.
 fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>> {
     let mine: Vec<Block> = arrays
         .iter()
@@ -421,7 +421,7 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>>
     Ok(by_array)
 }
 
-/// The checksum of this rank's numbers, in pieces where they are made.
+/// Returns the checksum of this rank's numbers, in pieces where they are made.
 fn crc_of_numbers(array: &Array) -> u32 {
     let mut sum = crc32fast::Hasher::new();
     let pieces = hdf::Pieces::new(&array.start, &array.count, array.data.kind().size());
@@ -450,8 +450,8 @@ fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
         .collect()
 }
 
-/// Compare what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where it
-/// wrote for all. MPI-IO layers have written wrong files without an error.
+/// Compares what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where
+/// it wrote for all. MPI-IO layers have written wrong files without an error.
 fn read_back(
     part: &Path,
     arrays: &[Array],
@@ -523,7 +523,7 @@ fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &Block) -> Re
     .map_err(|e| Error::hdf(path, "read a block back", &e))
 }
 
-/// Keep the last `keep` checkpoints; remove older ones, manifest first, and HDF5 files that nothing names.
+/// Keeps the last `keep` checkpoints; removes older ones, manifest first, and HDF5 files that nothing names.
 fn remove_old(folder: &Path, keep: usize) -> Result<()> {
     let mut known = intact(folder)?;
     known.sort_by_key(|k| std::cmp::Reverse(k.1.serial));
@@ -559,7 +559,7 @@ pub struct Found {
     pub passed_over: Vec<String>,
 }
 
-/// The newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
+/// Returns the newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
 /// [`Error::NoCheckpoint`], with what was wrong with each, or the system's error for the folder.
@@ -618,7 +618,7 @@ pub fn newest_that(
     })
 }
 
-/// One named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
+/// Returns one named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
 /// [`Error::Corrupt`] with what does not fit, or the system's error.
@@ -714,7 +714,7 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
 const MOST_NAMES: usize = 10_000;
 
 impl<'g> Reader<'g> {
-    /// Open for this rank alone: it reads what and when it likes.
+    /// Opens a checkpoint for this rank alone, which then reads independently of others.
     ///
     /// # Errors
     /// [`Error::Hdf`].
@@ -731,8 +731,8 @@ impl<'g> Reader<'g> {
         })
     }
 
-    /// Open together: every rank then makes the same calls in the same order, each with its own box, gets the same
-    /// error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
+    /// Opens a checkpoint together: every rank then makes the same calls in the same order, each with its own box, gets
+    /// the same error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
     ///
     /// # Errors
     /// [`Error::Hdf`] or [`Error::Broken`], on all ranks.
@@ -769,7 +769,7 @@ impl<'g> Reader<'g> {
         &self.manifest.attributes
     }
 
-    /// An array's shape.
+    /// Returns an array's shape.
     ///
     /// # Errors
     /// [`Error::Invalid`] where there is no such array.
@@ -787,7 +787,7 @@ impl<'g> Reader<'g> {
             })
     }
 
-    /// Read a box into a slice of the array's own number type.
+    /// Reads a box into a slice of the array's own number type.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the array is missing, has another number type, or the box or the slice does not
@@ -852,7 +852,7 @@ impl<'g> Reader<'g> {
         Ok(())
     }
 
-    /// Read a box.
+    /// Reads a box.
     ///
     /// # Errors
     /// As [`Reader::read_into`].
@@ -867,7 +867,7 @@ impl<'g> Reader<'g> {
         Ok(numbers)
     }
 
-    /// Read a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its
+    /// Reads a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its
     /// numbers.
     ///
     /// # Errors
@@ -897,7 +897,7 @@ impl<'g> Reader<'g> {
         Ok(())
     }
 
-    /// Read a whole array.
+    /// Reads a whole array.
     ///
     /// # Errors
     /// As [`Reader::read_into`].
@@ -906,7 +906,7 @@ impl<'g> Reader<'g> {
         self.read(name, &vec![0; shape.len()], &shape)
     }
 
-    /// Close the file; needed where it was opened together.
+    /// Closes the file; needed where it was opened together.
     ///
     /// # Errors
     /// [`Error::Hdf`].

@@ -20,7 +20,7 @@ pub struct Reader<'t> {
 }
 
 impl<'t> Reader<'t> {
-    /// A reader of a text; none where there is no line of names.
+    /// Returns a reader of a text; none if there is no line of names.
     #[must_use]
     pub fn new(text: &'t str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}');
@@ -53,19 +53,19 @@ impl<'t> Reader<'t> {
         Some(reader)
     }
 
-    /// The names of the columns.
+    /// Returns the names of the columns.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
         self.names.iter().collect()
     }
 
-    /// The place of a column.
+    /// Returns the index of a column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
 
-    /// The units, where a line gave them above the rows read so far.
+    /// Returns the units, where a line gave them above the rows read so far.
     #[must_use]
     pub fn units(&self) -> Vec<&str> {
         self.units.iter().flatten().map(uncommented).collect()
@@ -120,24 +120,24 @@ pub struct Row<'r> {
 }
 
 impl Row<'_> {
-    /// The line of the text, from 1.
+    /// Returns the line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
         line(self.cells, self.text)
     }
 
-    /// The cells.
+    /// Returns the cells.
     pub fn cells(&self) -> impl Iterator<Item = &str> {
         self.cells.iter().map(str::trim)
     }
 
-    /// The text of a cell; none where the row is shorter.
+    /// Returns the text of a cell; none if the row is shorter.
     #[must_use]
     pub fn text(&self, column: usize) -> Option<&str> {
         self.cells.get(column).map(str::trim)
     }
 
-    /// The finite number in a column.
+    /// Returns the finite number in a column.
     ///
     /// # Errors
     /// The line, the column and the value.
@@ -155,7 +155,7 @@ impl Row<'_> {
             })
     }
 
-    /// The row as a struct whose fields have the names of the columns.
+    /// Returns the row as a struct whose fields have the names of the columns.
     ///
     /// # Errors
     /// The line, the column and the value that does not fit it.
@@ -201,7 +201,7 @@ pub fn push_line<C: AsRef<str>>(text: &mut String, cells: impl IntoIterator<Item
     }
 }
 
-/// The step with which a line begins.
+/// Returns the step with which a line begins.
 #[must_use]
 pub fn step_of(line: &str) -> Option<u64> {
     line.split(',').next()?.trim_end().parse().ok()

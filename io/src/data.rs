@@ -26,7 +26,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Bytes of one number.
+    /// Returns the size of one number in bytes.
     #[must_use]
     pub fn size(self) -> usize {
         match self {
@@ -79,7 +79,7 @@ mod sealed {
 pub trait Element: sealed::Sealed + Copy + Default + 'static {
     /// Which.
     const KIND: Kind;
-    /// The slice as typed data.
+    /// Returns the slice as typed data.
     fn data(slice: &[Self]) -> Data<'_>;
 }
 
@@ -126,7 +126,7 @@ impl<'a, T: Element> From<&'a Vec<T>> for Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// The number type.
+    /// Returns the number type.
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
@@ -151,7 +151,7 @@ impl<'a> Data<'a> {
         self.bytes().is_empty()
     }
 
-    /// The numbers as they lie in memory.
+    /// Returns the numbers as they lie in memory.
     #[must_use]
     pub fn bytes(&self) -> &'a [u8] {
         match self {
@@ -167,7 +167,7 @@ impl<'a> Data<'a> {
 
 /// Numbers that are made while they are written, a piece at a time, so that nothing holds all of them.
 pub trait Make {
-    /// The number type.
+    /// Returns the number type.
     fn kind(&self) -> Kind;
     /// Returns the number of values.
     fn count(&self) -> usize;
@@ -238,7 +238,7 @@ impl std::fmt::Debug for Numbers<'_> {
 }
 
 impl Numbers<'_> {
-    /// The number type.
+    /// Returns the number type.
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
@@ -325,7 +325,7 @@ impl Column<'_> {
         Ok(())
     }
 
-    /// The shape of an array over places of shape `places`, with the component last where there are several.
+    /// Returns the shape of an array over places of shape `places`, with the component last where there are several.
     pub(crate) fn shaped(&self, places: &[usize]) -> Vec<usize> {
         let mut shape = places.to_vec();
         if self.components > 1 {
@@ -359,12 +359,12 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
     }
 }
 
-/// A count from a group, as an index.
+/// Returns a count from a group, as an index.
 pub(crate) fn index(n: u64) -> Result<usize> {
     usize::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }
 
-/// An index, as files hold it.
+/// Returns an index, as files hold it.
 pub(crate) fn signed(n: usize) -> Result<i64> {
     i64::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }

@@ -13,15 +13,15 @@ pub trait Group {
     fn rank(&self) -> usize;
     /// Returns the number of ranks.
     fn size(&self) -> usize;
-    /// The communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
+    /// Returns the communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
     fn raw(&self) -> Option<mpi_sys::MPI_Comm>;
     /// Returns `true` if `ok` is true on all ranks.
     fn all_ok(&self, ok: bool) -> bool;
-    /// Sum of `n` over the ranks before me, and over all.
+    /// Returns the sum of `n` over the ranks before this one, and over all.
     fn offset_and_total(&self, n: u64) -> (u64, u64);
     /// Everyone's bytes, in order of rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
-    /// Wait for all.
+    /// Waits for all.
     fn barrier(&self);
     /// Called on a rank whose part of a joint HDF5 call failed, before it tries to agree with the others: these may be
     /// waiting for it inside that call, where no agreement reaches them. An MPI program reports the error and calls
@@ -81,7 +81,7 @@ pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
     Err(Error::invalid("a rank", "failed without a message"))
 }
 
-/// Run `work` on rank 0 and give its result to every rank.
+/// Runs `work` on rank 0 and gives its result to every rank.
 ///
 /// # Errors
 /// Rank 0's error, on every rank.

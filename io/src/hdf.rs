@@ -39,7 +39,7 @@ pub enum Mode {
     Gather,
 }
 
-/// Version of the HDF5 library that this program is linked with.
+/// Returns the version of the HDF5 library that this program is linked with.
 #[must_use]
 pub fn version() -> String {
     let (major, minor, patch) = hdf5::library_version();
@@ -58,8 +58,8 @@ pub fn features() -> Vec<&'static str> {
 }
 
 impl Mode {
-    /// The communicator for the MPI driver where this mode and this group use it. One rank alone writes serially:
-    /// the same bytes, and closing after an error cannot hang.
+    /// Returns the communicator for the MPI driver where this mode and this group use it. One rank alone writes
+    /// serially: the same bytes, and closing after an error cannot hang.
     fn communicator(self, group: &dyn Group) -> Option<mpi_sys::MPI_Comm> {
         match self {
             Self::Collective if group.size() > 1 => group.raw(),
@@ -122,7 +122,7 @@ pub struct Content<'a> {
 }
 
 impl<'a> Content<'a> {
-    /// Add a group.
+    /// Adds a group.
     pub fn folder(&mut self, path: &str, attributes: &[(&str, Attribute)]) {
         self.folders.push(Folder {
             path: path.to_owned(),
@@ -133,7 +133,7 @@ impl<'a> Content<'a> {
         });
     }
 
-    /// Add a group of texts, the same on all ranks: attributes, or byte datasets for the long ones (a case text).
+    /// Adds a group of texts, the same on all ranks: attributes, or byte datasets for the long ones (a case text).
     pub fn texts(&mut self, path: &str, texts: &'a [(String, String)], group: &dyn Group) {
         let (short, long): (Vec<_>, Vec<_>) = texts.iter().partition(|t| t.1.len() <= LONGEST_TEXT);
         self.folders.push(Folder {
@@ -157,7 +157,7 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// Bytes of all datasets together and a generous allowance for what describes them.
+    /// Returns the bytes of all datasets together and a generous allowance for what describes them.
     fn bytes(&self) -> u64 {
         let data: u64 = self
             .parts
@@ -260,7 +260,7 @@ pub(crate) fn product(shape: &[usize]) -> usize {
     shape.iter().fold(1, |n, &m| n.saturating_mul(m))
 }
 
-/// Write a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
+/// Writes a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
 ///
 /// # Errors
 /// The same on all ranks: [`Error::Space`], [`Error::Io`] and [`Error::Invalid`] before anything is written,
@@ -310,7 +310,7 @@ pub(crate) fn write_part(
     Ok(())
 }
 
-/// Give a complete `.part` file its name.
+/// Gives a complete `.part` file its name.
 pub(crate) fn publish(path: &Path, group: &dyn Group) -> Result<()> {
     on_root(group, || atomic::publish(&atomic::part_of(path), path))
 }
@@ -450,7 +450,7 @@ fn write_piece(
         .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e))
 }
 
-/// The largest of the ranks' numbers.
+/// Returns the largest of the ranks' numbers.
 pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
@@ -550,14 +550,14 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// The pieces of a box of numbers of so many bytes.
+    /// Returns the pieces of a box of numbers of so many bytes.
     pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         let row = product(&count[axis + 1..]);
         Self::of_rows(start, count, row, PIECE / (row * size).max(1))
     }
 
-    /// The box as one piece.
+    /// Returns the box as one piece.
     fn whole(start: &[usize], count: &[usize]) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         Self::of_rows(start, count, product(&count[axis + 1..]), count[axis])
@@ -600,7 +600,7 @@ impl Pieces {
         from * self.row..to * self.row
     }
 
-    /// Start and count of a piece.
+    /// Returns start and count of a piece.
     pub(crate) fn place(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
         let (from, to) = self.span(round);
         let (mut start, mut count) = (self.start.clone(), self.count.clone());
@@ -705,7 +705,7 @@ impl Drop for TransferList {
     }
 }
 
-/// The file's and the memory's dataspace with one box selected, or nothing where the box is empty.
+/// Returns the file's and the memory's dataspace with one box selected, or nothing if the box is empty.
 fn select(
     dataset: &Dataset,
     start: &[usize],
@@ -744,7 +744,7 @@ fn select(
     Ok((space, memory))
 }
 
-/// Write one box from bytes that have the dataset's own type.
+/// Writes one box from bytes that have the dataset's own type.
 fn write_box(
     dataset: &Dataset,
     start: &[usize],
@@ -773,7 +773,7 @@ fn write_box(
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Read one box, converted to `T`.
+/// Reads one box, converted to `T`.
 pub(crate) fn read_box<T: crate::Element>(
     dataset: &Dataset,
     start: &[usize],
@@ -802,7 +802,7 @@ pub(crate) fn read_box<T: crate::Element>(
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Open a complete file to read: together through the MPI driver, or each rank for itself.
+/// Opens a complete file to read: together through the MPI driver, or each rank for itself.
 pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Result<File> {
     let opened = match communicator {
         Some(communicator) => File::with_options()
@@ -824,7 +824,7 @@ pub(crate) fn communicator(group: &dyn Group, mode: Mode) -> Option<mpi_sys::MPI
     mode.communicator(group)
 }
 
-/// The dataset's number type, where it is one of ours.
+/// Returns the dataset's number type, where it is one of ours.
 pub(crate) fn kind_of(dataset: &Dataset) -> hdf5::Result<Option<Kind>> {
     // A type this crate does not know (a compound, say) has no descriptor: none, not an error.
     Ok(dataset

@@ -28,7 +28,7 @@ pub struct Image<'a> {
     pub fields: Vec<Column<'a>>,
 }
 
-/// Write one output of a lattice. Called by all ranks.
+/// Writes one output of a lattice. Called by all ranks.
 ///
 /// # Errors
 /// As [`hdf::write`].
@@ -113,7 +113,7 @@ pub struct ImageInfo {
     pub columns: Vec<crate::fields::DatasetInfo>,
 }
 
-/// Read what a lattice file holds; [`crate::fields::read_column`] reads the numbers.
+/// Reads the description of a lattice file; [`crate::fields::read_column`] reads the numbers.
 ///
 /// # Errors
 /// [`Error::Hdf`] where it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.

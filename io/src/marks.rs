@@ -85,7 +85,7 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
     }
 }
 
-/// Cut tables back to their marks. Every table is looked at before the first is cut; those that are gone are returned.
+/// Cuts tables back to their marks. Every table is checked before the first is cut; those that are gone are returned.
 ///
 /// # Errors
 /// As [`check`].
@@ -104,7 +104,7 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(gone)
 }
 
-/// Compare tables with their marks and leave what came after them; those that are gone are returned.
+/// Compares tables with their marks and leaves what came after them; those that are gone are returned.
 ///
 /// # Errors
 /// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.

@@ -54,7 +54,7 @@ impl Cells<'_> {
     }
 }
 
-/// Write one output of a mesh. Called by all ranks.
+/// Writes one output of a mesh. Called by all ranks.
 ///
 /// # Errors
 /// As [`hdf::write`].
@@ -158,7 +158,7 @@ pub fn write(
 /// the two formats share everything else.
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
-/// A dataset of one integer, held by rank 0.
+/// Returns a dataset of one integer, held by rank 0.
 fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
     let held = usize::from(root);
     Part {

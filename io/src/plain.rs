@@ -39,7 +39,7 @@ fn kind(kind: fs::FileType) -> &'static str {
     }
 }
 
-/// Open a plain file of at most `limit` bytes to read it; also its length.
+/// Opens a plain file of at most `limit` bytes to read it; also its length.
 ///
 /// # Errors
 /// The system's error, or [`Error::Io`] with the reason where the file is not plain or too long.
@@ -69,7 +69,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     Ok((file, length))
 }
 
-/// All bytes of a plain file of at most `limit` bytes.
+/// Returns all bytes of a plain file of at most `limit` bytes.
 ///
 /// # Errors
 /// As [`open`].

@@ -50,7 +50,7 @@ fn length(text: &str) -> Option<f64> {
 }
 
 impl Unit {
-    /// The unit that numbers have without one.
+    /// Returns the unit that numbers have without one.
     const fn name(self) -> &'static str {
         match self {
             Self::Length => "m",
@@ -62,7 +62,7 @@ impl Unit {
         }
     }
 
-    /// Divisor that converts numbers of a unit to SI; none for a unit of another dimension.
+    /// Returns the divisor that converts numbers of a unit to SI; none for a unit of another dimension.
     fn divisor(self, written: &str) -> Option<f64> {
         let text: String = written
             .chars()
@@ -141,7 +141,7 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Sign between the cells of a line.
+/// Returns the sign between the cells of a line.
 fn separator(line: &str) -> u8 {
     match line.trim() {
         line if line.contains(';') => b';',
@@ -226,7 +226,7 @@ fn numeric(cells: &[String]) -> bool {
     !cells.is_empty() && cells.iter().all(number)
 }
 
-/// Names of columns in a comment, if one of them is known.
+/// Returns the names of columns in a comment, if one of them is known.
 fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<String>> {
     let text = uncommented(line);
     let names = match text.strip_prefix("format ") {

@@ -13,8 +13,8 @@ use crate::image;
 use crate::mesh::MIXED;
 use crate::moment::Moment;
 
-/// The `<Grid>` of one heavy file and when it was written. The text is empty where the file holds no cells: readers
-/// complain about empty grids, so the index leaves them out.
+/// Returns the `<Grid>` of one heavy file and when it was written. The text is empty if the file holds no cells:
+/// readers complain about empty grids, so the index leaves them out.
 pub(crate) fn grid(path: &Path) -> Result<(Moment, String)> {
     let info = inspect(path)?;
     let when = Moment::of(&info, path)?;
@@ -35,7 +35,7 @@ fn stem(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-/// The first line of a grid; [`crate::series`] reads the time back from it.
+/// Returns the first line of a grid; [`crate::series`] reads the time back from it.
 fn head(path: &Path, when: Moment) -> String {
     format!(
         "  <Grid Name=\"{}\" GridType=\"Uniform\"><Time Value=\"{:?}\"/>\n",

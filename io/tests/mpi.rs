@@ -65,7 +65,7 @@ fn names(folder: &Path) -> Vec<String> {
     all
 }
 
-/// Everything in an HDF5 file: the description, and the numbers of every dataset as bits.
+/// Returns everything in an HDF5 file: the description, and the numbers of every dataset as bits.
 fn content(path: &Path) -> (fields::FileInfo, Vec<Vec<u64>>) {
     let mut info = fields::inspect(path).unwrap();
     info.datasets.sort_by(|a, b| a.path.cmp(&b.path));

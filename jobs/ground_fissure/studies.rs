@@ -151,7 +151,7 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
     save(&results.join(format!("study_{}.svg", study.name)), &svg)
 }
 
-/// A finished run; none where there is none.
+/// Returns a finished run; none if there is none.
 fn read(folder: &Path, value: &'static str) -> Option<Member> {
     let summary = json(&folder.join("summary.json"))?;
     if summary["outcome"] != "done" {
@@ -233,12 +233,12 @@ fn bed(table: &mut String, soil: &str, value: &str, runs: &Path) -> Result<(), E
     Ok(())
 }
 
-/// Porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair: away from
-/// the barrier and from the surface.
+/// Returns the porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair:
+/// away from the barrier and from the surface.
 fn porosity(sample: &str) -> f64 {
     const BETWEEN: [f64; 2] = [0.015, 0.035];
     const LENGTH: f64 = 0.1;
-    /// Half the width at height z: 4 mm at 10 mm, 18 mm at 45 mm.
+    /// Returns half the width at height z: 4 mm at 10 mm, 18 mm at 45 mm.
     fn half_width(z: f64) -> f64 {
         0.004 + 0.4 * (z - 0.01)
     }

@@ -89,7 +89,7 @@ fn row(text: &mut String, o: &Outcome, commit: &str, machine: &str) {
     );
 }
 
-/// The commit of the sources, with a mark where they differ from it.
+/// Returns the commit of the sources, with a mark where they differ from it.
 fn commit() -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git")

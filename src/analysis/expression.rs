@@ -10,7 +10,7 @@ pub const LONGEST: usize = 10_000;
 /// Brackets, signs and powers within each other at most.
 pub const DEEPEST: usize = 100;
 
-/// The value of an expression; `lookup` gives the values of names.
+/// Returns the value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
 /// What cannot be read, with the expression.
@@ -41,7 +41,7 @@ pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64,
     }
 }
 
-/// The beginning of a formula, in quotes.
+/// Returns the beginning of a formula, in quotes.
 #[must_use]
 pub fn excerpt(text: &str) -> String {
     if text.len() <= 200 {
@@ -175,7 +175,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Bytes of the number or name at the front; an exponent may have a sign.
+    /// Returns the bytes of the number or name at the front; an exponent may have a sign.
     fn word_length(&self) -> usize {
         let bytes = self.rest.as_bytes();
         let number = bytes

@@ -108,7 +108,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Two columns of a CSV file: coordinate and value.
+    /// Returns two columns of a CSV file: coordinate and value.
     ///
     /// # Errors
     /// What cannot be read.
@@ -143,8 +143,8 @@ impl Profile {
 }
 
 impl Measure {
-    /// The number, from the output folder of a run. `beside` is where tables of references lie, `known` gives numbers
-    /// named before.
+    /// Returns the number, from the output folder of a run. `beside` is where tables of references lie, `known` gives
+    /// numbers named before.
     ///
     /// # Errors
     /// What cannot be read or is not there.
@@ -188,7 +188,7 @@ impl Measure {
         }
     }
 
-    /// The values of the last time over a coordinate.
+    /// Returns the values of the last time over a coordinate.
     ///
     /// # Errors
     /// What cannot be read or is not there.
@@ -227,7 +227,7 @@ impl Measure {
     }
 }
 
-/// A number of `summary.json`.
+/// Returns a number of `summary.json`.
 fn summary(output: &Path, path: &str) -> Result<f64, String> {
     let text = read(&output.join("summary.json"))?;
     let tree: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
@@ -304,7 +304,7 @@ fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
     2.0 * sum / real(values.len())
 }
 
-/// Cubic through the four points nearest to `at`; `x` grows.
+/// Returns the cubic through the four points nearest to `at`; `x` grows.
 fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
         return Err("a profile needs four or more points in rising order".into());
@@ -321,7 +321,7 @@ fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
         .sum())
 }
 
-/// Mean time between upward crossings of the mean.
+/// Returns the mean time between upward crossings of the mean.
 fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
     let mean = values.iter().sum::<f64>() / real(values.len());
     let crossings: Vec<f64> = time

@@ -182,13 +182,13 @@ pub fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
-/// The points that the law is fitted to.
+/// Returns the points that the law is fitted to.
 #[must_use]
 pub fn points(cohesion: &CohesionReport) -> Vec<RatePoint> {
     points_of(cohesion, cohesion.points, Stress::Gradient)
 }
 
-/// The windows, or the whole, of a run.
+/// Returns the windows, or the whole, of a run.
 #[must_use]
 pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
     match points {
@@ -197,7 +197,7 @@ pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
     }
 }
 
-/// The points of a reading.
+/// Returns the points of a reading.
 #[must_use]
 pub fn points_of(cohesion: &CohesionReport, points: Points, stress: Stress) -> Vec<RatePoint> {
     let mut all = Vec::new();
@@ -307,7 +307,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     })
 }
 
-/// The file as JSON; `None` where there is none.
+/// Returns the file as JSON; `None` where there is none.
 fn read_json(path: &Path) -> Result<Option<Value>, Error> {
     if !path.exists() {
         return Ok(None);
@@ -319,7 +319,7 @@ fn read_json(path: &Path) -> Result<Option<Value>, Error> {
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
 }
 
-/// The contents of the summary, from the case as written.
+/// Returns the contents of the summary, from the case as written.
 fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<ErosionSummary, Error> {
     let path = folder.join("case.json");
     let missing = |what: &str| Error::Io(format!("{}: {what}", path.display()));
@@ -367,7 +367,7 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     })
 }
 
-/// The value itself where it is written with its source.
+/// Returns the value itself where it is written with its source.
 fn bare(value: &Value) -> &Value {
     match value {
         Value::Object(map)

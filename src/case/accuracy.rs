@@ -20,7 +20,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// The target of the largest relative error of a force.
+    /// Returns the target of the largest relative error of a force.
     #[must_use]
     pub fn target(self) -> f64 {
         match self {
@@ -31,7 +31,7 @@ impl Accuracy {
         }
     }
 
-    /// The name of the level in a case.
+    /// Returns the name of the level in a case.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

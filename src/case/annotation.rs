@@ -18,7 +18,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// A source without a note.
+    /// Returns a source without a note.
     #[must_use]
     pub fn of(source: &str) -> Self {
         Self {
@@ -92,7 +92,7 @@ fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     Some((value, Source { source, note }))
 }
 
-/// A schema in which every property may also be annotated.
+/// Returns a schema in which every property may also be annotated.
 pub(crate) fn allow(mut schema: Value) -> Value {
     allow_in(&mut schema);
     schema

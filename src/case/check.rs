@@ -34,12 +34,12 @@ const LARGEST: f64 = 1e30;
 /// No quantity that must be above 0 is smaller than this, in any unit of the SI.
 const SMALLEST: f64 = 1e-30;
 
-/// The schema as it comes from the structs.
+/// Returns the schema as it comes from the structs.
 pub(crate) fn bare_schema() -> Value {
     schema_of::<super::Case>()
 }
 
-/// The schema of any text that is read as a tree.
+/// Returns the schema of any text that is read as a tree.
 pub(crate) fn schema_of<T: JsonSchema>() -> Value {
     SchemaGenerator::new(SchemaSettings::draft2020_12())
         .into_root_schema_for::<T>()
@@ -55,13 +55,13 @@ pub(crate) struct Checked {
     pub(crate) misshapen: bool,
 }
 
-/// All problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
+/// Returns all problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
 pub(crate) fn against_schema(tree: &mut Value) -> Checked {
     static ROOT: OnceLock<Value> = OnceLock::new();
     walk(ROOT.get_or_init(bare_schema), tree)
 }
 
-/// All problems of a tree with respect to a schema.
+/// Returns all problems of a tree with respect to a schema.
 pub(crate) fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
@@ -477,7 +477,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// The words a schema of strings allows; empty where any text is allowed.
+/// Returns the words a schema of strings allows; empty if any text is allowed.
 fn words(schema: &Value) -> Vec<&str> {
     let listed = schema.get("enum").and_then(Value::as_array);
     let single = schema.get("const");
@@ -532,7 +532,7 @@ fn wanted(schema: &Value) -> String {
     }
 }
 
-/// The first sentence of the documentation of a field, in brackets.
+/// Returns the first sentence of the documentation of a field, in brackets.
 fn about(schema: &Value) -> String {
     let text = schema
         .get("description")

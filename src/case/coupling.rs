@@ -15,7 +15,7 @@ pub enum Coupling {
 }
 
 impl Coupling {
-    /// Hydraulic radius of grains over their contact radius.
+    /// Returns the hydraulic radius of grains over their contact radius.
     #[must_use]
     pub fn hydraulic_radius_factor(&self) -> f64 {
         match self {
@@ -45,7 +45,7 @@ pub struct BounceBack {
 }
 
 impl BounceBack {
-    /// Solid neighbours from which a node drops the velocity of the surface; none where no node does.
+    /// Returns the solid neighbours from which a node drops the velocity of the surface; none if no node does.
     #[must_use]
     pub fn isolated(&self, dimension: usize) -> Option<u32> {
         let usual = if dimension == 2 { 5 } else { 0 };

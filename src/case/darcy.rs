@@ -91,7 +91,7 @@ pub struct Darcy {
 }
 
 impl Darcy {
-    /// The law of flow resistance.
+    /// Returns the law of flow resistance.
     #[must_use]
     pub fn resistance(&self) -> Resistance {
         self.resistance.unwrap_or(match self.equations {
@@ -100,7 +100,7 @@ impl Darcy {
         })
     }
 
-    /// The drag law.
+    /// Returns the drag law.
     #[must_use]
     pub fn drag(&self) -> DragLaw {
         self.drag.unwrap_or(match self.equations {
@@ -109,8 +109,8 @@ impl Darcy {
         })
     }
 
-    /// The largest porosity in the permeability [1]. Cells without grains have the permeability at this porosity:
-    /// nearly no resistance.
+    /// Returns the largest porosity in the permeability [1]. Cells without grains have the permeability at this
+    /// porosity: nearly no resistance.
     #[must_use]
     pub fn porosity_cap(&self) -> f64 {
         self.porosity_cap.unwrap_or(match self.equations {

@@ -148,7 +148,7 @@ pub const STUDY: Example = Example {
     text: include_str!("examples/sweep.json"),
 };
 
-/// The example of this name.
+/// Returns the example of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Example> {
     EXAMPLES.iter().find(|example| example.name == name)

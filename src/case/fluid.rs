@@ -182,7 +182,7 @@ pub enum TurbulenceChoice {
 }
 
 impl TurbulenceChoice {
-    /// The model, if it is one.
+    /// Returns the model, if it is one.
     #[must_use]
     pub fn model(self) -> Option<Turbulence> {
         match self {

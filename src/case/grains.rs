@@ -209,7 +209,7 @@ pub enum Grading {
 }
 
 impl Grading {
-    /// Smallest and largest radius [m].
+    /// Returns the smallest and largest radius [m].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         match self {
@@ -273,7 +273,7 @@ pub enum Radii {
 }
 
 impl Radii {
-    /// Smallest and largest radius [m].
+    /// Returns the smallest and largest radius [m].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         match self {
@@ -288,7 +288,7 @@ impl Radii {
         }
     }
 
-    /// Mean over the number of grains of a power of the radius, for discs (2) or spheres (3).
+    /// Returns the mean over the number of grains of a power of the radius, for discs (2) or spheres (3).
     #[must_use]
     pub fn mean_power(&self, power: i32, dimension: usize) -> f64 {
         match self {

@@ -282,7 +282,7 @@ pub enum FieldName {
 }
 
 impl FieldName {
-    /// Numbers per cell.
+    /// Returns the numbers per cell.
     #[must_use]
     pub fn components(self, dimension: usize) -> usize {
         match self {

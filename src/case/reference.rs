@@ -77,20 +77,20 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Last part of the path: the key in the JSON text.
+    /// Returns the last part of the path: the key in the JSON text.
     #[must_use]
     pub fn key(&self) -> &str {
         let last = self.path.rsplit('.').next().unwrap_or(&self.path);
         last.trim_end_matches("[]")
     }
 
-    /// Name of the anchor on the page.
+    /// Returns the name of the anchor on the page.
     #[must_use]
     pub fn anchor(&self) -> String {
         self.path.replace("[]", "").replace('.', "-")
     }
 
-    /// The example as a member of a JSON object.
+    /// Returns the example as a member of a JSON object.
     #[must_use]
     pub fn example_text(&self) -> Option<String> {
         let value = self.example.as_ref()?;
@@ -98,7 +98,7 @@ impl Parameter {
     }
 }
 
-/// The pages of the reference: the front page first, then one page for each section.
+/// Returns the pages of the reference: the front page first, then one page for each section.
 #[must_use]
 pub fn pages() -> Vec<Page> {
     let root = restart::mark(check::bare_schema());
@@ -152,7 +152,7 @@ pub fn pages() -> Vec<Page> {
     pages
 }
 
-/// The first part of a path.
+/// Returns the first part of a path.
 fn section_of(path: &str) -> &str {
     path.split(['.', '[']).next().unwrap_or(path)
 }
@@ -160,7 +160,7 @@ fn section_of(path: &str) -> &str {
 /// The longest example of a section that a page shows, as compact JSON [characters].
 const LONGEST_SECTION: usize = 900;
 
-/// The section in the case that uses it most, within a page; without one the shortest.
+/// Returns the section in the case that uses it most, within a page; without one the shortest.
 fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example> {
     cases
         .iter()
@@ -177,7 +177,7 @@ fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example
         })
 }
 
-/// The section with its defaults.
+/// Returns the section with its defaults.
 fn defaults(section: &Parameter) -> Option<Example> {
     let mut value = section.default.clone()?;
     value.as_object_mut()?.retain(|_, value| !value.is_null());
@@ -224,7 +224,7 @@ impl<'a> Reader<'a> {
         self.root.pointer(pointer).unwrap_or(&Value::Null)
     }
 
-    /// The schemas among which a value may choose: references resolved, `null` left out.
+    /// Returns the schemas among which a value may choose: references resolved, `null` left out.
     fn alternatives(&self, pointer: &str) -> Vec<String> {
         let node = self.node(pointer);
         if let Some(target) = node.get("$ref").and_then(Value::as_str) {
@@ -397,7 +397,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The unit in a description: the first brackets that hold one.
+/// Returns the unit in a description: the first brackets that hold one.
 fn unit(meaning: &str) -> Option<&str> {
     let in_brackets = meaning.match_indices('[').find_map(|(at, _)| {
         let rest = &meaning[at + 1..];
@@ -408,7 +408,7 @@ fn unit(meaning: &str) -> Option<&str> {
     in_brackets.or_else(|| meaning.contains("without unit").then_some("1"))
 }
 
-/// The range that a schema allows for a number.
+/// Returns the range that a schema allows for a number.
 fn range(node: &Value) -> Option<String> {
     let bound = |key, words: &str| Some(format!("{words} {}", node.get(key)?.as_f64()?));
     let lower = bound("exclusiveMinimum", "above").or_else(|| bound("minimum", "at least"));
@@ -417,7 +417,8 @@ fn range(node: &Value) -> Option<String> {
     (!both.is_empty()).then(|| both.join(", "))
 }
 
-/// The parameter that a name in a description means: a neighbour, else one further up, else the only one of that name.
+/// Returns the parameter that a name in a description means: a neighbour, else one further up, else the only one of
+/// that name.
 fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {
@@ -442,7 +443,7 @@ fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a
     (all.next().is_none() && only.1.path != from).then_some(only)
 }
 
-/// A description in parts: text, and names in backticks.
+/// Returns a description in parts: text, and names in backticks.
 fn parts(text: &str) -> impl Iterator<Item = (bool, &str)> {
     text.split('`')
         .enumerate()

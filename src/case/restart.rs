@@ -264,7 +264,7 @@ pub fn mark(mut schema: Value) -> Value {
     schema
 }
 
-/// The JSON pointer of a field's schema.
+/// Returns the JSON pointer of a field's schema.
 fn locate(root: &Value, path: &str) -> Option<String> {
     let mut at = String::new();
     for part in path.split('.') {
@@ -280,7 +280,7 @@ fn locate(root: &Value, path: &str) -> Option<String> {
     Some(at)
 }
 
-/// The schema that a pointer means, `$ref`, optional fields and annotated values looked through.
+/// Returns the schema that a pointer means, `$ref`, optional fields and annotated values looked through.
 fn follow(root: &Value, at: &str) -> Option<String> {
     let node = root.pointer(at)?;
     if let Some(name) = node.get("$ref").and_then(Value::as_str) {
@@ -298,7 +298,7 @@ fn follow(root: &Value, at: &str) -> Option<String> {
     Some(at.to_owned())
 }
 
-/// The property of this name of an object, or of one of its variants.
+/// Returns the property of this name of an object, or of one of its variants.
 fn property(root: &Value, at: &str, key: &str) -> Option<String> {
     let at = follow(root, at)?;
     let direct = format!("{at}/properties/{key}");

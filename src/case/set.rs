@@ -117,7 +117,7 @@ fn parse(path: &str) -> Option<Vec<Step>> {
     Some(steps)
 }
 
-/// The value at a path written as in messages.
+/// Returns the value at a path written as in messages.
 #[must_use]
 pub fn lookup<'a>(tree: &'a Value, path: &str) -> Option<&'a Value> {
     parse(path)?.iter().try_fold(tree, |node, step| match step {

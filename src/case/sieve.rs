@@ -39,13 +39,13 @@ pub struct Span {
 }
 
 impl Span {
-    /// Number of grains over their mass in units of one of diameter 1, in 2 or 3 dimensions.
+    /// Returns the number of grains over their mass in units of one of diameter 1, in 2 or 3 dimensions.
     #[must_use]
     pub fn number(&self, dimension: usize) -> f64 {
         self.mass * self.moment(0, dimension)
     }
 
-    /// Integral of d^power over the number of grains, for a mass of 1 \[m^(power - D)\].
+    /// Returns the integral of d^power over the number of grains, for a mass of 1 \[m^(power - D)\].
     #[must_use]
     pub fn moment(&self, power: i32, dimension: usize) -> f64 {
         let log = (self.to / self.from).ln();
@@ -57,7 +57,7 @@ impl Span {
         self.from.powi(rest) * (f64::from(rest) * log).exp_m1() / (f64::from(rest) * log)
     }
 
-    /// The diameter below which this part of the number of grains lies \[m\].
+    /// Returns the diameter below which this part of the number of grains lies \[m\].
     #[must_use]
     pub fn diameter(&self, part: f64, dimension: usize) -> f64 {
         let power = exponent(dimension);
@@ -71,7 +71,7 @@ fn exponent(dimension: usize) -> i32 {
     if dimension == 2 { 2 } else { 3 }
 }
 
-/// The parts of a curve that hold grains.
+/// Returns the parts of a curve that hold grains.
 pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
     let pairs = curve.windows(2).map(|pair| Span {
         from: pair[0].diameter,
@@ -135,7 +135,7 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     Ok(())
 }
 
-/// Smallest and largest diameter of the grains \[m\].
+/// Returns the smallest and largest diameter of the grains \[m\].
 #[must_use]
 pub fn bounds(curve: &[Sieve]) -> (f64, f64) {
     spans(curve).fold((f64::INFINITY, 0.0), |(low, high), span| {
@@ -143,7 +143,7 @@ pub fn bounds(curve: &[Sieve]) -> (f64, f64) {
     })
 }
 
-/// Mean over the number of grains of a power of the diameter \[m^power\].
+/// Returns the mean over the number of grains of a power of the diameter \[m^power\].
 #[must_use]
 pub fn mean_power(curve: &[Sieve], power: i32, dimension: usize) -> f64 {
     let (mut sum, mut number) = (0.0, 0.0);
@@ -154,7 +154,7 @@ pub fn mean_power(curve: &[Sieve], power: i32, dimension: usize) -> f64 {
     sum / number
 }
 
-/// The diameter below which this part of the number of grains lies \[m\].
+/// Returns the diameter below which this part of the number of grains lies \[m\].
 #[must_use]
 pub fn diameter(curve: &[Sieve], part: f64, dimension: usize) -> f64 {
     let all: f64 = spans(curve).map(|span| span.number(dimension)).sum();
@@ -189,8 +189,8 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter of the
-    /// grain with which the mass of all smaller ones reaches it.
+    /// Returns those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter
+    /// of the grain with which the mass of all smaller ones reaches it.
     #[must_use]
     pub fn of(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
         let mut diameters: Vec<f64> = radii.map(|r| 2.0 * r).collect();

@@ -17,7 +17,7 @@ pub const MOST_VALUES: usize = 20_000_000;
 /// Problems of one text that are listed; the rest is counted.
 pub const MOST_PROBLEMS: usize = 50;
 
-/// The message about problems that are not listed.
+/// Returns the message about problems that are not listed.
 #[must_use]
 pub fn unlisted(more: usize) -> Option<Problem> {
     (more > 0).then(|| Problem {
@@ -29,7 +29,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     })
 }
 
-/// The tree, as far as the text is valid, and its problems.
+/// Returns the tree, as far as the text is valid, and its problems.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     let text = text.trim_start_matches('\u{feff}');
@@ -198,7 +198,7 @@ impl<'de> Visitor<'de> for Node<'_> {
     }
 }
 
-/// The path of a field of the object at `path`.
+/// Returns the path of a field of the object at `path`.
 #[must_use]
 pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() {
@@ -208,7 +208,7 @@ pub fn join(path: &str, key: &str) -> String {
     }
 }
 
-/// A value as text short enough for a sentence.
+/// Returns a value as text short enough for a sentence.
 #[must_use]
 pub fn brief(value: &Value) -> String {
     let mut head = Head(Vec::new());

@@ -13,7 +13,7 @@ use crate::dem::{Dem, Plane, Region, Settings, Space, Volume, alone};
 use decomposition::Communicator;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-/// Names of the columns in order.
+/// Returns the names of the columns in order.
 fn names(table: &Table) -> Vec<&str> {
     table
         .columns
@@ -22,7 +22,7 @@ fn names(table: &Table) -> Vec<&str> {
         .collect()
 }
 
-/// Order and bits of all values in one number.
+/// Returns the order and bits of all values in one number.
 fn digest(table: &Table) -> u64 {
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u64| {
@@ -52,7 +52,7 @@ fn hash<S: Space>(particles: &Particles<S>, dem: Option<&Dem<S>>) -> String {
     state.hash(&Communicator::serial())
 }
 
-/// Three spheres and a block with every array that a scene may ask for. All numbers are sums of powers of two.
+/// Returns three spheres and a block with every array that a scene may ask for. All numbers are sums of powers of two.
 fn all_arrays() -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let cube = Polyhedron::cuboid(Vector3::new(0.5, 0.25, 1.0)).unwrap();

@@ -121,7 +121,7 @@ pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
     }
 }
 
-/// The first reason.
+/// Returns the first reason.
 fn why(error: &Error) -> String {
     match error {
         Error::Case(problems) => problems

@@ -144,7 +144,7 @@ fn write_all(
     fs::write(&path, text + "\n").map_err(|error| fail(&path, error))
 }
 
-/// The cohesion whose figures have no suffix.
+/// Returns the cohesion whose figures have no suffix.
 fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> usize {
     let of_published = |p: Published| cohesions.iter().position(|c| close(c.cohesion, p.cohesion));
     published
@@ -157,7 +157,7 @@ fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> 
         .unwrap_or(0)
 }
 
-/// A value with its interval as text: `9.1 [8.2, 10.0]`.
+/// Returns a value with its interval as text: `9.1 [8.2, 10.0]`.
 fn with_interval(value: f64, interval: Interval) -> String {
     format!(
         "{} [{}, {}]",
@@ -167,7 +167,7 @@ fn with_interval(value: f64, interval: Interval) -> String {
     )
 }
 
-/// Three significant digits.
+/// Returns three significant digits.
 fn digits(value: f64) -> String {
     if (0.01..1000.0).contains(&value.abs()) {
         let decimals = match value.abs() {
@@ -185,7 +185,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// Threshold, coefficient and R2 of a law, for the terminal.
+/// Returns the threshold, coefficient and R2 of a law, for the terminal.
 fn words(law: Option<&Law>) -> [String; 3] {
     match law {
         Some(Law::Fitted(fit)) => [
@@ -211,7 +211,7 @@ fn words(law: Option<&Law>) -> [String; 3] {
     }
 }
 
-/// The report for the terminal.
+/// Returns the report for the terminal.
 fn text(report: &Report, published: Option<Published>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
@@ -307,7 +307,7 @@ mod tests {
     const INITIAL: f64 = 0.12;
     const LENGTH: f64 = 1.2e-2;
 
-    /// A run folder of a hole that follows the law: grains leave at random, the hole widens.
+    /// Returns a run folder of a hole that follows the law: grains leave at random, the hole widens.
     fn write_run(
         root: &Path,
         pressure: f64,

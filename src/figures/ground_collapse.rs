@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Maximum number of times in the long section: more lines cannot be distinguished.
 const SECTIONS: usize = 7;
 
-/// Void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines:
+/// Returns the void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines:
 /// `collapse.svg`.
 #[must_use]
 pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {

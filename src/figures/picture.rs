@@ -200,7 +200,7 @@ fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
-/// The outputs nearest to the asked times; without any, up to four over the run.
+/// Returns the outputs nearest to the asked times; without any, up to four over the run.
 fn choose(moments: &[Moment], times: &[f64]) -> Vec<Moment> {
     let last = moments.len().saturating_sub(1);
     let mut chosen: Vec<Moment> = if times.is_empty() {
@@ -234,7 +234,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// The requested section, or one through the middle if a 3-D scene contains only fluid.
+    /// Returns the requested section, or one through the middle if a 3-D scene contains only fluid.
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();
@@ -327,8 +327,8 @@ struct Grains {
 }
 
 impl Grains {
-    /// The grains of an output but those that are drawn with their faces. `colour`: the column, or none for one colour;
-    /// by default the velocity in space.
+    /// Returns the grains of an output but those that are drawn with their faces. `colour`: the column, or none for one
+    /// colour; by default the velocity in space.
     fn read(
         path: &Path,
         colour: Option<Option<&str>>,
@@ -378,7 +378,7 @@ impl Grains {
     }
 }
 
-/// Numbers as they are, vectors by their length.
+/// Returns the numbers as they are, vectors by their length.
 fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
     if count == 0 {
         return Vec::new();
@@ -394,7 +394,7 @@ fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Least and greatest of the finite values; nothing where there are none.
+/// Returns the smallest and largest of the finite values; nothing if there are none.
 fn range<'a>(values: impl Iterator<Item = &'a f64>) -> Option<[f64; 2]> {
     values.filter(|v| v.is_finite()).fold(None, |range, &v| {
         Some(range.map_or([v, v], |[low, high]: [f64; 2]| [low.min(v), high.max(v)]))
@@ -447,7 +447,7 @@ fn fraction_of_range(value: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
-/// A round length of about a fifth of another.
+/// Returns a round length of about a fifth of another.
 fn round_length(length: f64) -> f64 {
     let rough = length / 5.0;
     let power = 10.0_f64.powf(rough.log10().floor());
@@ -724,7 +724,7 @@ fn key(scenes: &[Scene], scales: &Scales) -> String {
     parts.join("; ")
 }
 
-/// A bar of colours with ticks at its ends and its middle.
+/// Returns a bar of colours with ticks at its ends and its middle.
 fn bar(
     svg: &mut String,
     [x, y]: [usize; 2],
@@ -777,7 +777,7 @@ fn bar(
     );
 }
 
-/// A number with this many digits, without zeros at its end.
+/// Returns a number with this many digits, without zeros at its end.
 fn short(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits - 1);
     let (mantissa, power) = scientific.split_once('e').unwrap_or((&scientific, "0"));
@@ -844,7 +844,7 @@ mod tests {
         assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
     }
 
-    /// A scene of ten by ten metres without values.
+    /// Returns a scene of ten by ten metres without values.
     pub(super) fn square() -> Scene {
         let corner = |x: f64| [x, x, 0.0];
         Scene {

@@ -14,8 +14,8 @@ pub const CATEGORY: [&str; 8] = [
     "#222222", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442",
 ];
 
-/// The colour of entry `index` of `count` in an order, from dark violet to light green (after viridis, van der Walt and
-/// Smith, SciPy 2015; the yellow end, unreadable on white, is left out).
+/// Returns the colour of entry `index` of `count` in an order, from dark violet to light green (after viridis, van der
+/// Walt and Smith, SciPy 2015; the yellow end, unreadable on white, is left out).
 #[must_use]
 pub fn sequential(index: usize, count: usize) -> String {
     const STOPS: [[f64; 3]; 6] = [
@@ -60,7 +60,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A linear axis that starts at zero where the data are not negative.
+    /// Returns a linear axis that starts at zero where the data are not negative.
     #[must_use]
     pub fn linear(quantity: &str, unit: &str) -> Self {
         Self {
@@ -71,7 +71,7 @@ impl Axis {
         }
     }
 
-    /// A logarithmic axis.
+    /// Returns a logarithmic axis.
     #[must_use]
     pub fn log(quantity: &str, unit: &str) -> Self {
         Self {
@@ -104,7 +104,7 @@ pub struct Mark {
 }
 
 impl Mark {
-    /// A point without bars.
+    /// Returns a point without bars.
     #[must_use]
     pub fn at(x: f64, y: f64) -> Self {
         Self {
@@ -177,7 +177,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// A layer.
+    /// Returns a layer.
     #[must_use]
     pub fn new(shape: Shape, colour: &str, label: &str) -> Self {
         Self {
@@ -237,7 +237,7 @@ const INK: &str = "#222222";
 const PALE: &str = "#e4e4e4";
 
 impl Figure {
-    /// The figure as the text of an SVG file.
+    /// Returns the figure as the text of an SVG file.
     #[must_use]
     pub fn to_svg(&self) -> String {
         let side = |panel: &Panel| match panel.legend {
@@ -426,7 +426,7 @@ impl Mapping {
     }
 }
 
-/// Least and largest value; (0, 1) of nothing.
+/// Returns the smallest and largest value; (0, 1) of nothing.
 fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
         (low.min(v), high.max(v))
@@ -434,7 +434,7 @@ fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     if low > high { (0.0, 1.0) } else { (low, high) }
 }
 
-/// The next of 1, 2, 5 times a power of ten.
+/// Returns the next of 1, 2, 5 times a power of ten.
 fn nice_step(rough: f64) -> f64 {
     let power = 10_f64.powf(rough.log10().floor());
     let digit = rough / power;
@@ -444,7 +444,7 @@ fn nice_step(rough: f64) -> f64 {
     nice.unwrap_or(10.0) * power
 }
 
-/// A rounded number as an integer; counts of ticks and powers of ten are small.
+/// Returns a rounded number as an integer; counts of ticks and powers of ten are small.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "clamped to a small range first"
@@ -458,7 +458,7 @@ fn plain(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// An integer with a real minus sign.
+/// Returns an integer with a real minus sign.
 fn minus(value: i32) -> String {
     value.to_string().replace('-', "\u{2212}")
 }
@@ -502,7 +502,7 @@ fn escape(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
-/// Width of a text, about: glyphs of the fonts named are near 0.55 em on average.
+/// Returns the width of a text, about: glyphs of the fonts named are near 0.55 em on average.
 fn text_width(text: &str) -> f64 {
     let glyphs = text.chars().filter(|c| !"_^{}".contains(*c)).count();
     0.56 * TEXT * real(glyphs)
@@ -860,7 +860,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     }
 }
 
-/// The label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
+/// Returns the label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
 fn label(axis: &Axis, power: i32) -> String {
     let factor = if power == 0 {
         String::new()

@@ -70,7 +70,7 @@ impl PartialEq for Scratch {
 }
 
 impl Averages {
-    /// The averages of a plan in the slab of `fluid`, without samples.
+    /// Returns the averages of a plan in the slab of `fluid`, without samples.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
         let (first, every) = Self::schedule(plan)?;
@@ -148,7 +148,7 @@ impl Averages {
         self.samples
     }
 
-    /// The sums of the slab, in the order `[z][y][x][sum]`.
+    /// Returns the sums of the slab, in the order `[z][y][x][sum]`.
     #[must_use]
     pub fn sums(&self) -> &[f64] {
         &self.sums
@@ -235,7 +235,7 @@ impl AverageFields {
     }
 }
 
-/// The rows of the profile across `axis` without their time, one for each plane of cells. Collective.
+/// Returns the rows of the profile across `axis` without their time, one for each plane of cells. Collective.
 pub(super) fn profile(
     averages: &Averages,
     fluid: &dyn FluidView,
@@ -276,7 +276,7 @@ pub(super) fn profile(
         .collect()
 }
 
-/// The table of the profile.
+/// Returns the table of the profile.
 pub(super) fn profile_path(folder: &Path) -> PathBuf {
     folder.join("averages_profile.csv")
 }
@@ -290,7 +290,7 @@ pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table
     }
 }
 
-/// The error of averages without a lattice.
+/// Returns the error of averages without a lattice.
 pub(super) fn none() -> Error {
     Error::Internal("there are no averages to write".into())
 }

@@ -141,7 +141,7 @@ impl Blocks {
     }
 }
 
-/// A block as numbers; none for what has no faces.
+/// Returns a block as numbers; none for what has no faces.
 fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u64; NUMBERS]> {
     let (_, state) = particles.polyhedron(k)?;
     let (body, motion) = (&particles.body[k], &particles.motion[k]);
@@ -190,7 +190,7 @@ mod tests {
         "output": {"blocks": {"every": 0.01}}
     }"#;
 
-    /// The volume that the faces of one id enclose, by the divergence theorem.
+    /// Returns the volume that the faces of one id enclose, by the divergence theorem.
     fn enclosed(blocks: &Blocks, id: i64) -> f64 {
         let at = |corner: usize| Vector3::from_fn(|k, _| blocks.points[3 * corner + k]);
         let (mut volume, mut first) = (0.0, 0);

@@ -171,12 +171,12 @@ pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid)
     })
 }
 
-/// A vector of the plane or of space with three components.
+/// Returns a vector of the plane or of space with three components.
 pub(crate) fn space_vector<C: Components>(value: &C) -> [f64; 3] {
     std::array::from_fn(|k| if k < C::COUNT { value.get(k) } else { 0.0 })
 }
 
-/// A spin or moment as a vector: in the plane along z.
+/// Returns a spin or moment as a vector: in the plane along z.
 pub(crate) fn spin_vector<C: Components>(value: &C) -> [f64; 3] {
     if C::COUNT == 1 {
         [0.0, 0.0, value.get(0)]

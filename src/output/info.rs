@@ -75,7 +75,7 @@ fn read_json(path: &Path) -> Result<Value, Error> {
     serde_json::from_str(&text).map_err(|error| failed(path, error))
 }
 
-/// A folder and the folders in it, one level deep: checkpoints may have their own.
+/// Returns a folder and the folders in it, one level deep: checkpoints may have their own.
 fn folder(path: &Path) -> Result<Value, Error> {
     let mut files = Vec::new();
     for entry in entries(path)? {
@@ -227,7 +227,7 @@ fn table(path: &Path) -> Result<Value, Error> {
     Ok(Value::Object(all))
 }
 
-/// A checkpoint by its manifest, verified bit by bit.
+/// Returns a checkpoint by its manifest, verified bit by bit.
 fn checkpoint(path: &Path, arrays: bool) -> Value {
     let manifest = match io::checkpoint::verify(path, &Alone) {
         Ok(found) => found.manifest,

@@ -43,7 +43,7 @@ pub(crate) fn sorted<const N: usize>(
     Ok(rows)
 }
 
-/// Three numbers of a row.
+/// Returns three numbers of a row.
 pub(crate) fn vector<const N: usize>(row: &[u64; N], first: usize) -> [f64; 3] {
     std::array::from_fn(|k| f64::from_bits(row[first + k]))
 }

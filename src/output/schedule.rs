@@ -41,7 +41,7 @@ impl Schedule {
         }
     }
 
-    /// The next step at which it is due.
+    /// Returns the next step at which it is due.
     pub(crate) fn next(&self) -> u64 {
         self.next
     }

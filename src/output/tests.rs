@@ -89,7 +89,7 @@ fn plan() -> Plan {
     Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
 }
 
-/// The ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
+/// Returns the ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
 fn solids() -> (Particles<Plane>, Dem<Plane>) {
     let law = Law::Linear(Linear {
         parameters: PairTable::uniform(

@@ -36,8 +36,8 @@ const LINE: usize = 64;
 /// Number of blocks taken.
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
 
-/// A block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets of the
-/// caches wherever they are read side by side.
+/// Returns a block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets
+/// of the caches wherever they are read side by side.
 fn take(layout: &Layout) -> *mut u8 {
     let before = if layout.align() > LINE {
         0
@@ -60,8 +60,8 @@ fn before(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
 
-/// Zeroed memory of a whole number of huge pages, at least `bytes`; null where there is none. Pages come when they are
-/// first touched, near the thread that touches them.
+/// Returns zeroed memory of a whole number of huge pages, at least `bytes`; null if there is none. Pages come when they
+/// are first touched, near the thread that touches them.
 pub(crate) fn map(bytes: usize) -> *mut u8 {
     let Some(room) = bytes.max(1).checked_next_multiple_of(HUGE) else {
         return std::ptr::null_mut();

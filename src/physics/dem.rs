@@ -14,7 +14,7 @@
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
-//! | `columns`, `table`, `message` | code from that list: struct of arrays, columns of a checkpoint, bytes of a message |
+//! | `columns`, `table`, `message` | generated code: struct of arrays, columns of a checkpoint, bytes of a message |
 //! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
@@ -73,7 +73,7 @@ use engine::{AnyEngine, MakeEngine};
 use crate::error::Error;
 use decomposition::{Axis, Domain};
 
-/// A domain of one rank that owns all grains; needs no MPI.
+/// Returns a domain of one rank that owns all grains; needs no MPI.
 #[must_use]
 pub fn alone() -> Domain {
     Domain::serial(Axis::X, 1, false)
@@ -296,13 +296,13 @@ impl<S: Space> Dem<S> {
         self.engine.for_each_contact(particles, &mut visit);
     }
 
-    /// The present counts of this rank.
+    /// Returns the present counts of this rank.
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
         self.engine.statistics(particles)
     }
 
-    /// The deepest contact of any solid step so far, on this rank.
+    /// Returns the deepest contact of any solid step so far, on this rank.
     #[must_use]
     pub fn deepest(&self) -> Deepest {
         self.engine.deepest()
@@ -313,19 +313,19 @@ impl<S: Space> Dem<S> {
         self.engine.forget_deepest();
     }
 
-    /// Solid steps done.
+    /// Returns the solid steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.engine.steps()
     }
 
-    /// Solid steps done times the time step \[s\].
+    /// Returns the solid steps done times the time step \[s\].
     #[must_use]
     pub fn time(&self) -> f64 {
         self.engine.time()
     }
 
-    /// The settings.
+    /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> &Settings<S> {
         self.engine.settings()
@@ -342,7 +342,7 @@ impl<S: Space> Dem<S> {
         self.engine.settings_mut().local_damping = damping;
     }
 
-    /// The present walls.
+    /// Returns the present walls.
     #[must_use]
     pub fn walls(&self) -> &[Wall<S>] {
         self.engine.walls()

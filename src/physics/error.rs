@@ -93,7 +93,7 @@ impl Remedy {
         self
     }
 
-    /// The values that are proposed; empty where the sentence names none.
+    /// Returns the values that are proposed; empty if the sentence names none.
     #[must_use]
     pub fn proposal(&self) -> &[Assignment] {
         &self.proposal
@@ -194,7 +194,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// The exit code of the process that ends with this error.
+    /// Returns the exit code of the process that ends with this error.
     #[must_use]
     pub fn exit_code(&self) -> i32 {
         match self {

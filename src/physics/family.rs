@@ -37,7 +37,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// A description of two texts.
+    /// Returns a description of two texts.
     pub fn new(model: impl Into<String>, reason: impl Into<String>) -> Self {
         Self {
             model: model.into(),

@@ -18,7 +18,7 @@ use crate::lbm::populations::Populations;
 /// The address of a function: it has to be compiled.
 type Address = *const ();
 
-/// Grains of a space.
+/// Returns grains of a space.
 fn grains<Sp: Space>() -> Vec<Address> {
     vec![
         Dem::<Sp>::new as Address,
@@ -31,7 +31,7 @@ fn grains<Sp: Space>() -> Vec<Address> {
     ]
 }
 
-/// A lattice of a storage.
+/// Returns a lattice of a storage.
 fn lattice<S: Stored>() -> Vec<Address> {
     vec![
         Fluid::<S>::new as Address,
@@ -43,7 +43,7 @@ fn lattice<S: Stored>() -> Vec<Address> {
     ]
 }
 
-/// Water of a storage with grains of a space.
+/// Returns water of a storage with grains of a space.
 fn water<Sp: Space, S: Stored>() -> Vec<Address> {
     vec![
         BounceBack::<Sp, S>::new as Address,
@@ -59,7 +59,7 @@ fn water<Sp: Space, S: Stored>() -> Vec<Address> {
     ]
 }
 
-/// All of them, for both spaces and both storages.
+/// Returns all of them, for both spaces and both storages.
 #[must_use]
 pub fn all() -> Vec<Address> {
     [

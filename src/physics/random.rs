@@ -5,7 +5,7 @@
 //! R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11, doi:10.1145/2063384.2063405; checked
 //! against the known-answer vectors of their Random123 library.
 
-/// The block function: ten rounds over a counter of four words with a key of two.
+/// Returns the block function: ten rounds over a counter of four words with a key of two.
 #[must_use]
 pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -45,7 +45,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The stream of `(seed, id, purpose)`, at its beginning.
+    /// Returns the stream of `(seed, id, purpose)`, at its beginning.
     #[must_use]
     pub fn new(seed: u64, id: u64, purpose: u32) -> Self {
         let [high, low] = halves(seed);
@@ -90,7 +90,7 @@ pub struct SplitMix {
 }
 
 impl SplitMix {
-    /// The generator of a seed, at its beginning.
+    /// Returns the generator of a seed, at its beginning.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { state: seed }

@@ -52,7 +52,7 @@ macro_rules! shapes {
         }
 
         impl $list {
-            /// The solid; what is wrong with its parameters goes to the report.
+            /// Returns the solid; what is wrong with its parameters goes to the report.
             #[must_use]
             pub fn solid(
                 &self,

@@ -43,7 +43,7 @@ struct Job {
 }
 
 impl Job {
-    /// Number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
+    /// Returns the number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
     fn groups(&self) -> usize {
         self.pieces.min(GROUPS)
     }
@@ -54,12 +54,12 @@ const OPEN: u64 = 1 << 63;
 /// One job more; below it stands the number of helpers that have joined.
 const NEXT: u64 = 1 << 32;
 
-/// Number of helpers that have joined the job of a state.
+/// Returns the number of helpers that have joined the job of a state.
 const fn joined(state: u64) -> u64 {
     state % NEXT
 }
 
-/// Number of the job of a state.
+/// Returns the number of the job of a state.
 const fn number(state: u64) -> u64 {
     (state & !OPEN) / NEXT
 }
@@ -131,7 +131,7 @@ pub trait Shared: Sync {
     /// Data of one piece.
     type Share;
 
-    /// The share of a piece.
+    /// Returns the share of a piece.
     ///
     /// # Safety
     /// Each piece calls this once.

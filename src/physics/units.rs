@@ -30,31 +30,31 @@ impl LatticeUnits {
         self.spacing / self.time_step
     }
 
-    /// Speed of sound C/√3 [m/s].
+    /// Returns the speed of sound C/√3 [m/s].
     #[must_use]
     pub fn speed_of_sound(&self) -> f64 {
         self.velocity_scale() * Self::SOUND_SPEED_SQUARED.sqrt()
     }
 
-    /// Velocity [m/s] to the lattice.
+    /// Converts the velocity [m/s] to the lattice.
     #[must_use]
     pub fn velocity_to_lattice(&self, velocity: f64) -> f64 {
         velocity / self.velocity_scale()
     }
 
-    /// Velocity on the lattice to m/s.
+    /// Converts the velocity on the lattice to m/s.
     #[must_use]
     pub fn velocity_to_si(&self, velocity: f64) -> f64 {
         velocity * self.velocity_scale()
     }
 
-    /// Length \[m\] to cells.
+    /// Converts the length \[m\] to cells.
     #[must_use]
     pub fn length_to_lattice(&self, length: f64) -> f64 {
         length / self.spacing
     }
 
-    /// Time \[s\] to fluid steps (not rounded).
+    /// Converts the time \[s\] to fluid steps (not rounded).
     #[must_use]
     pub fn time_to_lattice(&self, time: f64) -> f64 {
         time / self.time_step
@@ -72,25 +72,25 @@ impl LatticeUnits {
         rate / self.time_step
     }
 
-    /// Kinematic viscosity [m2/s] to the lattice.
+    /// Converts the kinematic viscosity [m2/s] to the lattice.
     #[must_use]
     pub fn viscosity_to_lattice(&self, viscosity: f64) -> f64 {
         viscosity / (self.spacing * self.velocity_scale())
     }
 
-    /// Kinematic viscosity on the lattice to m2/s.
+    /// Converts the kinematic viscosity on the lattice to m2/s.
     #[must_use]
     pub fn viscosity_to_si(&self, viscosity: f64) -> f64 {
         viscosity * (self.spacing * self.velocity_scale())
     }
 
-    /// Relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
+    /// Returns the relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
     #[must_use]
     pub fn relaxation_time(&self, viscosity: f64) -> f64 {
         self.viscosity_to_lattice(viscosity) / Self::SOUND_SPEED_SQUARED + 0.5
     }
 
-    /// Time step \[s\] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing \[m\].
+    /// Returns the time step \[s\] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing \[m\].
     #[must_use]
     pub fn time_step_for(tau: f64, spacing: f64, viscosity: f64) -> f64 {
         (tau - 0.5) * Self::SOUND_SPEED_SQUARED * spacing * spacing / viscosity
@@ -102,19 +102,20 @@ impl LatticeUnits {
         self.density * self.velocity_scale().powi(2)
     }
 
-    /// Pressure above the reference \[Pa\] to the density deviation rho/rho_0 - 1 on the lattice: p = c_s² rho.
+    /// Converts the pressure above the reference \[Pa\] to the density deviation rho/rho_0 - 1 on the lattice: p =
+    /// c_s² rho.
     #[must_use]
     pub fn pressure_to_density_deviation(&self, pressure: f64) -> f64 {
         pressure / (self.pressure_scale() * Self::SOUND_SPEED_SQUARED)
     }
 
-    /// Density deviation on the lattice to the pressure above the reference \[Pa\].
+    /// Converts the density deviation on the lattice to the pressure above the reference \[Pa\].
     #[must_use]
     pub fn density_deviation_to_pressure(&self, deviation: f64) -> f64 {
         deviation * self.pressure_scale() * Self::SOUND_SPEED_SQUARED
     }
 
-    /// Density [kg/m3] of a deviation rho/rho_0 - 1.
+    /// Returns the density [kg/m3] of a deviation rho/rho_0 - 1.
     #[must_use]
     pub fn density_deviation_to_density(&self, deviation: f64) -> f64 {
         self.density * (1.0 + deviation)
@@ -126,49 +127,49 @@ impl LatticeUnits {
         stress * self.pressure_scale()
     }
 
-    /// Rate of strain or vorticity per fluid step to 1/s.
+    /// Converts the rate of strain or vorticity per fluid step to 1/s.
     #[must_use]
     pub fn rate_to_si(&self, rate: f64) -> f64 {
         rate / self.time_step
     }
 
-    /// Acceleration [m/s2] to the lattice.
+    /// Converts the acceleration [m/s2] to the lattice.
     #[must_use]
     pub fn acceleration_to_lattice(&self, acceleration: f64) -> f64 {
         acceleration * self.time_step / self.velocity_scale()
     }
 
-    /// Force per volume [N/m3] to the lattice: h³ of fluid of unit mass feels this force.
+    /// Converts the force per volume [N/m3] to the lattice: h³ of fluid of unit mass feels this force.
     #[must_use]
     pub fn force_density_to_lattice(&self, force: f64) -> f64 {
         self.acceleration_to_lattice(force / self.density)
     }
 
-    /// Unit of force: N in 3-D, N/m in 2-D (h²/dt times a momentum density).
+    /// Returns the unit of force: N in 3-D, N/m in 2-D (h²/dt times a momentum density).
     #[must_use]
     pub fn force_scale(&self) -> f64 {
         self.pressure_scale() * self.area_scale()
     }
 
-    /// Force on the lattice to N (2-D: N per metre of depth).
+    /// Converts the force on the lattice to N (2-D: N per metre of depth).
     #[must_use]
     pub fn force_to_si(&self, force: f64) -> f64 {
         force * self.force_scale()
     }
 
-    /// Force \[N\] (2-D: per metre of depth) to the lattice.
+    /// Converts the force \[N\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn force_to_lattice(&self, force: f64) -> f64 {
         force / self.force_scale()
     }
 
-    /// Torque on the lattice, arms in cells, to N m (2-D: per metre of depth).
+    /// Converts the torque on the lattice, arms in cells, to N m (2-D: per metre of depth).
     #[must_use]
     pub fn torque_to_si(&self, torque: f64) -> f64 {
         torque * self.force_scale() * self.spacing
     }
 
-    /// Torque \[N m\] (2-D: per metre of depth) to the lattice.
+    /// Converts the torque \[N m\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn torque_to_lattice(&self, torque: f64) -> f64 {
         torque / (self.force_scale() * self.spacing)

@@ -93,7 +93,7 @@ fn between(table: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).max(0.0)
 }
 
-/// The bounds of a body of radius R in cells.
+/// Returns the bounds of a body of radius R in cells.
 fn bounds(
     coupling: &Coupling,
     operator: Option<SolidOperator>,

@@ -43,7 +43,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, at_least, at_most, number};
 use crate::scene::grains::GrainSource;
 
-/// The step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
+/// Returns the step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
 fn limit(stiffness: f64, dashpot: f64) -> f64 {
     4.0 / (dashpot + (dashpot * dashpot + 4.0 * stiffness).sqrt())
 }
@@ -53,7 +53,7 @@ fn turning(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }
 
-/// The limit of the densest packing of a kind of grain with `partners` at most round each.
+/// Returns the limit of the densest packing of a kind of grain with `partners` at most round each.
 fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
@@ -100,7 +100,7 @@ fn others(scene: &Scene) -> f64 {
     crate::number::real(all.saturating_sub(1))
 }
 
-/// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
+/// Returns the limit of the densest packing of the grains over their critical step; infinite if nothing moves.
 pub(crate) fn of_packing(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
         (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {

@@ -148,7 +148,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     all
 }
 
-/// Damping ratio of the normal dashpot between two grains of a size.
+/// Returns the damping ratio of the normal dashpot between two grains of a size.
 fn damping(scene: &Scene, material: usize, radius: f64) -> f64 {
     let Some(contact) = &scene.contact else {
         return 0.0;
@@ -232,7 +232,7 @@ mod tests {
     use crate::plan::Plan;
     use std::path::Path;
 
-    /// Eight grains of 1 mm on each other in a column of liquid.
+    /// Returns eight grains of 1 mm on each other in a column of liquid.
     fn column(
         viscosity: f64,
         damping: f64,

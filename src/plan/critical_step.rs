@@ -15,7 +15,7 @@ pub(crate) struct Critical {
     pub(crate) limits: TimeLimits,
 }
 
-/// Material and radius (m) of spheres and discs that move by forces, the smallest of each source.
+/// Returns the material and radius (m) of spheres and discs that move by forces, the smallest of each source.
 pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     let mut moving: Vec<(usize, f64)> = Vec::new();
     if let Some(grains) = &scene.grains {

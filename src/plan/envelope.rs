@@ -18,7 +18,7 @@ use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
-/// All limits; those crossed become findings.
+/// Returns all limits; those crossed become findings.
 pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Vec<Margin> {
     let mut margins = Vec::new();
     if let Some(flow) = &scene.flow {
@@ -274,7 +274,8 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     );
 }
 
-/// The largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1 C.
+/// Returns the largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1
+/// C.
 #[must_use]
 pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;

@@ -165,7 +165,7 @@ impl Amounts {
         all
     }
 
-    /// Everything that the contact search knows.
+    /// Returns everything that the contact search knows.
     fn moving(&self) -> f64 {
         self.grains + self.blocks + self.bodies
     }
@@ -233,8 +233,8 @@ impl Estimate {
         });
     }
 
-    /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice,
-    /// or where grains alone need more.
+    /// Returns the smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a
+    /// lattice, or where grains alone need more.
     fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
         scene.flow.as_ref()?;
         let grid = &scene.grid;
@@ -300,7 +300,7 @@ impl Estimate {
     }
 }
 
-/// A number of bytes as text.
+/// Returns a number of bytes as text.
 pub(crate) fn size(bytes: f64) -> String {
     let units = ["B", "kB", "MB", "GB", "TB", "PB"];
     let mut value = bytes;

@@ -87,8 +87,8 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// The times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each medium
-/// of the zones.
+/// Returns the times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each
+/// medium of the zones.
 pub(super) fn stopping_times(
     seepage: &Seepage,
     grain: &Grain,
@@ -121,8 +121,8 @@ pub(super) fn stopping_times(
     })
 }
 
-/// Porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient \[Pa/m\]: in
-/// each medium of the zones, and outside them.
+/// Returns the porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient
+/// \[Pa/m\]: in each medium of the zones, and outside them.
 pub(super) fn beds(
     seepage: &Seepage,
     (porosity, diameter): (f64, f64),
@@ -145,7 +145,7 @@ pub(super) fn beds(
         .collect()
 }
 
-/// The coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
+/// Returns the coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
 #[must_use]
 pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     let grid = seepage.coarse_grid(dimension);
@@ -157,7 +157,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     Openness::measure(&grid, &enclosure).with_structures(&seepage.solids)
 }
 
-/// The pores of the coarse grid with the porosity method of the case, without grains.
+/// Returns the pores of the coarse grid with the porosity method of the case, without grains.
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     Pores::new(
@@ -167,7 +167,8 @@ pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     )
 }
 
-/// Porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are prepared.
+/// Returns the porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are
+/// prepared.
 pub(super) fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let dimension = scene.grid.dimension;
     let densest = if dimension == 2 { 0.0931 } else { 0.2595 };

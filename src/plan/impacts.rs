@@ -259,7 +259,7 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
     }
 }
 
-/// Overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
+/// Returns the overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
 fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), speed: f64) -> f64 {
     let hardens = law.impact_speed().is_some();
     let known = 2e-4 * one.radius;
@@ -485,7 +485,7 @@ mod tests {
     use crate::plan::Plan;
     use std::path::Path;
 
-    /// A disc that meets another, or the floor after a fall.
+    /// Returns a disc that meets another, or the floor after a fall.
     fn planned(change: &[&str]) -> Plan {
         let text = crate::case::examples::find("collision").unwrap().text;
         let change: Vec<String> = change.iter().map(|set| (*set).to_owned()).collect();

@@ -25,7 +25,7 @@ impl Interval {
         }
     }
 
-    /// Every so many whole steps; at least 1.
+    /// Returns every so many whole steps; at least 1.
     #[must_use]
     pub fn of_steps(steps: u64) -> Self {
         Self {
@@ -33,7 +33,7 @@ impl Interval {
         }
     }
 
-    /// The step of event `event`; event 0 is at step 0.
+    /// Returns the step of event `event`; event 0 is at step 0.
     #[must_use]
     pub fn step(&self, event: u64) -> u64 {
         let step = (crate::number::real(event) * self.steps).round();
@@ -46,7 +46,7 @@ impl Interval {
         self.next_from(step) == step
     }
 
-    /// The first step with an event that is not before `step`.
+    /// Returns the first step with an event that is not before `step`.
     #[must_use]
     pub fn next_from(&self, step: u64) -> u64 {
         let before = (crate::number::real(step) / self.steps).floor() - 1.0;

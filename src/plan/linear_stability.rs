@@ -62,7 +62,7 @@ mod tests {
     use crate::case::Document;
     use crate::plan::Plan;
 
-    /// The finding about waves in a closed box of water with an operator and relaxation time over some steps.
+    /// Returns the finding about waves in a closed box of water with an operator and relaxation time over some steps.
     fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {
         let step = (tau - 0.5) / 3.0 * 1e-2;
         let end = step * f64::from(steps);

@@ -22,7 +22,7 @@ const DARCY: f64 = 1.0;
 const PACKED: f64 = 0.4;
 const PATH: &str = "fluid.darcy.resistance";
 
-/// The Reynolds number of the pores; none without seepage, grains or drive.
+/// Returns the Reynolds number of the pores; none without seepage, grains or drive.
 #[must_use]
 pub fn reynolds(scene: &Scene) -> Option<f64> {
     let seepage = scene.seepage.as_ref()?;

@@ -219,7 +219,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A table with aligned columns; nothing at all without rows.
+/// Returns a table with aligned columns; nothing at all without rows.
 fn table(
     f: &mut Formatter<'_>,
     head: [&str; 3],

@@ -42,7 +42,7 @@ fn surroundings(flow: &Flow) -> Surroundings {
     all
 }
 
-/// Cells that bring the cell Reynolds number down.
+/// Returns the cells that bring the cell Reynolds number down.
 fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     let text = format!(
         "use a spacing of at most {} m, or a slower flow or a larger viscosity",

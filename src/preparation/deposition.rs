@@ -154,7 +154,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// The grains along a curve, and the report with what they came to.
+    /// Returns the grains along a curve, and the report with what they came to.
     fn result(
         &self,
         grains: &[Placed<S>],
@@ -182,7 +182,7 @@ impl<S: Space> Deposition<S> {
             .ok_or_else(|| Error::Internal(format!("deposition has no law {stage}")))
     }
 
-    /// Grains at rest at these places.
+    /// Returns grains at rest at these places.
     fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
@@ -202,7 +202,7 @@ impl<S: Space> Deposition<S> {
         (particles, bodies)
     }
 
-    /// The axis of gravity, and the sign of up.
+    /// Returns the axis of gravity, and the sign of up.
     fn height_axis(&self) -> Result<(usize, f64), Error> {
         let mut along = (0..S::DIMENSION).filter(|&axis| self.gravity.get(axis).abs() > 0.0);
         match (along.next(), along.next()) {
@@ -213,8 +213,8 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// A place for each grain without overlap with grains or walls, the largest placed first.
-    /// `first`: the first grain of each cloud.
+    /// Returns a place for each grain without overlap with grains or walls, the largest placed first. `first`: the
+    /// first grain of each cloud.
     fn cloud(&self, radii: &[f64], first: &[usize]) -> Result<Vec<S::Vector>, Error> {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
@@ -287,7 +287,7 @@ impl<S: Space> Deposition<S> {
         Ok(places)
     }
 
-    /// The settings of a rest under a law: the step is that of the stiffest contacts.
+    /// Returns the settings of a rest under a law: the step is that of the stiffest contacts.
     fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
@@ -334,7 +334,7 @@ impl<S: Space> Deposition<S> {
     }
 }
 
-/// A share as a number, or null where there is nothing that it is a share of.
+/// Returns a share as a number, or null if there is nothing that it is a share of.
 fn or_null<T: serde::Serializer>(share: &f64, to: T) -> Result<T::Ok, T::Error> {
     Some(*share).filter(|share| *share < f64::MAX).serialize(to)
 }

@@ -157,7 +157,7 @@ impl<S: Space> PackingSettings<S> {
             .product()
     }
 
-    /// The requested radii \[m\].
+    /// Returns the requested radii \[m\].
     fn radii(&self) -> Result<Vec<f64>, Error> {
         let fraction = match self.stop {
             Stop::SolidFraction(fraction) => fraction,
@@ -375,7 +375,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// The packing as it is, the unbalanced force left out.
+    /// Returns the packing as it is, the unbalanced force left out.
     fn measure(&self) -> Report {
         let count = self.particles.owned();
         let mut touches = vec![0_usize; count];
@@ -472,7 +472,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.progress.left = steps;
     }
 
-    /// The sizes at which growth ends, over the requested ones.
+    /// Returns the sizes at which growth ends, over the requested ones.
     fn full_size(&self) -> f64 {
         match self.settings.stop {
             Stop::SolidFraction(_) => 1.0,

@@ -29,7 +29,7 @@ pub fn along_curve(grains: &mut [Grain]) {
     });
 }
 
-/// Place on the curve of a point in units of the finest cells.
+/// Returns the place on the curve of a point in units of the finest cells.
 fn index_on_curve(point: [f64; 3]) -> u64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -40,7 +40,7 @@ fn index_on_curve(point: [f64; 3]) -> u64 {
     interleaved(&cell, BITS)
 }
 
-/// Place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
+/// Returns the place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
 fn interleaved(cell: &[u64], bits: u32) -> u64 {
     let mut place = 0;
     let mut to = 0;
@@ -53,8 +53,8 @@ fn interleaved(cell: &[u64], bits: u32) -> u64 {
     place
 }
 
-/// The order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close in
-/// space.
+/// Returns the order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close
+/// in space.
 #[must_use]
 pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     let mut low = [f64::INFINITY; 3];

@@ -19,8 +19,8 @@ use std::collections::HashMap;
 /// Velocity and spin by id.
 type Velocities = HashMap<u64, [f64; 6]>;
 
-/// Velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank before they are
-/// needed. Collective.
+/// Returns the velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank
+/// before they are needed. Collective.
 fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
     for k in 0..particles.owned() {
@@ -105,7 +105,7 @@ impl Rest {
         }))
     }
 
-    /// The state for a checkpoint.
+    /// Returns the state for a checkpoint.
     #[must_use]
     pub fn state(&self) -> SavedRest {
         let mut velocities: Vec<(u64, [u64; 6])> = self

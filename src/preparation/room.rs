@@ -118,7 +118,7 @@ impl Room {
         self.reached = reached;
     }
 
-    /// The free cells that hang together with some of them by faces.
+    /// Returns the free cells that hang together with some of them by faces.
     fn spread(&self, free: &[bool], mut next: Vec<usize>, periodic: [bool; 3]) -> Vec<bool> {
         let mut reached = vec![false; free.len()];
         for &n in &next {
@@ -195,7 +195,7 @@ impl Room {
         })
     }
 
-    /// Distance \[m\] from the nearest structure, negative inside.
+    /// Returns the distance \[m\] from the nearest structure, negative inside.
     #[must_use]
     pub fn distance(&self, at: [f64; 3]) -> f64 {
         let distances = self.structures.iter().map(|s| s.solid.distance(at));
@@ -235,7 +235,7 @@ mod tests {
     use nalgebra::Vector2;
     use std::path::Path;
 
-    /// Grains that fall over a weir and a culvert, whose four plates leave a hollow.
+    /// Returns grains that fall over a weir and a culvert, whose four plates leave a hollow.
     fn scene(initial: &str, plates: usize) -> Plan {
         let plate = |name: &str, from: [f64; 2], to: [f64; 2]| {
             format!(

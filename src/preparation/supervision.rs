@@ -51,12 +51,12 @@ pub trait Supervisor<S: Space> {
     /// Reports a line of text.
     fn report(&self, line: &str);
 
-    /// Time between two requests.
+    /// Returns the time between two requests.
     fn interval(&self) -> Duration {
         ASK_EVERY
     }
 
-    /// The present request.
+    /// Returns the present request.
     fn ask(&self) -> Request;
 
     /// Saves the present state, as requested.
@@ -232,7 +232,7 @@ pub(super) mod tests {
         }
     }
 
-    /// The result of work that is stopped repeatedly, and the number of stops.
+    /// Returns the result of work that is stopped repeatedly, and the number of stops.
     pub(in crate::preparation) fn interrupted<S: Space, T>(
         work: impl Fn(&Supervision<'_, S>) -> Result<T, Error>,
     ) -> (T, u32) {

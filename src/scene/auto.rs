@@ -90,7 +90,8 @@ impl Chosen {
         found.map(|reason| reason.text.as_str())
     }
 
-    /// A remedy that states a spacing which divides the edges of the scene, and these edges where they were rounded.
+    /// Returns a remedy that states a spacing which divides the edges of the scene, and these edges where they were
+    /// rounded.
     pub(crate) fn state_spacing(&self, remedy: Remedy, spacing: f64) -> Remedy {
         let remedy = remedy.set("domain.spacing", spacing);
         match &self.size {
@@ -105,7 +106,7 @@ impl Chosen {
     }
 }
 
-/// The accuracy of the automatic choices; none if the case states all values and no accuracy.
+/// Returns the accuracy of the automatic choices; none if the case states all values and no accuracy.
 pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     let lbm = features::lattice(case);
     let no_step = lbm.is_some_and(|lbm| {
@@ -118,14 +119,14 @@ pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     case.accuracy.or(chosen.then(Accuracy::default))
 }
 
-/// The coupling of a case, stated or chosen; none without solids in water on a lattice.
+/// Returns the coupling of a case, stated or chosen; none without solids in water on a lattice.
 pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
     let solid = super::has_solids(case) && features::lattice(case).is_some();
     let chosen = || solid.then(|| solids::coupling(case).0);
     case.coupling.clone().or_else(chosen)
 }
 
-/// The case with its spacing, whole cells along every edge of its domain, and its coupling.
+/// Returns the case with its spacing, whole cells along every edge of its domain, and its coupling.
 pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen) -> Cow<'a, Case> {
     let mut filled = Cow::Borrowed(case);
     if case.domain.spacing.is_none() {

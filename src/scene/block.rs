@@ -35,7 +35,7 @@ impl Block {
         squared <= radius * radius
     }
 
-    /// Area (2-D) or volume (3-D).
+    /// Returns the area (2-D) or volume (3-D).
     #[must_use]
     pub fn measure(&self) -> f64 {
         (0..self.dimension)
@@ -43,7 +43,7 @@ impl Block {
             .product()
     }
 
-    /// A vector with the right number of components, or a finding.
+    /// Returns a vector with the right number of components, or a finding.
     pub(crate) fn vector(
         grid: &Grid,
         vector: &Vector,
@@ -53,7 +53,7 @@ impl Block {
         vector.resolve(grid.dimension, path, findings)
     }
 
-    /// A box inside the domain, or a finding.
+    /// Returns a box inside the domain, or a finding.
     pub(crate) fn resolve(
         grid: &Grid,
         extent: &Extent,

@@ -40,7 +40,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Diameter of the largest sphere in the thinnest block \[m\].
+    /// Returns the diameter of the largest sphere in the thinnest block \[m\].
     #[must_use]
     pub fn thinnest(&self) -> Option<f64> {
         let blocks = self.list.iter();
@@ -131,7 +131,7 @@ pub(crate) fn blocks(
     })
 }
 
-/// The blocks of a jointed mass, or findings.
+/// Returns the blocks of a jointed mass, or findings.
 fn jointed(
     case: &Case,
     grid: &Grid,
@@ -320,7 +320,7 @@ fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> O
     }
 }
 
-/// A convex solid from a file, or a finding.
+/// Returns a convex solid from a file, or a finding.
 fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
     let file = case.directory.join(&mesh.path);
@@ -341,7 +341,7 @@ fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Opt
     usable(made, &format!("{path}.path"), findings)
 }
 
-/// The solid of a shape, turned about its centroid, or findings.
+/// Returns the solid of a shape, turned about its centroid, or findings.
 pub(super) fn solid(
     case: &Case,
     shape: &Shape,
@@ -401,7 +401,7 @@ fn turned(
     solid
 }
 
-/// The blocks of a file, or findings.
+/// Returns the blocks of a file, or findings.
 fn read(
     case: &Case,
     path: &PathBuf,
@@ -437,7 +437,7 @@ fn read(
     Some(blocks)
 }
 
-/// The blocks of a list, or findings.
+/// Returns the blocks of a list, or findings.
 fn listed(
     case: &Case,
     grid: &Grid,

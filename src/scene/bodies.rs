@@ -35,7 +35,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// Diameter of the largest sphere in a polyhedron \[m\].
+    /// Returns the diameter of the largest sphere in a polyhedron \[m\].
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.solid

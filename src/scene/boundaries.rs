@@ -36,7 +36,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     #[must_use]
     pub fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
@@ -63,7 +63,7 @@ impl Patch {
     }
 }
 
-/// The openings among some patches.
+/// Returns the openings among some patches.
 pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Vec<Opening> {
     let open = patches.filter(|patch| patch.condition.model().passes_water());
     let opening = |patch: &Patch| {

@@ -145,7 +145,7 @@ pub(crate) fn resolve(
     })
 }
 
-/// The points named, or every region that removes.
+/// Returns the points named, or every region that removes.
 fn points(
     case: &Case,
     grid: &Grid,
@@ -216,8 +216,8 @@ fn points(
 }
 
 impl GroundCollapse {
-    /// Cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more than
-    /// allowed.
+    /// Returns the cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more
+    /// than allowed.
     #[must_use]
     pub fn cells(&self, domain: [f64; 3], size: f64) -> [usize; 3] {
         let least = (domain.iter().product::<f64>() / MOST_CELLS).cbrt();

@@ -23,7 +23,7 @@ pub struct ContactTable {
 }
 
 impl ContactTable {
-    /// The law as plan, preparation and outputs see it.
+    /// Returns the law as plan, preparation and outputs see it.
     #[must_use]
     pub fn model(&self) -> &dyn ContactModel {
         self.law.model()
@@ -107,7 +107,7 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
 }
 
 impl Scene {
-    /// The contact law of a scene; one without forces where nothing can touch.
+    /// Returns the contact law of a scene; one without forces where nothing can touch.
     #[must_use]
     pub fn contact_law(&self) -> Law {
         self.contact.as_ref().map_or_else(
@@ -117,8 +117,8 @@ impl Scene {
     }
 }
 
-/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the
-/// start and that of a fall through the domain.
+/// Returns the upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds
+/// at the start and that of a fall through the domain.
 pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];

@@ -246,7 +246,7 @@ pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)
 }
 
-/// The multiple of a spacing nearest to a number of cells, without the digits of round-off.
+/// Returns the multiple of a spacing nearest to a number of cells, without the digits of round-off.
 pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
     format!("{:.12e}", cells * spacing)
         .parse()

@@ -74,7 +74,7 @@ impl Flow {
         })
     }
 
-    /// The scales of the lattice.
+    /// Returns the scales of the lattice.
     #[must_use]
     pub fn units(&self, grid: &Grid) -> LatticeUnits {
         LatticeUnits {
@@ -85,7 +85,7 @@ impl Flow {
         }
     }
 
-    /// All patches of all faces.
+    /// Returns all patches of all faces.
     pub fn patches(&self) -> impl Iterator<Item = &Patch> {
         self.faces.iter().flatten()
     }

@@ -401,7 +401,7 @@ mod tests {
     use crate::case::{Document, examples};
     use std::path::Path;
 
-    /// The surface of the dam break with other water.
+    /// Returns the surface of the dam break with other water.
     fn surface(water: &str) -> FreeSurface {
         let text = examples::find("dam-break").unwrap().text;
         let set = [

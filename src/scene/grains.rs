@@ -438,7 +438,7 @@ struct Materials<'a> {
 
 type Source = (GrainSource, Option<(f64, f64)>, usize);
 
-/// Smallest and largest radius.
+/// Returns the smallest and largest radius.
 fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
     let bounds = grains.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
         (lo.min(g.radius), hi.max(g.radius))
@@ -597,7 +597,7 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// A cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+/// Returns a cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
 fn cloud(
     (written, region, number_of): (&Grading, &Extent, u32),
     path: &str,

@@ -46,7 +46,7 @@ pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
     }
 }
 
-/// The axes along which gravity acts on the water; what contradicts itself goes to the findings.
+/// Returns the axes along which gravity acts on the water; what contradicts itself goes to the findings.
 pub(super) fn acts(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -134,7 +134,7 @@ pub(super) fn acts(
     acts
 }
 
-/// Gravity on the water for `plan`; none where there is no gravity.
+/// Returns the gravity on the water for `plan`; none if there is no gravity.
 pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, String)> {
     let names = |which: bool| -> Vec<&str> {
         (0..3)

@@ -29,13 +29,13 @@ pub struct Grid {
 const MOST_CELLS: f64 = 1e9;
 
 impl Grid {
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// The centre of a cell \[m\].
+    /// Returns the centre of a cell \[m\].
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
         cell.map(|i| (real(i) + 0.5) * self.spacing)

@@ -617,7 +617,7 @@ mod tests {
         assert_eq!(problems(0.015, true), 0, "in a hole");
     }
 
-    /// The errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
+    /// Returns the errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
     fn errors(parts: &serde_json::Value, folder: &Path) -> Vec<Problem> {
         let mut case = serde_json::json!({
             "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005, "periodic": ["x"]},
@@ -634,7 +634,7 @@ mod tests {
         errors.filter(|p| p.severity == Severity::Error).collect()
     }
 
-    /// Grains of a list and the same grains of a file.
+    /// Returns grains of a list and the same grains of a file.
     fn of_both_sources(grains: &[[f64; 4]], more: &serde_json::Value) -> [Vec<Problem>; 2] {
         let folder = tempfile::tempdir().expect("a folder");
         let rows = grains

@@ -26,7 +26,8 @@ pub(crate) fn lie_packed(scene: &Scene) -> bool {
     }
 }
 
-/// Density ratio from which on packed grains of radius R in cells hold; 0 where it was not measured, as with links.
+/// Returns the density ratio from which on packed grains of radius R in cells hold; 0 if it was not measured, as with
+/// links.
 pub(crate) fn in_a_bed(
     coupling: &Coupling,
     operator: Option<SolidOperator>,
@@ -47,7 +48,7 @@ pub(crate) fn in_a_bed(
     }
 }
 
-/// Half of the neighbours that discs or spheres have in the densest packing.
+/// Returns half of the neighbours that discs or spheres have in the densest packing.
 fn neighbours(scene: &Scene) -> usize {
     if scene.grid.dimension == 2 { 3 } else { 6 }
 }

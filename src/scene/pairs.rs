@@ -126,7 +126,7 @@ fn counted(
     ControlFlow::Continue(())
 }
 
-/// The level of a size: the exponent of the next power of two.
+/// Returns the level of a size: the exponent of the next power of two.
 fn level(reach: f64) -> i32 {
     // The exponent of a finite number fits.
     #[expect(
@@ -144,7 +144,7 @@ fn touch(one: &Entry, other: &Entry) -> bool {
     squared <= reach * reach * (1.0 + 1e-12)
 }
 
-/// The balls of a level with those of their periodic images that lie up to `edge` beyond the domain.
+/// Returns the balls of a level with those of their periodic images that lie up to `edge` beyond the domain.
 fn with_images(balls: &[Entry], period: [Option<f64>; 3], edge: f64) -> Vec<Entry> {
     let mut all = balls.to_vec();
     for (axis, length) in period.into_iter().enumerate() {
@@ -184,7 +184,7 @@ fn in_rows(balls: &mut [Entry], edge: f64) -> HashMap<(i64, i64), Range<usize>> 
     rows
 }
 
-/// The cell of a coordinate; what is too far away for a number of cells shares the last one.
+/// Returns the cell of a coordinate; what is too far away for a number of cells shares the last one.
 fn cell(x: f64, edge: f64) -> i64 {
     #[expect(
         clippy::cast_possible_truncation,

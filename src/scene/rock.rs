@@ -48,7 +48,7 @@ impl RockMass {
         self.sets.iter().map(cuts).product()
     }
 
-    /// The blocks.
+    /// Returns the blocks.
     ///
     /// # Errors
     /// An aperture as wide as a block, which leaves nothing of it.

@@ -71,13 +71,13 @@ const SPIN: [&str; 3] = [
     "angular_velocity_z",
 ];
 
-/// The columns of the rotation rate: in 2-D that about z.
+/// Returns the columns of the rotation rate: in 2-D that about z.
 fn spin(dimension: usize) -> &'static [&'static str] {
     &SPIN[if dimension == 2 { 2 } else { 0 }..]
 }
 
-/// The sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it where one
-/// is not zero.
+/// Returns the sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it
+/// where one is not zero.
 #[must_use]
 pub fn write(grains: &[Grain], dimension: usize, materials: &[String]) -> String {
     let axes = dimension.min(3);

@@ -73,7 +73,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
     }
@@ -129,7 +129,7 @@ impl Seepage {
         Some(scene)
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
@@ -149,7 +149,7 @@ impl Seepage {
         self.written.coupling_interval.unwrap_or(chosen)
     }
 
-    /// Centre of a patch \[m\].
+    /// Returns the centre of a patch \[m\].
     #[must_use]
     pub fn centre(&self, patch: &Patch) -> [f64; 3] {
         std::array::from_fn(|a| {
@@ -164,7 +164,7 @@ impl Seepage {
         })
     }
 
-    /// The smallest edge of a cell \[m\].
+    /// Returns the smallest edge of a cell \[m\].
     #[must_use]
     pub fn smallest_edge(&self, dimension: usize) -> f64 {
         self.spacing[..dimension]
@@ -173,7 +173,7 @@ impl Seepage {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Height of the grid along gravity; its longest edge without gravity \[m\].
+    /// Returns the height of the grid along gravity; its longest edge without gravity \[m\].
     pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
         let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
         let axis = (0..dimension).max_by(|&a, &b| {
@@ -183,7 +183,7 @@ impl Seepage {
         axis.map_or(0.0, edge)
     }
 
-    /// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    /// Returns the largest difference between imposed pressures beyond those of water at rest \[Pa\].
     pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
         let density = self.written.density;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -353,7 +353,7 @@ impl Seepage {
         }
     }
 
-    /// The coarse grid in `dimension` axes.
+    /// Returns the coarse grid in `dimension` axes.
     #[must_use]
     pub fn coarse_grid(&self, dimension: usize) -> CoarseGrid {
         CoarseGrid {

@@ -29,8 +29,8 @@ pub(crate) struct Speed {
     pub(crate) value: f64,
 }
 
-/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what
-/// settles.
+/// Returns all speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of
+/// what settles.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
@@ -54,8 +54,8 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body
-/// forces and of what settles.
+/// Returns the speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures,
+/// of body forces and of what settles.
 pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);
@@ -258,8 +258,8 @@ fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((path, free.min(viscous).min(resisted)))
 }
 
-/// Length and open height of the way through the domain along an axis: the holes cut into the grains (boxes that do
-/// not reach from wall to wall), or the whole domain.
+/// Returns the length and open height of the way through the domain along an axis: the holes cut into the grains (boxes
+/// that do not reach from wall to wall), or the whole domain.
 pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     let grid = &scene.grid;
     let across: Vec<usize> = (0..grid.dimension)
@@ -310,8 +310,8 @@ fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     grains.remaining() * volume / (densest * floor)
 }
 
-/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the
-/// others it makes pressure.
+/// Returns the largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3];
+/// along the others it makes pressure.
 fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
     let body = flow.body_force.largest();
     std::array::from_fn(|a| {
@@ -366,9 +366,9 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     estimate.is_finite().then_some(estimate)
 }
 
-/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film
-/// under a surface without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies
-/// as far as these hold it.
+/// Returns the speed that body force and gravity give to the water along an axis on which the domain repeats itself: in
+/// a film under a surface without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between
+/// bodies as far as these hold it.
 fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     let forces = driving_force(scene, flow);
     let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
@@ -408,8 +408,8 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     Some(steady.min(force * time / flow.density).min(resisted))
 }
 
-/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law
-/// (Pope 2000, section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
+/// Returns the velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the
+/// logarithmic law (Pope 2000, section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
 fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
     let friction_velocity = (0.5 * force * height / flow.density).sqrt();
     let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;

@@ -15,7 +15,7 @@ use std::collections::HashMap;
 /// Corners closer than this over the extent of the surface are one.
 const MERGE: f64 = 1e-7;
 
-/// The surface of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the surface of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
 /// A sentence about the error.
@@ -37,7 +37,7 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
     Surface::new(vertices, &facets).map_err(|e| e.to_string())
 }
 
-/// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
 /// A sentence about the error.
@@ -60,7 +60,7 @@ pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 
     [low.into(), high.into()]
 }
 
-/// The corners of all triangles, one after the other.
+/// Returns the corners of all triangles, one after the other.
 fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
     let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
     let corners: Vec<Vector3<f64>> = corners
@@ -102,7 +102,7 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     Some(corners.collect())
 }
 
-/// The words of a text with their lines, which end by a line feed, a carriage return or both.
+/// Returns the words of a text with their lines, which end by a line feed, a carriage return or both.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.split('\n').flat_map(|line| {
         let line = line.strip_suffix('\r').unwrap_or(line);
@@ -174,7 +174,7 @@ fn no_text(bytes: &[u8]) -> String {
     )
 }
 
-/// Vertices, and the vertex of each corner.
+/// Returns the vertices, and the vertex of each corner.
 fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);

@@ -31,7 +31,7 @@ pub struct Structure {
 /// Cells round the domain in which solids are known.
 const MARGIN: f64 = 3.0;
 
-/// The structures of a case.
+/// Returns the structures of a case.
 pub(crate) fn structures(
     case: &Case,
     grid: &Grid,
@@ -70,7 +70,7 @@ pub(crate) fn structures(
     all
 }
 
-/// A solid with its periodic images; findings where it cannot be had, or lies outside the domain.
+/// Returns a solid with its periodic images; findings where it cannot be had, or lies outside the domain.
 pub(crate) fn images(
     case: &Case,
     grid: &Grid,

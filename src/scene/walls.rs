@@ -262,14 +262,14 @@ fn box_material(
     names.iter().position(|known| Some(known.as_str()) == usual)
 }
 
-/// The periodic axis along which a unit normal points, at least in part.
+/// Returns the periodic axis along which a unit normal points, at least in part.
 fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
     (0..grid.dimension)
         .find(|&a| grid.periodic[a] && normal[a].abs() > 0.0)
         .map(|a| ["x", "y", "z"][a])
 }
 
-/// The periods of the domain \[m\], 0 along axes that are not periodic.
+/// Returns the periods of the domain \[m\], 0 along axes that are not periodic.
 fn periods(grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|a| {
         if a < grid.dimension && grid.periodic[a] {
@@ -373,7 +373,7 @@ fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     }
 }
 
-/// The facets of a wall that is not a plane, or findings.
+/// Returns the facets of a wall that is not a plane, or findings.
 fn facets(
     case: &Case,
     grid: &Grid,

@@ -37,7 +37,8 @@ pub(super) fn provide(threads: usize) -> Cores {
     Cores::TooFew(had)
 }
 
-/// Number of cores of this machine that the job may use: those that run, less those that a control group withholds.
+/// Returns the number of cores of this machine that the job may use: those that run, less those that a control group
+/// withholds.
 pub(super) fn allowed() -> usize {
     let group = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok();
     let time = group("cpu.max").and_then(|text| quota(&text));
@@ -54,7 +55,7 @@ fn quota(text: &str) -> Option<usize> {
     (period > 0).then(|| time.div_ceil(period).max(1))
 }
 
-/// Number of cores of a list such as `0-3,8`.
+/// Returns the number of cores of a list such as `0-3,8`.
 fn listed(text: &str) -> Option<usize> {
     let of_part = |part: &str| {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -64,8 +65,8 @@ fn listed(text: &str) -> Option<usize> {
     text.trim().split(',').map(of_part).sum()
 }
 
-/// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough
-/// for all.
+/// Returns the cores of a rank: those after the cores of the ranks before it on this machine; all where these are not
+/// enough for all.
 fn cores_of(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
     let own = rank * threads..(rank + 1) * threads;
@@ -91,7 +92,7 @@ fn online() -> usize {
         .map_or(1, |n| n + 1)
 }
 
-/// Rank on this machine, as Open MPI or Slurm say.
+/// Returns the rank on this machine, as Open MPI or Slurm say.
 fn local(what: &str) -> Option<usize> {
     let names = [
         format!("OMPI_COMM_WORLD_LOCAL_{what}"),

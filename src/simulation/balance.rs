@@ -37,7 +37,7 @@ pub(super) struct Costs {
 }
 
 impl Costs {
-    /// Those of a scene with particles, of which each rank gives its own. Collective.
+    /// Returns those of a scene with particles, of which each rank gives its own. Collective.
     pub(super) fn of<Sp: Space>(
         plan: &Plan,
         particles: &Particles<Sp>,
@@ -103,8 +103,8 @@ impl Costs {
         }
     }
 
-    /// Those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for the fluid
-    /// and the solids.
+    /// Returns those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for
+    /// the fluid and the solids.
     #[must_use]
     pub(super) fn measured(&self, [fluid, solids]: [f64; 2]) -> Vec<i64> {
         let sum = |of: &[i64]| real(of.iter().sum::<i64>());
@@ -119,7 +119,7 @@ impl Costs {
         self.fluid.iter().zip(solids).map(|(f, s)| f + s).collect()
     }
 
-    /// Those of both kinds, with the rates of the plan.
+    /// Returns those of both kinds, with the rates of the plan.
     #[must_use]
     pub(super) fn planned(&self) -> Vec<i64> {
         self.measured([0.0; 2])
@@ -203,8 +203,8 @@ pub(super) fn depends_on_the_machine(
         && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
 }
 
-/// Speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure at the same
-/// time. Collective.
+/// Returns the speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure
+/// at the same time. Collective.
 #[must_use]
 pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     communicator.barrier();
@@ -222,7 +222,7 @@ pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
     Slabs::even(setup::axis(axis), planes, ranks, scene.grid.periodic[axis])
 }
 
-/// A message about slabs that replace others.
+/// Returns a message about slabs that replace others.
 #[must_use]
 pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
     let thickness = slabs.bounds().windows(2).map(|pair| pair[1] - pair[0]);
@@ -237,7 +237,7 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
     )
 }
 
-/// The slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
+/// Returns the slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
 #[must_use]
 pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     let equal = equal(scene, planes.len(), ranks);

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 /// Mass, energies of motion and position, then mass times position, velocity and displacement.
 const SUMS: usize = 3 + 3 * 3;
 
-/// The summary; none where the case has no blocks. Collective.
+/// Returns the summary; none if the case has no blocks. Collective.
 pub fn summary<S: Space>(
     plan: &Plan,
     particles: &Particles<S>,

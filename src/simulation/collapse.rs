@@ -248,8 +248,8 @@ impl CollapseRecorder {
         agree(domain.communicator(), drawn)
     }
 
-    /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables
-    /// are on disk, synced, when it returns.
+    /// Returns the state for a checkpoint, the same on every rank, none if the case asks for no such analysis; the
+    /// tables are on disk, synced, when it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -314,8 +314,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// The value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0, and where
-    /// the case does not ask.
+    /// Returns the value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0,
+    /// and where the case does not ask.
     ///
     /// # Errors
     /// Where it cannot be written as JSON.
@@ -585,7 +585,7 @@ fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Threshol
     }
 }
 
-/// A row for every column that was ground.
+/// Returns a row for every column that was ground.
 fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
     let mut lines = String::new();
     for across in 0..cells.count[1] {

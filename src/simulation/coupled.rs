@@ -18,7 +18,7 @@ use crate::structure::Images;
 use crate::units::LatticeUnits;
 use std::sync::Arc;
 
-/// Force per volume of a solid [N/m3] that the lattice does not know of.
+/// Returns the force per volume of a solid [N/m3] that the lattice does not know of.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
     let Some(flow) = &plan.scene.flow else {
         return [0.0; 3];
@@ -33,7 +33,7 @@ fn buoyancy(plan: &Plan) -> [f64; 3] {
     })
 }
 
-/// A fluid with the coupling of the plan; links that bounce where it names none.
+/// Returns a fluid with the coupling of the plan; links that bounce where it names none.
 #[must_use]
 pub fn flow<Sp: Space, S: Stored>(
     plan: &Plan,
@@ -75,7 +75,7 @@ pub fn flow<Sp: Space, S: Stored>(
     }
 }
 
-/// The structures that water meets.
+/// Returns the structures that water meets.
 pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
     let structures = plan.scene.structures.iter();
     structures

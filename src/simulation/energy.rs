@@ -4,8 +4,8 @@ use crate::dem::particles::{Kind, Particles};
 use crate::dem::space::{Components, Space};
 use decomposition::{Communicator, ExactSum};
 
-/// Energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on the ranks.
-/// Collective.
+/// Returns the energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on
+/// the ranks. Collective.
 pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
     let mut sum = ExactSum::new();
     for k in 0..particles.owned() {

@@ -183,7 +183,7 @@ impl ErosionRecorder {
         self.state.flow_age = seconds;
     }
 
-    /// Share of the initial mass of the grains that left through the outlets.
+    /// Returns the share of the initial mass of the grains that left through the outlets.
     #[must_use]
     pub fn eroded_fraction(&self) -> f64 {
         match self.state.start {
@@ -392,8 +392,8 @@ impl ErosionRecorder {
         self.state = state;
     }
 
-    /// The value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none where the case asks for no erosion
-    /// law or nothing was recorded yet.
+    /// Returns the value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none if the case asks for no
+    /// erosion law or nothing was recorded yet.
     ///
     /// # Errors
     /// Where it cannot be written as JSON.
@@ -472,7 +472,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// The faces of the last row, or those of the case.
+    /// Returns the faces of the last row, or those of the case.
     fn present_faces(&self, hole: &Hole) -> HoleFaces {
         let [lower, upper] = self
             .state

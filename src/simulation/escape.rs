@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::plan::Plan;
 use serde_json::{Value, json};
 
-/// An error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
+/// Returns an error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
 pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
     let Error::Numerical(text) = &error else {
         return error;

@@ -131,7 +131,7 @@ impl Holder {
     }
 }
 
-/// The job of a batch system that this process belongs to, and which attempt at it this is.
+/// Returns the job of a batch system that this process belongs to, and which attempt at it this is.
 fn job() -> Option<[String; 2]> {
     let of = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
     let attempt = || {

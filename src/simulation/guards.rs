@@ -114,7 +114,7 @@ impl Guards {
         }
     }
 
-    /// The meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
+    /// Returns the meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
     #[must_use]
     pub fn state(&self) -> State {
         State {
@@ -144,19 +144,19 @@ impl Guards {
         self.overlap = state.overlap;
     }
 
-    /// Largest relative error of the mass balance of any step that was balanced.
+    /// Returns the largest relative error of the mass balance of any step that was balanced.
     #[must_use]
     pub fn mass_error(&self) -> Option<f64> {
         self.mass_error
     }
 
-    /// Largest error of the momentum balance of any step that was balanced, over the largest force in it.
+    /// Returns the largest error of the momentum balance of any step that was balanced, over the largest force in it.
     #[must_use]
     pub fn momentum_error(&self) -> Option<f64> {
         self.momentum_error
     }
 
-    /// Largest fluid speed of all checks in lattice units, |u| dt/h.
+    /// Returns the largest fluid speed of all checks in lattice units, |u| dt/h.
     #[must_use]
     pub fn lattice_velocity(&self) -> Option<f64> {
         self.speed[1]
@@ -214,8 +214,8 @@ impl Guards {
         self.speed[1] = larger(self.speed[1], speed);
     }
 
-    /// Inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`]; none without
-    /// openings.
+    /// Returns the inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`];
+    /// none without openings.
     #[must_use]
     pub fn through(&self, plan: &Plan) -> Option<[f64; 2]> {
         let mean = self.openings.mean()?.to_si(&plan.units?);
@@ -316,7 +316,7 @@ impl Guards {
         all
     }
 
-    /// Inflow and outflow in words, and whether one of them is nothing; none without openings.
+    /// Returns the inflow and outflow in words, and whether one of them is nothing; none without openings.
     fn flows(&self, plan: &Plan) -> Option<(String, bool)> {
         let [inflow, outflow] = self.through(plan)?;
         let unit = openings::unit(plan.scene.grid.dimension);
@@ -325,7 +325,7 @@ impl Guards {
         Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
-    /// The warning that inflow and outflow differ.
+    /// Returns the warning that inflow and outflow differ.
     fn unbalanced(&self, plan: &Plan) -> Option<String> {
         let mean = self.openings.disagree()?;
         let units = plan.units?;
@@ -367,7 +367,7 @@ impl Guards {
         step.is_multiple_of(self.every)
     }
 
-    /// The next step after `step` whose state a check or a balance needs.
+    /// Returns the next step after `step` whose state a check or a balance needs.
     #[must_use]
     pub fn next_look(&self, step: u64) -> u64 {
         // A balance compares the state before a step with that after it.
@@ -705,7 +705,7 @@ impl fmt::Display for When {
     }
 }
 
-/// The larger of two values that may not have been measured; NaN counts as the largest.
+/// Returns the larger of two values that may not have been measured; NaN counts as the largest.
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),
@@ -713,7 +713,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     }
 }
 
-/// The value of largest size of all ranks, and the first cell that has it. Collective.
+/// Returns the value of largest size of all ranks, and the first cell that has it. Collective.
 fn agreed(mine: At, communicator: &Communicator) -> At {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
     // The sign goes with the place.

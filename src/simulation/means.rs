@@ -40,7 +40,7 @@ pub(super) struct Mean {
     pub(super) last: Option<f64>,
 }
 
-/// The means of all probes with a window, from the folder of a run.
+/// Returns the means of all probes with a window, from the folder of a run.
 pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     let mut all = Vec::new();
     for probe in &plan.scene.probes {
@@ -67,7 +67,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     all
 }
 
-/// The means of the rows from a time on; none without such rows.
+/// Returns the means of the rows from a time on; none without such rows.
 fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
     let times = rows.column("time")?;
     let first = times.iter().position(|&time| time >= from)?;
@@ -131,7 +131,7 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     doubts
 }
 
-/// A table of them.
+/// Returns a table of them.
 pub(super) fn lines(all: &[Means]) -> Vec<String> {
     let mut lines = Vec::new();
     for one in all {

@@ -136,7 +136,7 @@ impl Phases {
         self.last_waited = now_waited;
     }
 
-    /// Waiting in all phases.
+    /// Returns the waiting in all phases.
     fn waited(&self) -> Waited {
         let mut all = Waited::default();
         for &one in &self.waited {
@@ -145,7 +145,7 @@ impl Phases {
         all
     }
 
-    /// Time of the phases that compute, without the waiting in them.
+    /// Returns the time of the phases that compute, without the waiting in them.
     fn computed(&self) -> Duration {
         PHASES
             .iter()
@@ -155,7 +155,8 @@ impl Phases {
             .sum()
     }
 
-    /// Computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\]. Collective.
+    /// Returns the computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\].
+    /// Collective.
     #[must_use]
     pub fn fluid_and_solids(&self, communicator: &Communicator) -> [f64; 2] {
         [
@@ -174,7 +175,7 @@ impl Phases {
         })
     }
 
-    /// Least, mean and most of the ranks. Collective.
+    /// Returns the minimum, mean and maximum of the ranks. Collective.
     #[must_use]
     pub fn reduce(&self, communicator: &Communicator) -> Account {
         let (waited, computed) = (self.waited(), self.computed());
@@ -211,13 +212,13 @@ impl Phases {
 }
 
 impl Account {
-    /// The time of the steps: that of all phases, in the mean over the ranks \[s\].
+    /// Returns the time of the steps: that of all phases, in the mean over the ranks \[s\].
     #[must_use]
     pub fn looped(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds.mean).sum()
     }
 
-    /// A table of it.
+    /// Returns a table of it.
     #[must_use]
     pub fn table(&self) -> String {
         let looped = self.looped().max(1e-9);
@@ -252,7 +253,7 @@ impl Account {
     }
 }
 
-/// Least, mean and most of the ranks. Collective.
+/// Returns the minimum, mean and maximum of the ranks. Collective.
 fn spread(mine: Duration, communicator: &Communicator) -> Spread {
     let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
     let seconds = mine.as_secs_f64();

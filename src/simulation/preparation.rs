@@ -90,7 +90,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
     }
 }
 
-/// The state of a sample in a checkpoint. First rank.
+/// Returns the state of a sample in a checkpoint. First rank.
 fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
     let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
     let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;

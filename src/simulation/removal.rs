@@ -94,7 +94,7 @@ const PURPOSE: u32 = 0x5eed;
 const BATCH: usize = 32;
 
 impl Removal {
-    /// The regions of the scene, nothing taken or made yet.
+    /// Returns the regions of the scene, nothing taken or made yet.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
         let regions = &plan.scene.regions;
@@ -320,7 +320,7 @@ impl Removal {
         Ok(born)
     }
 
-    /// The counts for a checkpoint; the same on every rank.
+    /// Returns the counts for a checkpoint; the same on every rank.
     #[must_use]
     pub fn state(&self) -> State {
         self.state.clone()
@@ -371,7 +371,7 @@ impl Removal {
     }
 }
 
-/// Rows of `N` numbers from their bytes.
+/// Returns the rows of `N` numbers from their bytes.
 pub(super) fn rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[u64; N]>, Error> {
     let (words, rest) = bytes.as_chunks::<8>();
     let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
@@ -389,7 +389,7 @@ fn whole_index(number: u64) -> Result<usize, Error> {
     usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is no index")))
 }
 
-/// A raw position in the box: periodic axes wrapped into [0, length).
+/// Returns a raw position in the box: periodic axes wrapped into [0, length).
 pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|axis| {
         if axis >= grid.dimension {
@@ -473,7 +473,7 @@ fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATC
     })
 }
 
-/// The first of the places that no grain, body or wall of this time \[s\] covers on any rank.
+/// Returns the first of the places that no grain, body or wall of this time \[s\] covers on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
     (radius, time): (f64, f64),

@@ -116,7 +116,7 @@ fn scales(plan: &Plan) -> Value {
     })
 }
 
-/// The newest checkpoint of a folder: of the run, or else of its preparation. Collective.
+/// Returns the newest checkpoint of a folder: of the run, or else of its preparation. Collective.
 ///
 /// # Errors
 /// [`Error::Io`] where there is none, the same on all ranks.
@@ -280,7 +280,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     }
 }
 
-/// The tables that the run of a plan may write, by name.
+/// Returns the tables that the run of a plan may write, by name.
 pub(super) fn tables(plan: &Plan) -> Vec<String> {
     let probes = plan.scene.probes.iter();
     let probes = probes.map(|probe| format!("probe_{}.csv", probe.name));
@@ -374,7 +374,7 @@ pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document
     Ok(document)
 }
 
-/// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
+/// Returns the plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
 ///
 /// # Errors
 /// All changes that a restart does not allow, all errors of the case, and its instabilities unless they are allowed.

@@ -313,7 +313,7 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
 /// Time that a rank with an error waits for the others to have one too, before it ends the job by itself.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The slabs that a case lists.
+/// Returns the slabs that a case lists.
 fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
     let axis = setup::axis(grid.split_axis);
     let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
@@ -346,8 +346,8 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
         .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
 }
 
-/// A run before its first step on this process alone, without messages, for callers that step it themselves: tests and
-/// measurements. Outputs go to `folder`.
+/// Returns a run before its first step on this process alone, without messages, for callers that step it themselves:
+/// tests and measurements. Outputs go to `folder`.
 ///
 /// # Errors
 /// As [`run`].

@@ -92,7 +92,7 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     }
 }
 
-/// The values of all probes of a run that is at `time`, from its folder; without a lattice none.
+/// Returns the values of all probes of a run that is at `time`, from its folder; without a lattice none.
 pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
     let Some(units) = &plan.units else {
         return End::default();
@@ -141,7 +141,7 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
     vector.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The last two windows of a quantity before `end`, the shortest that have enough samples; none where none have.
+/// Returns the last two windows of a quantity before `end`, the shortest that have enough samples; none if none have.
 fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
     let mut windows = WINDOWS.iter();
     windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
@@ -195,7 +195,7 @@ fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Opti
     Some(seen)
 }
 
-/// Time between every second passage through the mean, where there are three at least.
+/// Returns the time between every second passage through the mean, where there are three at least.
 fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
     let pairs = samples.windows(2);
     let mut passed = pairs.filter(|pair| (pair[0].1 < mean) != (pair[1].1 < mean));

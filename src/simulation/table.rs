@@ -59,7 +59,7 @@ impl Table {
         Ok(())
     }
 
-    /// A table with this text, which replaces the previous contents.
+    /// Returns a table with this text, which replaces the previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
         // A crash leaves the old table or the new one.
         let made =

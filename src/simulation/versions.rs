@@ -6,7 +6,7 @@ use crate::provenance;
 use decomposition::{Communicator, mpi_library};
 use serde_json::{Value, json};
 
-/// A line for each library and property of this program; MPI need not run.
+/// Returns a line for each library and property of this program; MPI need not run.
 #[must_use]
 pub fn report() -> String {
     [

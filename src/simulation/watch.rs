@@ -91,7 +91,7 @@ impl Unanswered {
     }
 }
 
-/// Processor time of this process. A process without a core is slow and not deaf.
+/// Returns the processor time of this process. A process without a core is slow and not deaf.
 fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Duration::try_from(time).unwrap_or_default()
@@ -271,7 +271,7 @@ impl Watch {
         }
     }
 
-    /// Wall time since the start of the run.
+    /// Returns the wall time since the start of the run.
     #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.start.elapsed()

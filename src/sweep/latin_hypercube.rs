@@ -74,7 +74,7 @@ pub enum Scale {
 }
 
 impl Range {
-    /// The value below which a part `share` of all draws lies, to four digits.
+    /// Returns the value below which a part `share` of all draws lies, to four digits.
     #[must_use]
     pub fn at(&self, share: f64) -> f64 {
         let value = match self.scale {
@@ -115,7 +115,8 @@ impl LatinHypercube {
         !self.crossed.iter().any(|name| name == variation)
     }
 
-    /// The place of every member in the range of variation number `variation`: from 0 to 1, one in each n-th part.
+    /// Returns the place of every member in the range of variation number `variation`: from 0 to 1, one in each n-th
+    /// part.
     #[must_use]
     pub fn places(&self, variation: usize) -> Vec<f64> {
         let mut random = Stream::new(self.seed, variation as u64, DRAWS);

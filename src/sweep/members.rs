@@ -49,13 +49,13 @@ pub struct Prepared {
 }
 
 impl Member {
-    /// A number of its case by path.
+    /// Returns a number of its case by path.
     #[must_use]
     pub fn number(&self, path: &str) -> Option<f64> {
         set::lookup(&self.case, path).and_then(Value::as_f64)
     }
 
-    /// Its value of a varied thing as a number.
+    /// Returns its value of a varied thing as a number.
     #[must_use]
     pub fn value(&self, varied: usize) -> Option<f64> {
         self.labels.get(varied)?.as_ref()?.parse().ok()
@@ -69,7 +69,7 @@ struct Draft {
     set: Vec<(String, Value)>,
 }
 
-/// All members with their cases; paths in the study start at `beside`.
+/// Returns all members with their cases; paths in the study start at `beside`.
 ///
 /// # Errors
 /// All that is wrong with the study or any member.
@@ -111,7 +111,7 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     }
 }
 
-/// The tree of the base case and where its paths start.
+/// Returns the tree of the base case and where its paths start.
 fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
     let one =
         |value: &str, reason: String, remedy: &str| vec![problem("case", value, reason, remedy)];
@@ -223,7 +223,7 @@ fn varied(study: &Study) -> Vec<Draft> {
 }
 
 impl Variation {
-    /// The fields that value number `n` sets; none of a range.
+    /// Returns the fields that value number `n` sets; none of a range.
     fn set(&self, field: &str, n: usize) -> Vec<(String, Value)> {
         match self {
             Self::Values(values) => {
@@ -241,7 +241,7 @@ impl Variation {
         }
     }
 
-    /// Label and fields of the value at a place from 0 to 1.
+    /// Returns the label and fields of the value at a place from 0 to 1.
     fn value_at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
         if let Self::Range(range) = self {
             let value = Value::from(range.at(place));
@@ -256,7 +256,7 @@ impl Variation {
     }
 }
 
-/// The last word of a path, or the whole path where two varied fields share that word.
+/// Returns the last word of a path, or the whole path where two varied fields share that word.
 fn short<'a>(field: &'a str, study: &Study) -> &'a str {
     let last = |path: &'a str| path.rsplit('.').next().unwrap_or(path);
     let same = study
@@ -267,7 +267,7 @@ fn short<'a>(field: &'a str, study: &Study) -> &'a str {
     if same.count() > 1 { field } else { last(field) }
 }
 
-/// A text as part of a folder's name: what a shell would take for something else becomes one `-`.
+/// Returns a text as part of a folder's name: what a shell would take for something else becomes one `-`.
 fn file_name(text: &str) -> String {
     let mut name = String::new();
     for c in text.chars() {
@@ -280,7 +280,7 @@ fn file_name(text: &str) -> String {
     name.trim_end_matches('-').to_owned()
 }
 
-/// Names that are empty, duplicate, or referred to and missing.
+/// Returns problems for names that are empty, duplicate, or referred to and missing.
 fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
@@ -315,7 +315,7 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     found
 }
 
-/// A member, and what keeps the study from running because of it.
+/// Returns a member, and what keeps the study from running because of it.
 fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member, Vec<Problem>) {
     let mut case = base.clone();
     let common = study
@@ -371,7 +371,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     (member, found)
 }
 
-/// The formula to evaluate next: one that names no field that another is still to set; of a circle the first.
+/// Returns the formula to evaluate next: one that names no field that another is still to set; of a circle the first.
 fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     let waits = |(own, formula): &(String, String)| {
         let others = formulas.iter().filter(|(path, _)| path != own);

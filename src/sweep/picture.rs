@@ -173,7 +173,8 @@ impl Front<'_> {
         }
     }
 
-    /// Colour, label and members by the value of the first variation; without variations each listed member is a group.
+    /// Returns the colour, label and members by the value of the first variation; without variations each listed member
+    /// is a group.
     fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
         let labels: Vec<String> = match self.study.vary.0.first() {
             Some((_, variation)) => variation.labels(),
@@ -267,7 +268,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
 ];
 
 impl Map {
-    /// The members that have a number on both axes and have been looked at.
+    /// Returns the members that have a number on both axes and have been looked at.
     #[must_use]
     pub fn of(axes: &[String; 2], study: &Study, members: &[Member], table: &Table) -> Self {
         let [x, y] = axes
@@ -311,7 +312,7 @@ impl Map {
         }
     }
 
-    /// A panel for every combination of what else is varied.
+    /// Returns a panel for every combination of what else is varied.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let mut rests: Vec<&str> = Vec::new();
@@ -368,7 +369,7 @@ impl Map {
         }
     }
 
-    /// A row for each member.
+    /// Returns a row for each member.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = String::new();

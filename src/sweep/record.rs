@@ -30,7 +30,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The outcome of an exit code.
+    /// Returns the outcome of an exit code.
     #[must_use]
     pub fn of_code(code: Option<i32>) -> Self {
         match code {
@@ -107,7 +107,7 @@ impl Record {
         }
     }
 
-    /// The record in a folder; none where there is none that can be read.
+    /// Returns the record in a folder; none if there is none that can be read.
     #[must_use]
     pub fn read(folder: &Path) -> Option<Self> {
         let text = io::plain::text(&folder.join(FILE), io::plain::LONGEST_CASE).ok()?;

@@ -57,7 +57,7 @@ struct Job<'a> {
     record: Record,
 }
 
-/// The program that runs members.
+/// Returns the program that runs members.
 fn solver() -> Result<PathBuf, Error> {
     match std::env::var_os("SOLVER") {
         Some(path) => Ok(path.into()),
@@ -66,7 +66,7 @@ fn solver() -> Result<PathBuf, Error> {
     }
 }
 
-/// The version that the program of the members prints.
+/// Returns the version that the program of the members prints.
 ///
 /// # Errors
 /// [`Error::Io`] where it cannot be started.
@@ -275,7 +275,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// The program without the command that starts its ranks.
+    /// Returns the program without the command that starts its ranks.
     fn launcher(&self) -> Command {
         let launch = std::env::var("LAUNCH")
             .ok()
@@ -357,7 +357,7 @@ impl Job<'_> {
     }
 }
 
-/// Planned time of a member on one core \[s\].
+/// Returns the planned time of a member on one core \[s\].
 fn seconds(member: &Member) -> f64 {
     member.prepared.as_ref().map_or(0.0, |p| p.seconds.max(0.1))
 }
@@ -380,7 +380,7 @@ fn empty(folder: &Path) -> Result<(), Error> {
     fs::remove_dir_all(folder).map_err(|e| Error::Io(format!("{}: {e}", folder.display())))
 }
 
-/// The last error message of a run.
+/// Returns the last error message of a run.
 fn last_words(folder: &Path) -> String {
     let text =
         io::plain::text(&folder.join("errors.txt"), io::plain::LONGEST_CASE).unwrap_or_default();

@@ -3,7 +3,7 @@
 use super::study::Study;
 use std::path::Path;
 
-/// The script, with paths relative to the current folder.
+/// Returns the script, with paths relative to the current folder.
 #[must_use]
 pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> String {
     let absolute = |path: &Path| {
@@ -65,7 +65,7 @@ exit "$status""#,
     )
 }
 
-/// A text as one word of a shell.
+/// Returns a text as one word of a shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }

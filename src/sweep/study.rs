@@ -209,7 +209,7 @@ impl<T> Default for Ordered<T> {
 }
 
 impl<T> Ordered<T> {
-    /// Place and value of a key.
+    /// Returns the place and value of a key.
     #[must_use]
     pub fn find(&self, key: &str) -> Option<(usize, &T)> {
         let mut all = self.0.iter().enumerate();
@@ -253,7 +253,7 @@ impl<T: JsonSchema> JsonSchema for Ordered<T> {
     }
 }
 
-/// The JSON schema of a study.
+/// Returns the JSON schema of a study.
 #[must_use]
 pub fn schema() -> Value {
     check::schema_of::<Study>()
@@ -390,7 +390,7 @@ impl Study {
 }
 
 impl Variation {
-    /// The labels of what it takes, in order; none for a range, whose values are drawn.
+    /// Returns the labels of what it takes, in order; none for a range, whose values are drawn.
     pub(crate) fn labels(&self) -> Vec<String> {
         match self {
             Self::Range(_) => Vec::new(),
@@ -407,7 +407,7 @@ impl Variation {
     }
 }
 
-/// A value in a table: a text without its quotes, else JSON.
+/// Returns a value in a table: a text without its quotes, else JSON.
 pub(crate) fn label(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -111,7 +111,7 @@ impl Table {
         Self { rows }
     }
 
-    /// A row for each member as CSV, with the units in the header.
+    /// Returns a row for each member as CSV, with the units in the header.
     #[must_use]
     pub fn to_csv(&self, study: &Study, members: &[Member]) -> String {
         let mut text = format!("# {}, {}\n", study.title.replace('\n', " "), machine());
@@ -369,8 +369,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Reference, where it is a number, and error of an output; none where the member has no such output or is the
-    /// reference.
+    /// Returns the reference, where it is a number, and error of an output; none if the member has no such output or is
+    /// the reference.
     fn error(
         &self,
         name: &str,
@@ -417,7 +417,7 @@ impl Comparison<'_> {
         })
     }
 
-    /// An output of another member; none for the member itself.
+    /// Returns an output of another member; none for the member itself.
     fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<Found>, String> {
         let other = other.filter(|other| *other != self.at);
         let Some(other) = other else { return Ok(None) };
@@ -430,7 +430,8 @@ impl Comparison<'_> {
         })
     }
 
-    /// The member with the smallest value of a field among those that are as this one in all else that is varied.
+    /// Returns the member with the smallest value of a field among those that are as this one in all else that is
+    /// varied.
     fn finest(&self, field: &str) -> Option<usize> {
         let (varied, _) = self.study.vary.find(field)?;
         let mine = &self.members[self.at].labels;
@@ -449,7 +450,7 @@ impl Comparison<'_> {
 /// differs.
 const SAME_ERROR: f64 = 1e-3;
 
-/// Which points (cost, error) no other point beats in one without being worse in the other.
+/// Returns which points (cost, error) no other point beats in one without being worse in the other.
 #[must_use]
 pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
     let beats = |a: (f64, f64), b: (f64, f64)| {
@@ -464,7 +465,7 @@ pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
         .collect()
 }
 
-/// The name of the processor; `unknown` if the system does not report it.
+/// Returns the name of the processor; `unknown` if the system does not report it.
 #[must_use]
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

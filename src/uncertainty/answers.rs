@@ -282,7 +282,8 @@ impl Samples {
         }
     }
 
-    /// The columns of the vector that a column is a component of; the column alone where it is none, or a position.
+    /// Returns the columns of the vector that a column is a component of; the column alone where it is none, or a
+    /// position.
     fn siblings(&self, n: usize) -> impl Iterator<Item = &[f64]> {
         let stem = |name: &str| {
             let (stem, axis) = name.rsplit_once('_')?;
@@ -296,12 +297,12 @@ impl Samples {
     }
 }
 
-/// The mean of the samples after half of the time; none of few samples.
+/// Returns the mean of the samples after half of the time; none of few samples.
 fn mean_of_second_half(times: &[f64], values: &[f64]) -> Option<f64> {
     mean_between(times, values, 0.5, 1.0, LEAST_SAMPLES)
 }
 
-/// The mean of the samples between two parts of the time, the earlier end excluded.
+/// Returns the mean of the samples between two parts of the time, the earlier end excluded.
 fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize) -> Option<f64> {
     let (first, last) = (times.first()?, times.last()?);
     // A sample may differ from its time by half a step.
@@ -318,7 +319,7 @@ fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize)
     (number >= least.max(1)).then(|| sum / real(number))
 }
 
-/// Change of the mean between the last two tenths of the time, over the larger of scale and mean.
+/// Returns the change of the mean between the last two tenths of the time, over the larger of scale and mean.
 fn drift(times: &[f64], values: &[f64], scale: f64) -> Option<f64> {
     let before = mean_between(times, values, 0.8, 0.9, 1)?;
     let last = mean_between(times, values, 0.9, 1.0, 1)?;

@@ -203,7 +203,7 @@ impl Series {
         }
     }
 
-    /// The better fit of order 1 and 2; the uncertainty is at least `least`.
+    /// Returns the better fit of order 1 and 2; the uncertainty is at least `least`.
     fn by_least_squares(
         &self,
         behaviour: Behaviour,
@@ -237,8 +237,8 @@ impl Series {
     }
 }
 
-/// The apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their spacings;
-/// none where the differences do not shrink.
+/// Returns the apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their
+/// spacings; none if the differences do not shrink.
 #[must_use]
 pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     let quotient = (values[2] - values[1]) / (values[1] - values[0]);
@@ -268,7 +268,7 @@ pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     Some(0.5 * (low + high))
 }
 
-/// The value on cells of no size, from those on a fine and a coarse grid.
+/// Returns the value on cells of no size, from those on a fine and a coarse grid.
 #[must_use]
 pub fn richardson([fine, coarse]: [f64; 2], ratio: f64, order: f64) -> f64 {
     fine + (fine - coarse) / (ratio.powf(order) - 1.0)

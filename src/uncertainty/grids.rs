@@ -67,7 +67,7 @@ impl Scaling {
         }
     }
 
-    /// The factor of the time step where cells are `ratio` times as large.
+    /// Returns the factor of the time step where cells are `ratio` times as large.
     fn of_time(self, ratio: f64) -> f64 {
         match self {
             Self::Diffusive => ratio * ratio,
@@ -80,7 +80,7 @@ impl Scaling {
 /// The most cells of a seepage that an estimate makes.
 const MOST_SEEPAGE_CELLS: usize = 8_000_000;
 
-/// The seepage of a scene whose cells can be refined: one without grains.
+/// Returns the seepage of a scene whose cells can be refined: one without grains.
 #[must_use]
 pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
     scene.seepage.as_ref().filter(|_| !scene.has_solids())
@@ -150,10 +150,10 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     chosen
 }
 
-/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that
-/// failed. Cells that are too coarse fail: it has finer cells than all coarser grids that failed, and is as near as
-/// possible to the middle between these and the next finer ones that ran. Where no coarser grid failed, it is coarser
-/// than all that ran. The last to try is finer than the case.
+/// Returns a grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those
+/// that failed. Cells that are too coarse fail: it has finer cells than all coarser grids that failed, and is as near
+/// as possible to the middle between these and the next finer ones that ran. Where no coarser grid failed, it is
+/// coarser than all that ran. The last to try is finer than the case.
 #[must_use]
 pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
@@ -228,7 +228,7 @@ fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     chosen
 }
 
-/// Diameter of the smallest disc or sphere in the water \[m\].
+/// Returns the diameter of the smallest disc or sphere in the water \[m\].
 fn smallest_diameter(scene: &Scene) -> Option<f64> {
     let bodies = scene.bodies.iter().map(|body| body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii).map(|r| r.0);
@@ -256,7 +256,7 @@ pub fn formal_order(scene: &Scene) -> f64 {
     }
 }
 
-/// The case with everything stated that the program chose for it, and without fields for ParaView.
+/// Returns the case with everything stated that the program chose for it, and without fields for ParaView.
 ///
 /// # Errors
 /// [`Error::Internal`] where the plan is not that of a case.
@@ -312,7 +312,7 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
     Ok(tree)
 }
 
-/// The stated case on cells that are `ratio` times as large.
+/// Returns the stated case on cells that are `ratio` times as large.
 #[must_use]
 pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Value {
     let mut tree = stated.clone();
@@ -340,7 +340,7 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
     tree
 }
 
-/// The grid of a seepage with cells that are `ratio` times as large, as a case has it.
+/// Returns the grid of a seepage with cells that are `ratio` times as large, as a case has it.
 pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
     let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
     let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);

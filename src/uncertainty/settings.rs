@@ -53,7 +53,7 @@ const SETTINGS: &[(&str, &str, Change)] = &[
     ("lattice velocity", "velocity", velocity),
 ];
 
-/// The settings that a scene has.
+/// Returns the settings that a scene has.
 #[must_use]
 pub fn of(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
     let one = |(name, folder, change): &(&'static str, &'static str, Change)| {
@@ -137,7 +137,7 @@ fn solid_step(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some("x 0.5".into())
 }
 
-/// The seepage through grains: without them nothing is coupled, and zones state the resistance.
+/// Returns the seepage through grains: without them nothing is coupled, and zones state the resistance.
 fn seepage_through_grains(plan: &Plan) -> Option<&Seepage> {
     let seepage = plan.scene.seepage.as_ref();
     seepage.filter(|_| plan.scene.has_solids())

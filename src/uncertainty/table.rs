@@ -27,7 +27,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Rounding of a quantity by its unit, whatever its size.
+    /// Returns the rounding of a quantity by its unit, whatever its size.
     fn of_unit(self, unit: &str) -> f64 {
         let scale = self.units.map_or(0.0, |units| match unit {
             "Pa" => units.pressure_scale(),
@@ -164,7 +164,7 @@ pub fn conclusion(grids: &[Grid]) -> String {
     }
 }
 
-/// The rows of the grids; `at` is the one of the case.
+/// Returns the rows of the grids; `at` is the one of the case.
 #[must_use]
 pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
@@ -240,7 +240,7 @@ pub fn sensitivity(
 }
 
 impl Row {
-    /// The uncertainty over the value.
+    /// Returns the uncertainty over the value.
     #[must_use]
     pub fn relative(&self) -> Option<f64> {
         let relative = self.estimate.uncertainty? / self.value.abs();
@@ -304,7 +304,7 @@ impl Row {
     }
 }
 
-/// A number with five digits, or a dash.
+/// Returns a number with five digits, or a dash.
 fn short(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{x:.5e}"))
 }
@@ -491,7 +491,7 @@ impl Table {
         aligned(&cells)
     }
 
-    /// All rows as CSV.
+    /// Returns all rows as CSV.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = format!("# {}, {}\n# {}\n", self.version, machine(), self.scaling);
@@ -562,7 +562,7 @@ impl Table {
         text
     }
 
-    /// The block of `summary.json`: as the table, with the reason of each method.
+    /// Returns the block of `summary.json`: as the table, with the reason of each method.
     #[must_use]
     pub fn json(&self) -> Value {
         let mut tree = json!(self);
@@ -590,7 +590,7 @@ const WIDE: f64 = 0.2;
 /// Value over the scale of its kind below which rounding and staircases of larger terms decide its relative width.
 const SMALL: f64 = 0.1;
 
-/// Rows with columns of equal width.
+/// Returns the rows with columns of equal width.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
     let width: [usize; N] = std::array::from_fn(|n| {
         let cells = rows.iter().map(|row| row[n].chars().count());

@@ -12,7 +12,7 @@ fn example(name: &str, set: &[&str]) -> Plan {
     plan(crate::case::examples::find(name).unwrap().text, set)
 }
 
-/// The plan of a member.
+/// Returns the plan of a member.
 fn planned(member: &Member) -> Plan {
     plan(&member.prepared.as_ref().unwrap().text, &[])
 }

@@ -281,7 +281,7 @@ fn words(code: &str) -> impl Iterator<Item = (&str, &str, &str)> {
     })
 }
 
-/// The modules named as `crate::x` or in `crate::{x, y::z}`.
+/// Returns the modules named as `crate::x` or in `crate::{x, y::z}`.
 fn modules_named(code: &str) -> BTreeSet<String> {
     let mut named = BTreeSet::new();
     for (_, _, after) in words(code).filter(|(_, word, _)| *word == "crate") {
@@ -321,7 +321,7 @@ fn modules_named(code: &str) -> BTreeSet<String> {
     named
 }
 
-/// The crates of the workspace named as `x::`, wherever they start a path.
+/// Returns the crates of the workspace named as `x::`, wherever they start a path.
 fn crates_named(code: &str) -> BTreeSet<String> {
     words(code)
         .filter(|(before, word, after)| {

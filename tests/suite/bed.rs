@@ -46,8 +46,8 @@ fn slabs(width: Option<u32>, period: u32) -> Value {
         .collect()
 }
 
-/// Water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel the
-/// grain.
+/// Returns water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel
+/// the grain.
 fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
     let period = 8;
     let flat = width.is_none();
@@ -296,7 +296,7 @@ fn a_pier_is_no_bed() {
     );
 }
 
-/// The shortened example, in which grains move.
+/// Returns the shortened example, in which grains move.
 fn flume(set: &[(&str, &str)]) -> Study {
     let text = solver::case::examples::find("flume").unwrap().text;
     let mut case: Value = serde_json::from_str(text).unwrap();
@@ -427,7 +427,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
     );
 }
 
-/// A dry case in 2-D with a probe of its grains.
+/// Returns a dry case in 2-D with a probe of its grains.
 fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -> Value {
     json!({
         "domain": {"size": size, "spacing": 1e-3},

@@ -1433,7 +1433,7 @@ pub(crate) fn expected(path: &str) -> String {
     }
 }
 
-/// The text of the broken case, and what to set.
+/// Returns the text of the broken case, and what to set.
 pub(crate) fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
     let text = find(example).expect("an example").text;
     match how {

@@ -74,7 +74,7 @@ fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     }
 }
 
-/// The file of a code in a module.
+/// Returns the file of a code in a module.
 fn read(path: &str, code: &str, module: &Module) -> File {
     let mut file = File {
         path: path.to_owned(),
@@ -178,7 +178,7 @@ fn module_of(path: &str, folder: &str) -> Module {
     words.map(str::to_owned).collect()
 }
 
-/// The circles among files, each in alphabetical order.
+/// Returns the circles among files, each in alphabetical order.
 fn circles(sources: &[(String, String)], folder: &str) -> Vec<Vec<String>> {
     let files: BTreeMap<Module, File> = sources
         .iter()

@@ -49,7 +49,7 @@ fn holds(row: &Row, conditions: &str) -> bool {
     })
 }
 
-/// Half a unit of the last digit of a figure as it is written.
+/// Returns half a unit of the last digit of a figure as it is written.
 fn half_a_digit(figure: &str) -> f64 {
     let (digits, exponent) = figure.split_once('e').unwrap_or((figure, "0"));
     let decimals = digits

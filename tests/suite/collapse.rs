@@ -88,7 +88,7 @@ fn study_of(strength: Option<&str>, sample: &str) -> Study {
     study
 }
 
-/// Rows of a table as texts.
+/// Returns the rows of a table as texts.
 fn table(study: &Study, run: &str, name: &str) -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(study.path(run).join(name)).unwrap();
     let rows = text.lines().skip(1);

@@ -5,8 +5,9 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
 
-/// Water between plates of 0.4 mm under 100 N/m3, with the slip of BGK at a relaxation time of 1.1: the velocity in the
-/// middle is that of the parabola plus h²(4 Λ/3 - 1/4) G/(2 mu), Λ = 0.36, an error of exactly second order.
+/// Returns water between plates of 0.4 mm under 100 N/m3, with the slip of BGK at a relaxation time of 1.1: the
+/// velocity in the middle is that of the parabola plus h²(4 Λ/3 - 1/4) G/(2 mu), Λ = 0.36, an error of exactly
+/// second order.
 fn case() -> Value {
     json!({
         "domain": {"size": [1e-4, 4e-4], "spacing": 1.25e-5, "periodic": ["x"]},
@@ -100,7 +101,8 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
     );
 }
 
-/// Water over a weir that closes half of a channel; the largest lattice velocity on the grid of the case is 0.045.
+/// Returns water over a weir that closes half of a channel; the largest lattice velocity on the grid of the case is
+/// 0.045.
 fn weir(limit: f64) -> Value {
     json!({
         "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},

@@ -7,8 +7,8 @@ use solver::case::Document;
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the left, cells
-/// of this size.
+/// Returns sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the
+/// left, cells of this size.
 fn excavation(spacing: f64) -> Value {
     let side = |name: &str, from: f64, to: f64, head: f64| {
         json!({"name": name, "face": "y_max",
@@ -40,7 +40,7 @@ fn warnings(case: &Value) -> Vec<String> {
     plan.warnings.iter().map(ToString::to_string).collect()
 }
 
-/// Discharge \[m2/s\], head and pressure at the toe.
+/// Returns the discharge \[m2/s\], head and pressure at the toe.
 fn solved(case: &Value) -> [f64; 3] {
     let _beside = beside_others();
     let folder = tempfile::tempdir().unwrap();

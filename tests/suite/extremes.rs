@@ -181,8 +181,9 @@ fn block<'a>(more: &[&'a str]) -> Vec<&'a str> {
     BLOCK.iter().copied().chain(more.iter().copied()).collect()
 }
 
-/// Densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in 0.05 s, 10 gives 0.1766 m/s in
-/// 0.02 s. The water to be moved along makes both slower: by a half of the sphere's volume to about one.
+/// Returns scenes with extreme densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in
+/// 0.05 s, 10 gives 0.1766 m/s in 0.02 s. The water to be moved along makes both slower: by a half of the sphere's
+/// volume to about one.
 fn densities() -> Vec<Row> {
     const SLOW: End = Result(&[("velocity_z", -4.86e-3, -1.2e-3)]);
     const FAST: End = Result(&[("velocity_z", -0.1766, -0.12)]);
@@ -213,7 +214,7 @@ fn densities() -> Vec<Row> {
     ]
 }
 
-/// Relaxation times, lattice velocities, Reynolds numbers.
+/// Returns scenes with extreme relaxation times, lattice velocities and Reynolds numbers.
 fn flows() -> Vec<Row> {
     // 0.3 m/s times a cosine and a sine of 0.995 each, times the decay: 0.2925 m/s.
     const DECAYED: End = Result(&[("velocity_x", 0.288, 0.298)]);
@@ -588,7 +589,7 @@ fn pores() -> Vec<Row> {
     ]
 }
 
-/// The last row of a table, by column; every number of it and of all rows before is one.
+/// Returns the last row of a table, by column; every number of it and of all rows before is one.
 fn last(what: &str, text: &str) -> Vec<(String, f64)> {
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<String> = lines

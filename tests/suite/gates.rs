@@ -3,7 +3,7 @@
 
 use crate::ranks::{Study, beside_others};
 
-/// Clay on a floor that goes, above a shelf that comes while it falls and goes again.
+/// Returns clay on a floor that goes, above a shelf that comes while it falls and goes again.
 fn study() -> Study {
     Study::of(
         "deposition",

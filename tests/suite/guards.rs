@@ -43,8 +43,8 @@ impl Ran {
     }
 }
 
-/// A channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell Reynolds
-/// number 15 and tau = 0.52 it fails even from the exact parabola.
+/// Returns a channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell
+/// Reynolds number 15 and tau = 0.52 it fails even from the exact parabola.
 fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     let step = (tau - 0.5) / 3.0 * 0.025 * 0.025 / viscosity;
     json!({
@@ -62,7 +62,7 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     })
 }
 
-/// A pressure that is there at once, and changes the density by 30 % at tau = 0.8.
+/// Returns a pressure that is there at once, and changes the density by 30 % at tau = 0.8.
 fn hammer(tau: f64) -> Value {
     json!({
         "domain": {"size": [1, 0.25], "spacing": 0.025},
@@ -78,7 +78,8 @@ fn hammer(tau: f64) -> Value {
     })
 }
 
-/// Water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire gone.
+/// Returns water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire
+/// gone.
 fn wires(speed: f64, every: usize, end: f64) -> Value {
     let bodies: Vec<Value> = (0..10)
         .step_by(every)
@@ -291,7 +292,7 @@ fn tables_and_summary_agree_on_the_lattice_velocity() {
     assert!(eroded.number("steps") < 1000.0);
 }
 
-/// A ball that flies at 5 m/s onto a thin plate.
+/// Returns a ball that flies at 5 m/s onto a thin plate.
 fn flight(stiffness: f64) -> Value {
     json!({
         "domain": {"size": [0.2, 0.2, 0.2], "spacing": 0.01},
@@ -480,7 +481,7 @@ fn water_that_throws_a_body_out_is_what_failed() {
     }
 }
 
-/// A disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
+/// Returns a disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
 fn moving_disc(cell: f64) -> Value {
     json!({
         "domain": {"size": [0.06, 0.04], "spacing": 1e-3, "periodic": ["x", "y"]},

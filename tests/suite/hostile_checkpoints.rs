@@ -36,7 +36,7 @@ fn sign(path: &Path, tree: &Value) {
     std::fs::write(path, text).unwrap();
 }
 
-/// A run of some hundred steps with checkpoints, made once.
+/// Returns a run of some hundred steps with checkpoints, made once.
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -140,7 +140,7 @@ impl Copy {
         sign(&self.manifest, &tree);
     }
 
-    /// Names of the columns of grains and contacts.
+    /// Returns the names of the columns of grains and contacts.
     fn columns(&self) -> Vec<String> {
         let arrays = self.tree["arrays"].as_array().unwrap();
         let names = arrays.iter().filter_map(|array| array["name"].as_str());

@@ -34,7 +34,7 @@ fn example(name: &str) -> Value {
     serde_json::from_str(find(name).unwrap().text).unwrap()
 }
 
-/// The program with arguments, ended after a minute: a hang.
+/// Returns the program with arguments, ended after a minute: a hang.
 fn solver(arguments: &[&str]) -> Output {
     let mut command = Command::new("timeout");
     command
@@ -307,7 +307,7 @@ fn a_sample_is_read_in_full_or_refused() {
     );
 }
 
-/// A channel whose inlet has the velocities of a table.
+/// Returns a channel whose inlet has the velocities of a table.
 fn with_profile(text: &str, folder: &Path) -> Value {
     std::fs::write(folder.join("inlet.csv"), text).unwrap();
     json!({
@@ -505,7 +505,7 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
 
-/// A channel with an inlet and a start of the given texts.
+/// Returns a channel with an inlet and a start of the given texts.
 fn stream(inlet: &Value, start: &Value) -> Value {
     json!({
         "domain": {"size": [0.02, 0.01], "spacing": 0.0005},

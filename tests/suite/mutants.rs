@@ -55,7 +55,7 @@ const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 
 const BLOCKS: &str = r#"[{"shape": {"half_spaces":
     [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
-/// Ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
+/// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
     let mut all: Vec<Seed> = EXAMPLES
         .iter()

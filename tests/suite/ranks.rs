@@ -64,7 +64,7 @@ fn limit() -> String {
     format!("{:.0}", LIMIT * patience())
 }
 
-/// The time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
+/// Returns the time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
 pub(crate) fn hang(usual: f64) -> Duration {
     Duration::from_secs_f64(20.0 * usual * patience())
 }
@@ -146,7 +146,7 @@ pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
     command.env("OMPI_MCA_orte_tmpdir_base", folder);
 }
 
-/// The program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
+/// Returns the program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     command.arg(SOLVER);
@@ -352,7 +352,7 @@ pub(crate) fn signal(process: i32, signal: &str) {
     assert!(sent.success(), "kill -{signal} {process}");
 }
 
-/// Children of a process with their names.
+/// Returns the children of a process with their names.
 fn children(parent: u32) -> Vec<(i32, String)> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir("/proc").unwrap().flatten() {
@@ -384,7 +384,7 @@ pub(crate) struct Study {
 }
 
 impl Study {
-    /// An example with changes that hold for every run.
+    /// Returns an example with changes that hold for every run.
     pub(crate) fn of(example: &str, set: &[(&str, &str)]) -> Self {
         let mut study = Self::new(solver::case::examples::find(example).unwrap().text);
         let set = set.iter().map(|(path, value)| format!("{path}={value}"));
@@ -392,7 +392,7 @@ impl Study {
         study
     }
 
-    /// A case of its own.
+    /// Returns a case of its own.
     pub(crate) fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path().join("case.json");
@@ -405,7 +405,8 @@ impl Study {
         }
     }
 
-    /// A small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains leave.
+    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains
+    /// leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
         let mut study = Self::of(
             "piping",
@@ -530,7 +531,7 @@ impl Study {
         arguments
     }
 
-    /// The summary of a run.
+    /// Returns the summary of a run.
     #[track_caller]
     pub(crate) fn summary(&self, name: &str) -> Value {
         let path = self.path(name).join("summary.json");
@@ -538,7 +539,7 @@ impl Study {
         serde_json::from_slice(&bytes).unwrap()
     }
 
-    /// The hash of the state at the end of a run.
+    /// Returns the hash of the state at the end of a run.
     #[track_caller]
     pub(crate) fn hash(&self, name: &str) -> String {
         let summary = self.summary(name);
@@ -589,7 +590,7 @@ impl Study {
     }
 }
 
-/// Names, shapes and bits of all datasets of a file.
+/// Returns the names, shapes and bits of all datasets of a file.
 fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
     let mut all: Vec<_> = io::fields::inspect(path)
         .unwrap()
@@ -609,7 +610,7 @@ fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
     all
 }
 
-/// Rows of discs that just touch, above and below a hole, one in eleven a little smaller.
+/// Returns the rows of discs that just touch, above and below a hole, one in eleven a little smaller.
 fn sample() -> String {
     const RADIUS: f64 = 1e-4;
     let step = 2.0 * RADIUS * (1.0 - 1e-7);

@@ -7,7 +7,7 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
+/// Returns syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
 fn stream(gravity_acts: &Value) -> Value {
     json!({
         "domain": {"size": [0.2, 0.08, 0.08], "spacing": 0.01, "periodic": ["x", "y"]},
@@ -31,7 +31,7 @@ fn stream(gravity_acts: &Value) -> Value {
     })
 }
 
-/// The values of a column of a table of a run.
+/// Returns the values of a column of a table of a run.
 fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -136,8 +136,8 @@ fn the_weight_of_the_water_counts_once() {
     }
 }
 
-/// Water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on the
-/// lattice planes.
+/// Returns water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on
+/// the lattice planes.
 fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
     let up = size.len() - 1;
     let axis = ["x", "y", "z"][up];

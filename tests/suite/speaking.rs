@@ -15,7 +15,7 @@ fn write(folder: &Path, name: &str, case: &Value) -> PathBuf {
     path
 }
 
-/// A disc that sinks in a box of water, with everything that is written.
+/// Returns a disc that sinks in a box of water, with everything that is written.
 fn sinking() -> Value {
     json!({
         "title": "a disc sinks",
@@ -166,7 +166,7 @@ fn the_end_tells_how_long_ranks_waited() {
     }
 }
 
-/// A disc that flies out at the right of a box that is open there.
+/// Returns a disc that flies out at the right of a box that is open there.
 fn flying() -> Value {
     json!({
         "title": "a disc flies out",

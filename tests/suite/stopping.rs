@@ -30,7 +30,7 @@ fn study(more: &[(&str, &str)]) -> Study {
     Study::eroding(&set)
 }
 
-/// The study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
+/// Returns the study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -40,7 +40,7 @@ fn shared() -> &'static Study {
     })
 }
 
-/// The newest checkpoint of a run: its step. It is read whole and compared with its hashes.
+/// Returns the newest checkpoint of a run: its step. It is read whole and compared with its hashes.
 #[track_caller]
 fn newest(folder: &Path) -> u64 {
     io::newest(&folder.join("checkpoints"), &Alone)

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The values of a column of a table of a run.
+/// Returns the values of a column of a table of a run.
 fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -25,7 +25,7 @@ fn last(study: &Study, run: &str, table: &str, name: &str) -> f64 {
     *column(study, run, table, name).last().unwrap()
 }
 
-/// A channel along x of 4 cells of a centimetre, driven by a force of 8 N/m3; water of 0.01 m2/s.
+/// Returns a channel along x of 4 cells of a centimetre, driven by a force of 8 N/m3; water of 0.01 m2/s.
 fn channel(height: f64, structures: &Value) -> Value {
     json!({
         "domain": {"size": [0.04, height], "spacing": 0.01, "periodic": ["x"]},
@@ -139,7 +139,7 @@ fn a_stream_over_a_raised_floor_starts_developed() {
     }
 }
 
-/// Cells of a column whose centres lie between the boxes.
+/// Returns the cells of a column whose centres lie between the boxes.
 fn wet_cells(cells: i32, h: f64) -> f64 {
     let centres = (0..cells).map(|j| h * (f64::from(j) + 0.5));
     centres
@@ -171,7 +171,7 @@ fn a_sheet_thinner_than_a_cell_holds_water_back() {
     }
 }
 
-/// A triangle as a facet of an STL file.
+/// Returns a triangle as a facet of an STL file.
 fn facet_of(corners: [[f64; 3]; 3]) -> String {
     let mut text = String::from("facet normal 0 0 0\nouter loop\n");
     for [x, y, z] in corners {
@@ -180,7 +180,7 @@ fn facet_of(corners: [[f64; 3]; 3]) -> String {
     text + "endloop\nendfacet\n"
 }
 
-/// A prism over a regular polygon as an STL file.
+/// Returns a prism over a regular polygon as an STL file.
 fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     const N: u32 = 96;
     let at = |k: u32, z: f64| {
@@ -199,7 +199,7 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     text + "endsolid\n"
 }
 
-/// A weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
+/// Returns a weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
 fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     let [x0, xm, x1] = x;
     let [z0, za, zb] = z;
@@ -640,8 +640,8 @@ fn structures_that_cannot_be_are_refused_by_name() {
     assert!(said[0].reason.contains("for grains only") && said[0].severity == Severity::Warning);
 }
 
-/// Grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends in the
-/// middle of the domain; a bar of several periods lies across it. Everything crosses both periodic faces.
+/// Returns grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends
+/// in the middle of the domain; a bar of several periods lies across it. Everything crosses both periodic faces.
 fn chute(folder: &Path) -> Value {
     let (edge, depth, rise) = (0.024, 0.012, 0.001);
     let mut text = String::from("solid saw\n");

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// The ready study over the spacing alone, in a folder of its own.
+/// Returns the ready study over the spacing alone, in a folder of its own.
 fn study(change: impl Fn(&mut Value)) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let mut tree: Value = serde_json::from_str(solver::case::examples::STUDY.text).unwrap();
@@ -42,7 +42,7 @@ fn done(file: &Path, more: &[&str]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// The rows of a table by member and column.
+/// Returns the rows of a table by member and column.
 fn table(path: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));

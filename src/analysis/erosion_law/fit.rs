@@ -42,7 +42,7 @@ impl Interval {
         self.low <= value && value <= self.high
     }
 
-    /// The smallest interval around both.
+    /// Returns the smallest interval around both.
     #[must_use]
     fn hull(self, other: Self) -> Self {
         Self {
@@ -70,7 +70,7 @@ pub struct RatePoint {
 }
 
 impl RatePoint {
-    /// A window as a point.
+    /// Returns a window as a point.
     #[must_use]
     pub fn new(run: usize, window: &RateWindow) -> Self {
         Self {
@@ -83,12 +83,12 @@ impl RatePoint {
         }
     }
 
-    /// Batch variance over Poisson variance, at least 1.
+    /// Returns the batch variance over Poisson variance, at least 1.
     fn burstiness(&self) -> f64 {
         (self.error * self.error / (self.quantum * self.rate.max(self.quantum))).max(1.0)
     }
 
-    /// Variance of the rate if the law gives `rate`.
+    /// Returns the variance of the rate if the law gives `rate`.
     fn variance(&self, rate: f64, scatter: f64) -> f64 {
         let counting = if self.quantum > 0.0 {
             self.burstiness() * self.quantum * rate.max(self.quantum)
@@ -171,13 +171,13 @@ pub struct LinearLaw {
 }
 
 impl LinearLaw {
-    /// Rate at a stress, kg/(m^2 s).
+    /// Returns the rate at a stress, kg/(m^2 s).
     #[must_use]
     pub fn rate(&self, shear: f64) -> f64 {
         self.coefficient * (shear - self.critical_shear).max(0.0)
     }
 
-    /// Interval of the mean rate at a stress, kg/(m^2 s).
+    /// Returns the interval of the mean rate at a stress, kg/(m^2 s).
     #[must_use]
     pub fn rate_interval(&self, shear: f64) -> Interval {
         let rate = self.rate(shear);
@@ -213,7 +213,7 @@ struct Line {
 }
 
 impl Line {
-    /// Half the interval of the line's value.
+    /// Returns half the interval of the line's value.
     fn half_width(&self, shear: f64) -> f64 {
         let distance = shear - self.centre;
         self.quantile * (self.variance + self.slope_variance * distance * distance).sqrt()
@@ -346,7 +346,7 @@ fn sort(points: &mut [RatePoint]) {
     points.sort_by(|a, b| a.shear.total_cmp(&b.shear).then(a.rate.total_cmp(&b.rate)));
 }
 
-/// The runs in order of first appearance.
+/// Returns the runs in order of first appearance.
 fn runs_of(points: &[RatePoint]) -> Vec<usize> {
     let mut runs: Vec<usize> = points.iter().map(|point| point.run).collect();
     runs.sort_unstable();
@@ -354,7 +354,7 @@ fn runs_of(points: &[RatePoint]) -> Vec<usize> {
     runs
 }
 
-/// Least squares with weights from the law itself, iterated to rest. Points sorted by stress.
+/// Computes least squares with weights from the law itself, iterated to rest. Points sorted by stress.
 fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     let start =
         |point: &RatePoint| 1.0 / point.variance(point.rate, scatter).max(f64::MIN_POSITIVE);
@@ -376,8 +376,8 @@ fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     Some(best)
 }
 
-/// The exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at least
-/// two points rises.
+/// Returns the exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at
+/// least two points rises.
 fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     let reference = points.last()?.shear;
     // Sums over the points from the present one to the last: 1, x, y, xx, xy, yy with x from the highest stress.
@@ -445,7 +445,7 @@ fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     })
 }
 
-/// The smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
+/// Returns the smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
 fn scatter(points: &[RatePoint]) -> Option<f64> {
     // Misfit per degree of freedom, less one.
     let excess = |scatter: f64| {
@@ -480,7 +480,7 @@ fn scatter(points: &[RatePoint]) -> Option<f64> {
     Some(high)
 }
 
-/// Covariance of the line through the points above the threshold.
+/// Returns the covariance of the line through the points above the threshold.
 fn line_covariance(points: &[RatePoint], law: Threshold, scatter: f64) -> Line {
     let above: Vec<(f64, f64)> = points
         .iter()
@@ -537,7 +537,7 @@ fn bootstrap(points: &[RatePoint], scatter: f64, options: FitOptions) -> Vec<(f6
         .collect()
 }
 
-/// The middle 95 %; `None` for fewer than forty values.
+/// Returns the middle 95 %; `None` for fewer than forty values.
 fn percentiles(values: &mut [f64]) -> Option<Interval> {
     if values.len() < 40 {
         return None;
@@ -584,7 +584,8 @@ pub struct CohesionTrend {
     pub reversals: usize,
 }
 
-/// The trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two fits.
+/// Returns the trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two
+/// fits.
 ///
 /// A lower bound cannot contradict a rise and is left to the reader.
 #[must_use]
@@ -623,7 +624,7 @@ pub fn cohesion_trend(laws: &[(f64, Law)]) -> Option<CohesionTrend> {
     })
 }
 
-/// Slope of ln k_d against ln C with its interval; `None` for fewer than three fits or a single cohesion.
+/// Returns the slope of ln k_d against ln C with its interval; `None` for fewer than three fits or a single cohesion.
 fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
     if fits.len() < 3 {
         return None;
@@ -777,7 +778,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
+    /// Returns a study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
     fn study(draws: &mut Draws, scatter: f64) -> Vec<RatePoint> {
         let mut points = Vec::new();
         for run in 0..10_u32 {

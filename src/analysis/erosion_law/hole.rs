@@ -25,12 +25,12 @@ pub struct Profile<'a> {
 }
 
 impl Profile<'_> {
-    /// Position of the centre of a cell, m.
+    /// Returns the position of the centre of a cell, m.
     fn centre(&self, cell: usize) -> f64 {
         self.origin + (real(cell) + 0.5) * self.spacing
     }
 
-    /// Position of the far edge, m.
+    /// Returns the position of the far edge, m.
     fn end(&self) -> f64 {
         self.origin + real(self.values.len()) * self.spacing
     }
@@ -45,7 +45,7 @@ pub struct HoleFaces {
 }
 
 impl HoleFaces {
-    /// Distance between the faces, m.
+    /// Returns the distance between the faces, m.
     #[must_use]
     pub fn width(&self) -> f64 {
         self.upper - self.lower
@@ -62,7 +62,7 @@ pub struct WallShear {
 }
 
 impl WallShear {
-    /// Mean of both faces, Pa.
+    /// Returns the mean of both faces, Pa.
     #[must_use]
     pub fn mean(&self) -> f64 {
         0.5 * (self.lower + self.upper)
@@ -108,7 +108,8 @@ pub fn hole_faces(solid: Profile<'_>, intact: f64, middle: f64) -> Option<HoleFa
     })
 }
 
-/// The distance in cells from `open` to the best step from 0 to 1 along `path`; `None` where no packing is left.
+/// Returns the distance in cells from `open` to the best step from 0 to 1 along `path`; `None` where no packing is
+/// left.
 ///
 /// A step before path entry `k` leaves the misfit `sum_{<k} s^2 + sum_{>=k} (s - 1)^2`, least where the sum of
 /// `2 s - 1` over the solid side is largest.
@@ -131,7 +132,7 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
     Some(real(first) + crossing)
 }
 
-/// Shear stress from the velocity gradient at the faces (equation 10).
+/// Returns the shear stress from the velocity gradient at the faces (equation 10).
 ///
 /// A parabola is fitted by least squares to the cells whose centres lie in the hole, from the face inwards over a
 /// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip
@@ -166,7 +167,7 @@ pub fn shear_by_gradient(
     })
 }
 
-/// Slope at 0 of the least-squares parabola through `(distance, value)`; `None` for fewer than four points.
+/// Returns the slope at 0 of the least-squares parabola through `(distance, value)`; `None` for fewer than four points.
 fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
     if points.len() < 4 {
         return None;
@@ -189,14 +190,14 @@ fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
     Some((c1 + c2 * (2.0 * at_face - skew)) / scale)
 }
 
-/// Shear stress from the balance of forces on the water in the hole, `dP d_h / (2 L)`, Pa: the pressure difference over
-/// the length `length` of the hole against its two faces, as hole erosion tests are read.
+/// Returns the shear stress from the balance of forces on the water in the hole, `dP d_h / (2 L)`, Pa: the pressure
+/// difference over the length `length` of the hole against its two faces, as hole erosion tests are read.
 #[must_use]
 pub fn shear_by_balance(pressure_difference: f64, width: f64, length: f64) -> f64 {
     pressure_difference * width / (2.0 * length)
 }
 
-/// Shear stress from the force along the hole on the grains of both faces, N/m: `F_x / (2 L)`, Pa.
+/// Returns the shear stress from the force along the hole on the grains of both faces, N/m: `F_x / (2 L)`, Pa.
 #[must_use]
 pub fn shear_by_traction(force: f64, length: f64) -> f64 {
     force / (2.0 * length)
@@ -211,7 +212,8 @@ mod tests {
     const H: f64 = 2e-5;
     const CELLS: usize = 100;
 
-    /// Solid fraction of a bed with sharp faces, each cell covered in proportion, and Poiseuille flow between them.
+    /// Returns the solid fraction of a bed with sharp faces, each cell covered in proportion, and Poiseuille flow
+    /// between them.
     fn channel(lower: f64, upper: f64, gradient: f64, viscosity: f64) -> (Vec<f64>, Vec<f64>) {
         let covered = |j: usize| {
             let (a, b) = (real(j) * H, real(j + 1) * H);

@@ -89,7 +89,8 @@ pub struct RateWindow {
     pub rate_median: f64,
 }
 
-/// Mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains where known, else the mean mass.
+/// Returns the mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains where known, else the
+/// mean mass.
 #[must_use]
 pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<f64> {
     let mass: f64 = removed.iter().map(|grain| grain.mass).sum();
@@ -159,7 +160,8 @@ pub fn erosion_windows(
         .collect()
 }
 
-/// The whole run as one hole erosion test; arguments as for [`erosion_windows`]. `None` for fewer than two records.
+/// Returns the whole run as one hole erosion test; arguments as for [`erosion_windows`]. `None` for fewer than two
+/// records.
 #[must_use]
 pub fn run_point(
     records: &[ErosionRecord],
@@ -218,7 +220,7 @@ fn measure(records: &[&ErosionRecord], jump: f64, options: WindowOptions) -> Rat
     }
 }
 
-/// Mean over time by the trapezoidal rule, over the intervals at whose both ends the value exists.
+/// Returns the mean over time by the trapezoidal rule, over the intervals at whose both ends the value exists.
 fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
     for pair in records.windows(2) {
@@ -232,7 +234,8 @@ fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) 
     if weight > 0.0 { sum / weight } else { f64::NAN }
 }
 
-/// Standard error of the mean mass rate from the means of equal batches, kg/(m s); 0 where batches are too short.
+/// Returns the standard error of the mean mass rate from the means of equal batches, kg/(m s); 0 where batches are too
+/// short.
 ///
 /// Widened by Student's t over the normal quantile, so that 1.96 of it is an interval of 95 % for few batches too.
 fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
@@ -303,7 +306,7 @@ mod tests {
         }
     }
 
-    /// A run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
+    /// Returns a run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
     fn run(draws: &mut Draws, per_second: f64, cluster: u64, seconds: f64) -> Vec<ErosionRecord> {
         let mut next = draws.exponential(per_second / real(cluster));
         let (mut mass, mut grains) = (0.0, 0);
@@ -327,7 +330,7 @@ mod tests {
             .collect()
     }
 
-    /// Share of intervals `rate ± 1.96 se` that hold the truth, and the mean rate over the truth.
+    /// Returns the share of intervals `rate ± 1.96 se` that hold the truth, and the mean rate over the truth.
     fn coverage(cluster: u64) -> (f64, f64) {
         let mut draws = Draws::new(11 + cluster);
         let truth = 10.0 * GRAIN / (2.0 * LENGTH);

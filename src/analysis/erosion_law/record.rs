@@ -24,10 +24,10 @@ pub trait Row: DeserializeOwned {
     /// The columns in order, `name [unit]`.
     const COLUMNS: &'static [&'static str];
 
-    /// The row as text, without the end of line.
+    /// Returns the row as text, without the end of line.
     fn to_csv(&self) -> String;
 
-    /// The first line of the file, without the end of line.
+    /// Returns the first line of the file, without the end of line.
     #[must_use]
     fn header() -> String {
         Self::COLUMNS.join(",")
@@ -260,7 +260,7 @@ pub struct ErosionSummary {
     pub bulk_displacement: Option<f64>,
 }
 
-/// The value of a column that a table does not have.
+/// Returns the value of a column that a table does not have.
 fn unknown() -> f64 {
     f64::NAN
 }

@@ -2,7 +2,7 @@
 
 use crate::number::real;
 
-/// The median; `NaN` of nothing.
+/// Returns the median; `NaN` of nothing.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;

@@ -26,7 +26,7 @@ pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     groups.into_values().collect()
 }
 
-/// The head of a group; paths are cut short on the way.
+/// Returns the head of a group; paths are cut short on the way.
 fn root(parent: &mut [usize], mut k: usize) -> usize {
     while parent[k] != k {
         parent[k] = parent[parent[k]];

@@ -154,7 +154,7 @@ impl Cells {
         }
     }
 
-    /// The cell of a point; points outside belong to the nearest one.
+    /// Returns the cell of a point; points outside belong to the nearest one.
     #[must_use]
     pub fn of(&self, at: [f64; 3]) -> [usize; 3] {
         std::array::from_fn(|axis| index_along(at[axis], self.size[axis], self.count[axis]))
@@ -178,7 +178,7 @@ impl Cells {
         self.count.iter().product()
     }
 
-    /// Volume of one \[m3\].
+    /// Returns the volume of one \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.size.iter().product()
@@ -188,7 +188,7 @@ impl Cells {
         real(cell) * self.size[axis]
     }
 
-    /// First cell and one past the last that a stretch covers; at least one.
+    /// Returns the first cell and one past the last that a stretch covers; at least one.
     fn covered(&self, axis: usize, from: f64, to: f64) -> std::ops::Range<usize> {
         let size = self.size[axis];
         // A box that ends on a face does not cover the cell beyond it.
@@ -199,7 +199,7 @@ impl Cells {
     }
 }
 
-/// Solid fraction of every cell.
+/// Returns the solid fraction of every cell.
 #[must_use]
 pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec<f64> {
     let mut solid = vec![0.0; cells.total()];
@@ -227,7 +227,7 @@ pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec
     solid
 }
 
-/// Elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
+/// Returns the elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
 #[must_use]
 pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64>> {
     let mut inside: Vec<Vec<usize>> = vec![Vec::new(); cells.total()];
@@ -270,7 +270,7 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
         .collect()
 }
 
-/// Top of the lowest of the [`SKIN`] highest grains of every column.
+/// Returns the top of the lowest of the [`SKIN`] highest grains of every column.
 fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
     let mut tops: Vec<Vec<f64>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
     for grain in grains {
@@ -285,7 +285,7 @@ fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
 }
 
 impl Ground {
-    /// The ground as it is now.
+    /// Returns the ground as it is now.
     #[must_use]
     pub fn new(cells: Cells, grains: &[Grain], diameter: f64, overlap: Overlap) -> Self {
         let solid = solid_fractions(&cells, grains, overlap);
@@ -301,7 +301,7 @@ impl Ground {
         }
     }
 
-    /// Median solid fraction of the ground; 1 without ground.
+    /// Returns the median solid fraction of the ground; 1 without ground.
     fn packing(&self) -> f64 {
         let mut ground: Vec<f64> = (self.solid.iter().copied())
             .filter(|part| *part >= GROUND)
@@ -314,7 +314,7 @@ impl Ground {
         self.solid[self.cells.index(cell)] >= GROUND
     }
 
-    /// Lowest ground of a column \[m\].
+    /// Returns the lowest ground of a column \[m\].
     fn floor(&self, long: usize, across: usize) -> Option<f64> {
         (0..self.cells.count[2])
             .find(|&z| self.is_ground([long, across, z]))
@@ -360,7 +360,7 @@ impl Ground {
         down.into_iter().map(middle).collect()
     }
 
-    /// Cells that were ground and have lost their solid.
+    /// Returns the cells that were ground and have lost their solid.
     #[must_use]
     pub fn void_cells(&self, solid: &[f64], void_below: f64) -> Vec<bool> {
         let both = self.solid.iter().zip(solid);
@@ -368,7 +368,7 @@ impl Ground {
             .collect()
     }
 
-    /// Void cells connected through faces with those at the box of a point, and just above it, rising.
+    /// Returns the void cells connected through faces with those at the box of a point, and just above it, rising.
     #[must_use]
     pub fn void_over(&self, point: &Point, void: &[bool]) -> Vec<usize> {
         let cells = &self.cells;
@@ -408,7 +408,7 @@ impl Ground {
         all.filter(|(_, seen)| **seen).map(|(k, _)| k).collect()
     }
 
-    /// Volume of soil missing in some cells \[m3\].
+    /// Returns the volume of soil missing in some cells \[m3\].
     fn missing(&self, cells: &[usize], solid: &[f64]) -> f64 {
         let lost: f64 = cells
             .iter()
@@ -417,7 +417,7 @@ impl Ground {
         lost * self.cells.volume() / self.packing()
     }
 
-    /// Lowest ground and surface over a point at time 0 \[m\].
+    /// Returns the lowest ground and surface over a point at time 0 \[m\].
     fn cover(&self, point: &Point) -> (f64, f64) {
         let cells = &self.cells;
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
@@ -433,7 +433,7 @@ impl Ground {
         (base.max(point.from[2]), top)
     }
 
-    /// The ground now.
+    /// Returns the ground now.
     #[must_use]
     pub fn measure(
         &self,
@@ -493,8 +493,8 @@ impl Ground {
         }
     }
 
-    /// The most that a column over a point (along the long axis) has settled, or that two columns side by side or
-    /// corner to corner have settled both: away from the points, one that sinks alone is a loose grain.
+    /// Returns the most that a column over a point (along the long axis) has settled, or that two columns side by side
+    /// or corner to corner have settled both: away from the points, one that sinks alone is a loose grain.
     #[must_use]
     pub fn sinkhole(&self, settlement: &[Option<f64>], points: &[Point]) -> f64 {
         let [nx, ny, _] = self.cells.count;
@@ -522,7 +522,7 @@ impl Ground {
         most
     }
 
-    /// Mean over the middle third along the long axis.
+    /// Returns the mean over the middle third along the long axis.
     fn middle(&self, settlement: &[Option<f64>]) -> f64 {
         let [nx, ny, _] = self.cells.count;
         let third = nx / 3;
@@ -565,7 +565,7 @@ impl Ground {
         }
     }
 
-    /// Cells of the ground that are void or whose grains have gone down by more than `moving` on average.
+    /// Returns the cells of the ground that are void or whose grains have gone down by more than `moving` on average.
     fn moving_cells(&self, grains: &[Grain], void: &[bool], moving: f64) -> Vec<bool> {
         let mut down = vec![(0.0, 0_usize); self.cells.total()];
         for grain in grains {
@@ -580,7 +580,7 @@ impl Ground {
         .collect()
     }
 
-    /// Elevation up to which the ground over a point moves \[m\].
+    /// Returns the elevation up to which the ground over a point moves \[m\].
     fn front(&self, grains: &[Grain], point: &Point, base: f64, top: f64, moving: f64) -> f64 {
         let cells = &self.cells;
         if base >= top {
@@ -609,7 +609,7 @@ impl Ground {
         front
     }
 
-    /// Moving length above half the front over that below it, over the length nearest to point `n`.
+    /// Returns the moving length above half the front over that below it, over the length nearest to point `n`.
     ///
     /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a
     /// V) does not pass for ground that moves more above.
@@ -681,7 +681,7 @@ fn distance(point: &Point, x: f64) -> f64 {
     (point.from[0] - x).max(x - point.to[0]).max(0.0)
 }
 
-/// The nearest point along the long axis, the first of equals.
+/// Returns the nearest point along the long axis, the first of equals.
 fn nearest(points: &[Point], x: f64) -> Option<usize> {
     let all = points.iter().enumerate();
     all.min_by(|(_, a), (_, b)| distance(a, x).total_cmp(&distance(b, x)))

@@ -34,7 +34,7 @@ pub(super) enum Template<'a> {
 const DEEPEST: usize = 8;
 
 impl<'a> Template<'a> {
-    /// The template of `schema`, whose references are resolved in `root`.
+    /// Returns the template of `schema`, whose references are resolved in `root`.
     pub(super) fn of(root: &'a Value, schema: &'a Value) -> Self {
         Self::within(root, schema, 0)
     }

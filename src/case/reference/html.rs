@@ -11,7 +11,7 @@ it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value
 
 const STYLE: &str = include_str!("style.css");
 
-/// All files.
+/// Returns all files.
 #[must_use]
 pub fn files() -> Vec<File> {
     let pages = pages();
@@ -134,7 +134,7 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
     *out += "</table>\n</section>\n";
 }
 
-/// A description with links at the names of parameters.
+/// Returns a description with links at the names of parameters.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
         .map(|(name, part)| match meant(pages, from, part) {

@@ -27,7 +27,7 @@ pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f
     stresses
 }
 
-/// Eroded mass against time.
+/// Returns the eroded mass against time.
 pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
     let count = cohesion.runs.len();
     // The highest pressure first, as the curves lie.
@@ -83,7 +83,7 @@ fn digits_in_figure(value: f64) -> String {
     }
 }
 
-/// Erosion rate against shear stress.
+/// Returns the erosion rate against shear stress.
 pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
     let mut layers = Vec::new();
     let mut title = format!("Erosion rate, C/d = {} N/m", cohesion.cohesion);

@@ -21,7 +21,7 @@ pub(super) struct Faces {
 }
 
 impl Faces {
-    /// The faces of an output, coloured by a column.
+    /// Returns the faces of an output, coloured by a column.
     pub(super) fn read(path: &Path, quantity: &str) -> Result<Self, Error> {
         let read = |name: &str| read_column(path, name).map_err(|e| Error::Io(e.to_string()));
         let points = read("position")?.values;
@@ -64,7 +64,7 @@ impl Faces {
     }
 }
 
-/// An id as files hold it.
+/// Returns an id as files hold it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "ids are whole numbers below 2^53"
@@ -73,7 +73,7 @@ pub(super) fn id_of(number: f64) -> i64 {
     number as i64
 }
 
-/// Twice the vector area of a polygon.
+/// Returns twice the vector area of a polygon.
 fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for k in 2..corners.len() {

@@ -46,7 +46,7 @@ impl Arrows {
         lengths.filter(|l| l.is_finite()).fold(0.0, f64::max)
     }
 
-    /// The arrows of grains at these positions as one path; `longest` is the vector with the longest arrow.
+    /// Returns the arrows of grains at these positions as one path; `longest` is the vector with the longest arrow.
     pub(super) fn draw(
         &self,
         positions: &[[f64; 3]],
@@ -129,7 +129,7 @@ impl Network {
         sizes.filter(|f| f.is_finite()).fold(0.0, f64::max)
     }
 
-    /// The lines, compression in black and tension in red, wider where the force is larger.
+    /// Returns the lines, compression in black and tension in red, wider where the force is larger.
     pub(super) fn draw(&self, largest: f64, frame: &Frame, raster: &Raster) -> String {
         let mut paths = [const { [const { String::new() }; WIDTHS.len()] }; 2];
         for ([a, b], force) in self.ends.iter().zip(&self.forces) {

@@ -188,7 +188,7 @@ fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: 
     (from..to).contains(&x)
 }
 
-/// The values of all ranks, in the order of the ranks. Collective.
+/// Returns the values of all ranks, in the order of the ranks. Collective.
 pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64> {
     let bytes: Vec<u8> = own.iter().copied().flat_map(f64::to_le_bytes).collect();
     let gathered = communicator.all_gather_bytes(&bytes);
@@ -196,7 +196,7 @@ pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64>
     numbers.copied().map(f64::from_le_bytes).collect()
 }
 
-/// The diameter below which half of the volume lies; NaN without radii. Sorts them.
+/// Returns the diameter below which half of the volume lies; NaN without radii. Sorts them.
 pub(super) fn median_diameter(radii: &mut [f64], measure: impl Fn(f64) -> f64) -> f64 {
     radii.sort_unstable_by(f64::total_cmp);
     let whole: f64 = radii.iter().map(|&r| measure(r)).sum();
@@ -275,9 +275,9 @@ fn heights<S: Space>(
         .collect()
 }
 
-/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first
-/// and stays there for twice as many layers, between two edges of layers; none where it never does. A window ends at
-/// the ends of the column.
+/// Returns the height at which the mean fraction of `solid` over `half` layers below and above falls below the
+/// threshold first and stays there for twice as many layers, between two edges of layers; none if it never does. A
+/// window ends at the ends of the column.
 fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64> {
     let mean = |edge: usize| {
         let window = &solid[edge.saturating_sub(half)..(edge + half).min(solid.len())];
@@ -398,7 +398,7 @@ impl Planes {
 }
 
 impl Stream {
-    /// The stream above a height in cells. Collective.
+    /// Returns the stream above a height in cells. Collective.
     fn above<S: Space>(
         view: &View<S>,
         fluid: &dyn FluidView,
@@ -473,7 +473,8 @@ fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     first == Some(Surface::Symmetry) && surfaces.all(|surface| surface == Surface::Symmetry)
 }
 
-/// The line through the stresses of the planes above the last solid, at a height in cells above the first plane.
+/// Returns the line through the stresses of the planes above the last solid, at a height in cells above the first
+/// plane.
 fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
     let covered = |row: &usize| planes.count(*row, 0) < planes.cells;
     let first = (0..rows).rev().find(covered).map_or(0, |row| row + 2);

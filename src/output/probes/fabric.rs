@@ -66,7 +66,7 @@ impl Fabric {
         Self { block, removed }
     }
 
-    /// The columns of this step without the time; those of what left only on rank 0. Collective.
+    /// Returns the columns of this step without the time; those of what left only on rank 0. Collective.
     pub(super) fn sample<S: Space>(&self, view: &View<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
@@ -148,7 +148,7 @@ impl Fabric {
     }
 }
 
-/// Radii in the record of what left; none where there is no record yet.
+/// Returns the radii in the record of what left; none if there is no record yet.
 fn removed_radii(path: &Path) -> Vec<f64> {
     let Ok(text) = io::plain::text(path, io::plain::LONGEST_TABLE) else {
         return Vec::new();

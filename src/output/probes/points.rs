@@ -61,7 +61,7 @@ impl Points {
         self.points.len()
     }
 
-    /// The state at every point, in their order, on rank 0; nothing on the others. Collective.
+    /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
     pub(super) fn sample(
         &self,
         fluid: &dyn FluidView,
@@ -113,7 +113,7 @@ impl Points {
     }
 }
 
-/// Points at equal distances, both ends included.
+/// Returns points at equal distances, both ends included.
 pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]> {
     let last = real(points.max(2) - 1);
     (0..points)
@@ -124,7 +124,7 @@ pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]
         .collect()
 }
 
-/// The cells around a point and their weights, which add up to one.
+/// Returns the cells around a point and their weights, which add up to one.
 fn corners(position: [f64; 3], grid: &Grid) -> Vec<([usize; 3], f64)> {
     let mut corners = vec![([0; 3], 1.0)];
     for axis in 0..grid.dimension {

@@ -18,7 +18,7 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// The plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
     pub(super) fn new(scene: &Scene, axis: usize, position: f64, part: Option<&Block>) -> Self {
         let place = (position - scene.origin[axis]) / scene.spacing[axis];
         let ranges = std::array::from_fn(|a| match part {
@@ -38,7 +38,7 @@ impl Section {
         }
     }
 
-    /// Discharge, open area, mean heads before and behind.
+    /// Returns the discharge, open area, mean heads before and behind.
     pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> [f64; 4] {
         let pressure = seepage.pressure();
         let through = pressure.through(self.axis, self.plane, &self.ranges);

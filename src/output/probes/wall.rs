@@ -52,8 +52,8 @@ impl Wall {
         self.first.is_none_or(|first| step > first)
     }
 
-    /// Force, its normal part (positive towards the wall) and the size of its part along the face, both per area, mass
-    /// leaving per time. Collective.
+    /// Returns the force, its normal part (positive towards the wall) and the size of its part along the face, both per
+    /// area, mass leaving per time. Collective.
     pub(super) fn sample(
         &self,
         fluid: &dyn FluidView,
@@ -114,7 +114,7 @@ impl Wall {
     }
 }
 
-/// The force of a fluid of density one at rest on a face, in quanta.
+/// Returns the force of a fluid of density one at rest on a face, in quanta.
 fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [i128; 3] {
     let mut sum = [0; 3];
     let (mut from, mut to) = ([0; 3], grid.cells);

@@ -54,7 +54,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+    /// Returns the distance in cells from the raw frame of a body to the local cells of the slab, for its image.
     pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|a| {
             if a < dimension {
@@ -179,7 +179,7 @@ fn tag(id: u64) -> u32 {
 }
 
 impl BodyMap {
-    /// A map without bodies for the slab of `populations`.
+    /// Returns a map without bodies for the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, rules: Rules) -> Self {
         let slab = Slab::new(populations, grid);
         Self {
@@ -224,7 +224,7 @@ impl BodyMap {
         self.owner[place as usize] == FLUID
     }
 
-    /// The links of each entry of the particles.
+    /// Returns the links of each entry of the particles.
     #[must_use]
     pub fn links(&self) -> &[Vec<BodyLink>] {
         &self.links
@@ -242,7 +242,7 @@ impl BodyMap {
         self.again.is_empty() && self.changes.is_empty()
     }
 
-    /// Motion of each entry in lattice units, as last refreshed.
+    /// Returns the motion of each entry in lattice units, as last refreshed.
     #[must_use]
     pub fn motion(&self) -> &[Rigid] {
         &self.motion
@@ -254,7 +254,7 @@ impl BodyMap {
         self.blocks.get(k).map_or(&[], |block| &block.planes)
     }
 
-    /// Id of the body that holds a cell of the slab (local coordinates).
+    /// Returns the id of the body that holds a cell of the slab (local coordinates).
     #[must_use]
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
@@ -454,7 +454,7 @@ impl BodyMap {
     }
 }
 
-/// Motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
+/// Returns the motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
 pub(super) fn in_cells<Sp: Space>(
     motion: &Motion<Sp>,
     grid: &Grid,

@@ -65,8 +65,8 @@ impl Mapped {
         }
     }
 
-    /// The planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share tables, so
-    /// that it stays whole.
+    /// Returns the planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share
+    /// tables, so that it stays whole.
     fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
         /// Fewer planes are not worth a piece.
         const FEWEST: i32 = 2;
@@ -173,7 +173,7 @@ impl CoverMap {
         }
     }
 
-    /// Entry of the particles that a slot stands for.
+    /// Returns the entry of the particles that a slot stands for.
     #[must_use]
     pub fn entry(&self, slot: u32) -> Option<usize> {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
@@ -425,7 +425,7 @@ impl CoverMap {
     }
 }
 
-/// Bounding sphere of an entry, its image included.
+/// Returns the bounding sphere of an entry, its image included.
 fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere {
     let mut centre = [0.0; 3];
     for (a, x) in centre.iter_mut().enumerate().take(Sp::DIMENSION) {
@@ -438,7 +438,7 @@ fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere
     }
 }
 
-/// Motion of an entry in lattice units, its position raw.
+/// Returns the motion of an entry in lattice units, its position raw.
 pub fn rigid<Sp: Space>(
     particles: &Particles<Sp>,
     k: usize,

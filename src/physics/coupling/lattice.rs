@@ -59,7 +59,7 @@ impl Balanced<'_> {
 
 /// A fluid on a lattice with its coupling.
 pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
-    /// The fluid.
+    /// Returns the fluid.
     fn fluid(&self) -> &Fluid<S>;
 
     /// The fluid, to set its state.
@@ -81,10 +81,10 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// entries summed: for balances. Entries of ghosts are left out, because the owners have their loads.
     fn last_loads(&self) -> &[Load];
 
-    /// The cells whose momentum belongs to the water in its balance with the bodies.
+    /// Returns the cells whose momentum belongs to the water in its balance with the bodies.
     fn balanced(&self) -> Balanced<'_>;
 
-    /// The structures in the water, if there are any.
+    /// Returns the structures in the water, if there are any.
     fn structures(&self) -> Option<&StructureMap>;
 
     /// Returns `true` if bodies enclose a fluid cell: they, and walls next to them, hold more than half of its

@@ -220,13 +220,13 @@ impl<Sp: Space> Seepage<Sp> {
         self
     }
 
-    /// The grid of the water.
+    /// Returns the grid of the water.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.openness.grid
     }
 
-    /// The pressure.
+    /// Returns the pressure.
     #[must_use]
     pub fn pressure(&self) -> &Pressure {
         &self.pressure
@@ -243,13 +243,14 @@ impl<Sp: Space> Seepage<Sp> {
         self.has_before
     }
 
-    /// The pores.
+    /// Returns the pores.
     #[must_use]
     pub fn pores(&self) -> &Pores {
         &self.pores
     }
 
-    /// Mean porosity of the cells that grains fill: those below the cap of the permeability, and at most 0.95.
+    /// Returns the mean porosity of the cells that grains fill: those below the cap of the permeability, and at most
+    /// 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
         let most = self.settings.permeability.porosity_cap.min(FILLED);
@@ -265,7 +266,7 @@ impl<Sp: Space> Seepage<Sp> {
         &self.report
     }
 
-    /// The balance of momentum at the last coupling.
+    /// Returns the balance of momentum at the last coupling.
     #[must_use]
     pub fn balance(&self) -> &Balance {
         &self.balance
@@ -327,7 +328,7 @@ impl<Sp: Space> Seepage<Sp> {
         Ok(())
     }
 
-    /// Superficial velocity of the water in a cell \[m/s\]; interstitial in the equations as printed.
+    /// Returns the superficial velocity of the water in a cell \[m/s\]; interstitial in the equations as printed.
     #[must_use]
     pub fn water_velocity(&self, cell: usize) -> [f64; 3] {
         self.water.flux[cell]

@@ -128,7 +128,7 @@ pub struct Scratch {
 }
 
 impl Form<'_> {
-    /// Its centre and a radius that holds all of it.
+    /// Returns its centre and a radius that holds all of it.
     #[must_use]
     #[inline(always)]
     pub fn bounds(&self) -> ([f64; 3], f64) {
@@ -139,7 +139,7 @@ impl Form<'_> {
         }
     }
 
-    /// The filled part of the cell with this lower corner, 0 … 1.
+    /// Returns the filled part of the cell with this lower corner, 0 … 1.
     #[must_use]
     pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
         match method {
@@ -193,7 +193,8 @@ impl Form<'_> {
         (0.5 - less - self.height(middle)).clamp(0.0, 1.0)
     }
 
-    /// Distance of a point outside the surface, negative inside; for a polyhedron that from the nearest plane.
+    /// Returns the distance of a point outside the surface, negative inside; for a polyhedron that from the nearest
+    /// plane.
     #[must_use]
     pub fn height(&self, point: [f64; 3]) -> f64 {
         match self {
@@ -210,7 +211,7 @@ impl Form<'_> {
     }
 }
 
-/// Height of a point over the highest of the planes of a polyhedron.
+/// Returns the height of a point over the highest of the planes of a polyhedron.
 #[inline(always)]
 pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
     let heights = planes.iter().map(|plane| plane.height(point));

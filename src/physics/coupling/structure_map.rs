@@ -76,7 +76,7 @@ pub struct StructureMap {
 }
 
 impl StructureMap {
-    /// The map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not
+    /// Returns the map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not
     /// half-way.
     #[must_use]
     pub fn new<S: Stored>(
@@ -127,7 +127,7 @@ impl StructureMap {
         map
     }
 
-    /// The structures in a fluid, whose openings before them are closed; none where there are no structures.
+    /// Returns the structures in a fluid, whose openings before them are closed; none if there are no structures.
     pub fn in_fluid<S: Stored>(
         fluid: &mut Fluid<S>,
         units: &LatticeUnits,
@@ -194,7 +194,7 @@ impl StructureMap {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// Place of a cell in the map, the same as in that of bodies.
+    /// Returns the index of a cell in the map, the same as in that of bodies.
     fn position(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.local[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
@@ -217,7 +217,8 @@ impl StructureMap {
         })
     }
 
-    /// Centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its lower corner.
+    /// Returns the centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its
+    /// lower corner.
     fn centre(&self, cell: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             if a < self.dimension {
@@ -471,7 +472,7 @@ impl StructureMap {
         self.owner[self.position(cell)] != WATER
     }
 
-    /// The solid cells of the slab and of the layers round it that are known.
+    /// Returns the solid cells of the slab and of the layers round it that are known.
     pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
         let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
         let all = range(2)
@@ -479,7 +480,8 @@ impl StructureMap {
         all.filter(|cell| !self.owner.is_empty() && self.owner[self.position(*cell)] != WATER)
     }
 
-    /// The links between two cells of water that a sheet cuts, by the place of a cell in the map and the direction.
+    /// Returns the links between two cells of water that a sheet cuts, by the place of a cell in the map and the
+    /// direction.
     #[must_use]
     pub fn sheets(&self) -> &HashSet<(usize, u8)> {
         &self.sheets

@@ -22,7 +22,7 @@ pub enum Water<Sp: Space, S: Stored> {
 }
 
 impl<Sp: Space, S: Stored> Water<Sp, S> {
-    /// The lattice, if it is one.
+    /// Returns the lattice, if it is one.
     #[must_use]
     #[inline(never)]
     pub fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
@@ -80,7 +80,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The seepage, if it is one.
+    /// Returns the seepage, if it is one.
     #[must_use]
     #[inline(never)]
     pub fn seepage(&self) -> Option<&Seepage<Sp>> {

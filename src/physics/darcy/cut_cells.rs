@@ -45,7 +45,7 @@ impl Division<'_> {
         (sub[2] * self.by[1] + sub[1]) * self.by[0] + sub[0]
     }
 
-    /// Edge of a sub-cell \[m\].
+    /// Returns the edge of a sub-cell \[m\].
     fn edge(&self, axis: usize) -> f64 {
         self.grid.spacing[axis] / real(self.by[axis])
     }
@@ -61,7 +61,7 @@ impl Division<'_> {
         })
     }
 
-    /// Sub-cells of the layer across an axis.
+    /// Returns the sub-cells of the layer across an axis.
     fn layer(&self, axis: usize, level: usize) -> impl Iterator<Item = [usize; 3]> + '_ {
         let count = self.count() / self.by[axis];
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -146,7 +146,7 @@ impl Division<'_> {
         self.largest(&marks)
     }
 
-    /// The largest connected part; of equal ones the first.
+    /// Returns the largest connected part; of equal ones the first.
     fn largest(&self, marks: &[u8]) -> Left {
         let mut part = vec![0_u32; marks.len()];
         let (mut parts, mut best) = (0_u32, (0, 0));
@@ -192,7 +192,7 @@ impl Division<'_> {
         }
     }
 
-    /// The open part of the face below a cell, which may be one past the last; `of` gives the cells.
+    /// Returns the open part of the face below a cell, which may be one past the last; `of` gives the cells.
     fn face<'a>(
         &self,
         axis: usize,

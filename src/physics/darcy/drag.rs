@@ -38,15 +38,15 @@ family! {
 
 /// A drag law.
 pub trait Law: Sync {
-    /// The law in the schema of the case: one line.
+    /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
-    /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
+    /// Returns the force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
     fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
 
     /// Returns the time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\].
@@ -89,7 +89,7 @@ pub struct Grain {
 }
 
 impl Grain {
-    /// A sphere, or a disc in 2-D.
+    /// Returns a sphere, or a disc in 2-D.
     #[must_use]
     pub fn new(dimension: usize, radius: f64) -> Self {
         Self {
@@ -118,8 +118,8 @@ pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, 
     bed.solid / (grain.volume * porosity) * law.coefficient(&bed, &grain, speed)
 }
 
-/// The permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of the
-/// reduced pressure \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
+/// Returns the permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of
+/// the reduced pressure \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
 ///
 /// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
 /// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
@@ -160,7 +160,7 @@ pub(super) mod testing {
     use super::*;
     use crate::darcy::permeability::kozeny_carman;
 
-    /// Water in a bed of this porosity.
+    /// Returns water in a bed of this porosity.
     pub(in crate::darcy::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
         Bed {
             density: 1000.0,

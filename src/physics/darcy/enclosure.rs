@@ -65,13 +65,13 @@ impl Openness {
         all
     }
 
-    /// Position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
+    /// Returns the position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
     #[must_use]
     pub fn face(&self, axis: usize, cell: [usize; 3]) -> usize {
         with_one_more(&self.grid, axis).index(cell)
     }
 
-    /// Volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
+    /// Returns the volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
     #[must_use]
     pub fn volume(&self, index: usize) -> f64 {
         self.inside[index] * self.grid.volume()
@@ -208,7 +208,7 @@ fn minus(a: Point, b: Point) -> Point {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// Twice the area of a convex polygon as a vector along its normal.
+/// Returns twice the area of a convex polygon as a vector along its normal.
 fn double_area(polygon: &[Point]) -> Point {
     let mut sum = [0.0; 3];
     for k in 2..polygon.len() {
@@ -228,7 +228,8 @@ fn area(polygon: &[Point]) -> f64 {
     0.5 * dot(twice, twice).sqrt()
 }
 
-/// A polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to `cut`.
+/// Returns a polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to
+/// `cut`.
 fn cut_polygon(polygon: &[Point], plane: &(Point, f64), cut: &mut Vec<Point>) -> Vec<Point> {
     let side = |x: &Point| dot(plane.0, *x) - plane.1;
     let mut kept = Vec::new();
@@ -255,7 +256,7 @@ fn clip_polygon(mut polygon: Vec<Point>, planes: &[(Point, f64)]) -> Vec<Point> 
     polygon
 }
 
-/// Volume of a box cut by half-spaces.
+/// Returns the volume of a box cut by half-spaces.
 fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     let size = minus(upper, lower);
     let whole: f64 = size.iter().product();
@@ -298,7 +299,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     (six_times / 6.0).clamp(0.0, whole)
 }
 
-/// Points of a plane in order round their mean, so that the polygon faces along the normal.
+/// Returns points of a plane in order round their mean, so that the polygon faces along the normal.
 fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     let n = real(points.len());
     let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);

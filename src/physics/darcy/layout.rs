@@ -31,7 +31,7 @@ impl Layout {
         }
     }
 
-    /// Length of an array, ghosts included.
+    /// Returns the length of an array, ghosts included.
     pub(super) fn len(&self) -> usize {
         self.stride[2] * (self.cells[2] + 2)
     }
@@ -40,13 +40,13 @@ impl Layout {
         self.cells.iter().product()
     }
 
-    /// Position of a cell.
+    /// Returns the position of a cell.
     #[inline]
     pub(super) fn at(&self, cell: [usize; 3]) -> usize {
         (cell[0] + 1) + (cell[1] + 1) * self.stride[1] + (cell[2] + 1) * self.stride[2]
     }
 
-    /// All cells as a part.
+    /// Returns all cells as a part.
     pub(super) fn whole(&self) -> Part {
         Part {
             axis: 2,
@@ -54,7 +54,7 @@ impl Layout {
         }
     }
 
-    /// Cells from and to along each axis.
+    /// Returns the cells from and to along each axis.
     fn bounds(&self, part: &Part) -> [Range<usize>; 3] {
         std::array::from_fn(|a| {
             if a == part.axis {
@@ -65,7 +65,7 @@ impl Layout {
         })
     }
 
-    /// The rows of cells of a part along x, by rising y, then z.
+    /// Returns the rows of cells of a part along x, by rising y, then z.
     pub(super) fn rows(&self, part: &Part) -> impl Iterator<Item = Range<usize>> + use<> {
         let layout = *self;
         let [x, y, z] = self.bounds(part);
@@ -96,7 +96,7 @@ impl Layout {
         })
     }
 
-    /// Cells of a plane across an axis.
+    /// Returns the cells of a plane across an axis.
     pub(super) fn plane_size(&self, axis: usize) -> usize {
         self.cells[(axis + 1) % 3] * self.cells[(axis + 2) % 3]
     }

@@ -133,7 +133,7 @@ pub(super) struct Multigrid {
     weights: [f32; 2],
 }
 
-/// Which axes to join: those that couple at least a third as strongly as the strongest, and still have cells.
+/// Returns which axes to join: those that couple at least a third as strongly as the strongest, and still have cells.
 fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     let strength: [f64; 3] = std::array::from_fn(|a| {
         if cells[a] > 1 {
@@ -152,7 +152,7 @@ fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     })
 }
 
-/// Cells joined along each axis of the finest grid: slabs have to be cut between them.
+/// Returns the cells joined along each axis of the finest grid: slabs have to be cut between them.
 pub(super) fn first_joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     if cells.iter().product::<usize>() <= DIRECT {
         [1; 3]
@@ -344,7 +344,7 @@ impl Multigrid {
         &mut self.levels[0].b
     }
 
-    /// The result of [`Self::cycle`] over the part.
+    /// Returns the result of [`Self::cycle`] over the part.
     pub(super) fn result(&self) -> &[f32] {
         &self.levels[0].x
     }
@@ -414,7 +414,7 @@ impl Level {
         }
     }
 
-    /// Position of the inner face across `axis` of the coarse cell that holds a fine cell.
+    /// Returns the position of the inner face across `axis` of the coarse cell that holds a fine cell.
     fn inner(&self, axis: usize, at: usize, index: usize) -> Option<usize> {
         if self.joined[axis] == 1 {
             None
@@ -425,7 +425,7 @@ impl Level {
         }
     }
 
-    /// A conductance in series with half of the inner face of the coarse cell of a fine cell.
+    /// Returns a conductance in series with half of the inner face of the coarse cell of a fine cell.
     fn in_series(&self, conductance: f64, axis: usize, at: usize, index: usize) -> f64 {
         match self.inner(axis, at, index) {
             Some(face) => {

@@ -120,8 +120,8 @@ pub struct Duct {
 }
 
 impl Duct {
-    /// A channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one
-    /// may be infinite.
+    /// Returns a channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one may
+    /// be infinite.
     #[must_use]
     pub fn new(a: f64, b: f64) -> Self {
         Self {

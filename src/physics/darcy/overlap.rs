@@ -18,7 +18,7 @@
 use crate::ball::{cap, edge, octant_of};
 use std::f64::consts::PI;
 
-/// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
+/// Returns the unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
 fn octant(a: f64, b: f64, c: f64) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
         return a * b * c;
@@ -38,18 +38,18 @@ fn octant(a: f64, b: f64, c: f64) -> f64 {
     )
 }
 
-/// Half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
+/// Returns half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
 pub(crate) fn segment(a: f64) -> f64 {
     let s = (1.0 - a * a).max(0.0).sqrt();
     0.5 * (s.atan2(a) - a * s)
 }
 
-/// Unit disc over [0, a] x [0, b], arguments in 0 … 1.
+/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1.
 fn quadrant(a: f64, b: f64) -> f64 {
     quadrant_of([a, b], [segment(a), segment(b)])
 }
 
-/// Unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
+/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
 #[inline(always)]
 pub(crate) fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     if a * a + b * b <= 1.0 {
@@ -59,7 +59,7 @@ pub(crate) fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     }
 }
 
-/// Volume of a sphere inside the box from `lower` to `upper` (all in m) \[m3\].
+/// Returns the volume of a sphere inside the box from `lower` to `upper` (all in m) \[m3\].
 #[must_use]
 pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);
@@ -82,8 +82,8 @@ pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3
     (sum * radius * radius * radius).max(0.0)
 }
 
-/// Area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate counts for
-/// nothing.
+/// Returns the area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate
+/// counts for nothing.
 #[must_use]
 pub fn disc_rectangle(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);

@@ -33,12 +33,12 @@ family! {
 
 /// A law of resistance: the permeability K \[m2\] of a bed.
 pub trait Law: Sync {
-    /// The law in the schema of the case: one line.
+    /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
     /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced
@@ -79,8 +79,8 @@ pub trait Law: Sync {
         }
     }
 
-    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient
-    /// of the cell over the largest: the error of the gradient that it makes. In free water, whose gradient is
+    /// Returns the largest relative change from the permeabilities that are given to those of the bed, weighted by the
+    /// gradient of the cell over the largest: the error of the gradient that it makes. In free water, whose gradient is
     /// rounding, nothing depends on it.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
@@ -101,7 +101,7 @@ pub trait Law: Sync {
     }
 }
 
-/// The larger of two numbers; NaN where one is.
+/// Returns the larger of two numbers; NaN if one is.
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
@@ -118,12 +118,12 @@ pub struct BedOfCells<'a> {
 }
 
 impl BedOfCells<'_> {
-    /// The largest gradient \[Pa/m\].
+    /// Returns the largest gradient \[Pa/m\].
     pub(super) fn steepest(&self) -> f64 {
         self.gradient.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Gradient of a cell over the largest; 1 where there is none.
+    /// Returns the gradient of a cell over the largest; 1 if there is none.
     pub(super) fn weight(&self, cell: usize, steepest: f64) -> f64 {
         if steepest > 0.0 {
             self.gradient[cell] / steepest
@@ -147,7 +147,7 @@ pub struct Permeability {
 }
 
 impl Permeability {
-    /// The porosity that counts.
+    /// Returns the porosity that counts.
     #[must_use]
     pub fn limited(&self, porosity: f64) -> f64 {
         porosity.clamp(self.least_porosity, self.porosity_cap)

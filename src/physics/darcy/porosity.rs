@@ -36,19 +36,19 @@ family! {
 
 /// A porosity method: the part of a grain in each cell.
 pub trait Method {
-    /// The method in the schema of the case: one line.
+    /// Returns the method in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The method with its parameters in the tables of `plan`.
+    /// Returns the method with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
     /// Appends (cell, part) for the cells that hold a part of the grain; parts outside the grid are left out.
     fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>);
 }
 
-/// Volume of a sphere; in 2-D area of a disc.
+/// Returns the volume of a sphere; in 2-D area of a disc.
 #[must_use]
 pub fn measure(dimension: usize, radius: f64) -> f64 {
     if dimension == 2 {
@@ -98,7 +98,7 @@ impl Pores {
         }
     }
 
-    /// The mean diameter that is formed.
+    /// Returns the mean diameter that is formed.
     #[must_use]
     pub fn mean(&self) -> MeanDiameter {
         self.mean
@@ -180,19 +180,19 @@ impl Pores {
         Ok(())
     }
 
-    /// Porosity of each cell: 1 without grains, 0 outside the walls; below 0 where a cell is overfull.
+    /// Returns the porosity of each cell: 1 without grains, 0 outside the walls; below 0 if a cell is overfull.
     #[must_use]
     pub fn porosity(&self) -> &[f64] {
         &self.porosity
     }
 
-    /// Mean diameter in each cell \[m\]; that of all grains where there is none.
+    /// Returns the mean diameter in each cell \[m\]; that of all grains where there is none.
     #[must_use]
     pub fn diameter(&self) -> &[f64] {
         &self.diameter
     }
 
-    /// Volume of the grains in a cell \[m3; m2 in 2-D\].
+    /// Returns the volume of the grains in a cell \[m3; m2 in 2-D\].
     #[must_use]
     pub fn solid_volume(&self, cell: usize) -> f64 {
         real(self.sums[cell][0]) * STEP * self.grid.volume()

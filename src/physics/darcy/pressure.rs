@@ -378,13 +378,13 @@ impl Pressure {
         if open { Ok(()) } else { Err(Error::NoOpenCell) }
     }
 
-    /// The grid.
+    /// Returns the grid.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.slab.grid
     }
 
-    /// The relative tolerance of a solution.
+    /// Returns the relative tolerance of a solution.
     #[must_use]
     pub fn tolerance(&self) -> f64 {
         self.settings.tolerance
@@ -418,14 +418,14 @@ impl Pressure {
         directions.ratios.copy_from_slice(ratios);
     }
 
-    /// Conductivity of a cell along each axis over the one that was given.
+    /// Returns the conductivity of a cell along each axis over the one that was given.
     #[must_use]
     pub fn direction(&self, cell: usize) -> [f64; 3] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or([1.0; 3], |directions| directions.ratios[cell])
     }
 
-    /// Conductivity along an axis, of water and grains together.
+    /// Returns the conductivity along an axis, of water and grains together.
     fn along(&self, axis: usize) -> &[f64] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or(&self.conduction.conductivity, |directions| {
@@ -683,7 +683,7 @@ impl Pressure {
         }
     }
 
-    /// The middle of the imposed reduced pressures.
+    /// Returns the middle of the imposed reduced pressures.
     fn middle(&self) -> f64 {
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for face in &self.boundary {
@@ -695,7 +695,7 @@ impl Pressure {
         0.5 * (least + most)
     }
 
-    /// The reduced pressure that is imposed on a face.
+    /// Returns the reduced pressure that is imposed on a face.
     fn imposed(&self, face: &Boundary) -> Option<f64> {
         match self.patches[face.patch].condition {
             Condition::Pressure { value: p } => Some(p + face.lift),
@@ -768,7 +768,7 @@ impl Pressure {
         (inflow.value(), outflow.value())
     }
 
-    /// Volume flux of water and grains through a cell \[m/s\].
+    /// Returns the volume flux of water and grains through a cell \[m/s\].
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
         if self.conduction.carries {
@@ -781,13 +781,13 @@ impl Pressure {
         }
     }
 
-    /// Flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
+    /// Returns the flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
         self.conduction.conductivity[self.slab.layout.at(self.slab.grid.cell(cell))]
     }
 
-    /// Gradient of the reduced pressure in a cell \[Pa/m\].
+    /// Returns the gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
         let at = self.slab.layout.at(self.slab.grid.cell(cell));
@@ -810,14 +810,14 @@ impl Pressure {
         }
     }
 
-    /// Gradient of the pressure in a cell \[Pa/m\].
+    /// Returns the gradient of the pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn gradient(&self, cell: usize) -> [f64; 3] {
         let (gradient, weight) = (self.reduced_gradient(cell), self.weight());
         std::array::from_fn(|a| gradient[a] + weight[a])
     }
 
-    /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
+    /// Returns the reduced pressure of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn reduced(&self, cell: usize) -> f64 {
         if !self.conduction.conducts[cell] {
@@ -833,7 +833,7 @@ impl Pressure {
             .map(|index| self.phi[self.slab.layout.at(self.slab.grid.cell(index))])
     }
 
-    /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
+    /// Returns the largest difference of the reduced pressure between cells and imposed values \[Pa\].
     #[must_use]
     pub fn largest_difference(&self) -> f64 {
         let cells = (0..self.slab.grid.count()).filter(|cell| self.conduction.conducts[*cell]);
@@ -847,7 +847,7 @@ impl Pressure {
         (high - low).max(0.0)
     }
 
-    /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
+    /// Returns the pressure in the centre of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn pressure(&self, cell: usize) -> f64 {
         if !self.conduction.conducts[cell] {
@@ -880,7 +880,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Volume that enters through each patch \[m3/s\].
+    /// Returns the volume that enters through each patch \[m3/s\].
     #[must_use]
     pub fn patch_inflows(&self) -> Vec<f64> {
         let mut sums: Vec<ExactSum> = self.patches.iter().map(|_| ExactSum::new()).collect();

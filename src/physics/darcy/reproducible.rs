@@ -107,7 +107,7 @@ fn split_sum<B: Copy + Into<f64>>(
     }
 }
 
-/// The power of two above a finite positive number.
+/// Returns the power of two above a finite positive number.
 pub(crate) fn power_above(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52) & 0x7ff;
     f64::from_bits((exponent + 1).min(2046) << 52)

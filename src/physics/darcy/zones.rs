@@ -49,13 +49,13 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// The planes half way between nodes along an axis.
+    /// Returns the planes half way between nodes along an axis.
     fn planes(&self, axis: usize) -> impl Iterator<Item = f64> {
         let pairs = self.nodes[axis].windows(2);
         pairs.map(|pair| pair[0] + 0.5 * (pair[1] - pair[0]))
     }
 
-    /// The node that stands for a point.
+    /// Returns the node that stands for a point.
     fn node(&self, point: [f64; 3]) -> usize {
         let place = |a: usize| {
             let nodes = &self.nodes[a];
@@ -119,7 +119,7 @@ pub struct Medium {
 }
 
 impl Medium {
-    /// The porosity that a zone states; `grains`: whether there are any.
+    /// Returns the porosity that a zone states; `grains`: whether there are any.
     #[must_use]
     pub fn porosity(&self, grains: bool) -> Option<f64> {
         let stated = self.porosity.filter(|(_, without)| grains || *without);
@@ -137,8 +137,8 @@ impl Medium {
             || self.porosity.is_some_and(|(_, without)| without)
     }
 
-    /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under
-    /// a gradient \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
+    /// Returns the permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no
+    /// porosity, under a gradient \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
     #[must_use]
     pub fn permeability(
         &self,
@@ -292,19 +292,19 @@ impl Zones {
         })
     }
 
-    /// Cells that a boundary of zones cuts.
+    /// Returns the cells that a boundary of zones cuts.
     #[must_use]
     pub fn cut(&self) -> usize {
         self.cut
     }
 
-    /// Cells that each zone holds a part of.
+    /// Returns the cells that each zone holds a part of.
     #[must_use]
     pub fn reached(&self) -> &[usize] {
         &self.reached
     }
 
-    /// The part of each of so many cells that zones fill without grains.
+    /// Returns the part of each of so many cells that zones fill without grains.
     #[must_use]
     pub fn filled(&self, cells: usize) -> Vec<f64> {
         let mut filled = vec![0.0; cells];
@@ -336,7 +336,8 @@ impl Zones {
         self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
     }
 
-    /// Everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all zones.
+    /// Returns everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all
+    /// zones.
     pub fn media(&self, cells: usize) -> impl Iterator<Item = &Medium> {
         let outside = self.cells.len() < cells || self.media_of.contains(&0);
         self.media[usize::from(!outside)..].iter()
@@ -548,7 +549,7 @@ impl Conduct {
         }
     }
 
-    /// Permeability along each axis over that of the cell; none where no boundary cuts a cell.
+    /// Returns the permeability along each axis over that of the cell; none if no boundary cuts a cell.
     #[must_use]
     pub fn ratios(&self) -> Option<&[[f64; 3]]> {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
@@ -584,8 +585,8 @@ impl Conduct {
     }
 }
 
-/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the
-/// edges.
+/// Returns the permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`:
+/// parts of the edges.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

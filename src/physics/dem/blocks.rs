@@ -30,7 +30,7 @@ const COLUMNS: [&str; NUMBERS] = [
     "angular_momentum_z",
 ];
 
-/// The state of a rotation as numbers in the order of [`COLUMNS`].
+/// Returns the state of a rotation as numbers in the order of [`COLUMNS`].
 fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
     let (q, l) = (rotation.orientation.coords, rotation.angular_momentum);
     [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
@@ -74,7 +74,7 @@ impl<S: Space> Entry<S> for RotationState {
     }
 }
 
-/// A spin or moment in space.
+/// Returns a spin or moment in space.
 #[inline(always)]
 pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
@@ -91,8 +91,8 @@ pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
 }
 
 impl Body {
-    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who
-    /// want one number; the engine uses all three.
+    /// Returns a free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for
+    /// those who want one number; the engine uses all three.
     #[must_use]
     pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
         Self {
@@ -157,7 +157,7 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// The shape of entry `k` and how it stands; none for a sphere or disc.
+    /// Returns the shape of entry `k` and how it stands; none for a sphere or disc.
     #[must_use]
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
@@ -170,7 +170,7 @@ impl<S: Space> Particles<S> {
         self.shape.is_allocated()
     }
 
-    /// Volume of entry `k` [m³; m² per m of depth in two dimensions].
+    /// Returns the volume of entry `k` [m³; m² per m of depth in two dimensions].
     #[must_use]
     pub fn volume(&self, k: usize) -> f64 {
         self.view().volume(k)

@@ -91,22 +91,22 @@ impl Buckets {
         });
     }
 
-    /// The numbers of a bucket.
+    /// Returns the numbers of a bucket.
     pub(super) fn of(&self, bucket: usize) -> &[u32] {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }
 
-    /// Numbers in all buckets.
+    /// Returns the numbers in all buckets.
     pub(super) fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Numbers before a bucket.
+    /// Returns the numbers before a bucket.
     pub(super) fn before(&self, bucket: usize) -> usize {
         self.start[bucket] as usize
     }
 
-    /// The bucket where the share of a thread begins, so that all have about as many numbers.
+    /// Returns the bucket where the share of a thread begins, so that all have about as many numbers.
     pub(super) fn bound(&self, thread: usize, threads: usize) -> usize {
         if thread == threads {
             return self.start.len().saturating_sub(1);

@@ -223,7 +223,7 @@ macro_rules! grain_arrays {
         }
 
         impl<S: Space> $name<S> {
-            /// The given part of entry `k`.
+            /// Returns the given part of entry `k`.
             fn given(&self, k: usize) -> NewEntry<S> {
                 NewEntry { $( $given: self.$given[k], )* }
             }
@@ -299,7 +299,7 @@ macro_rules! grain_arrays {
                 Ok(())
             }
 
-            /// Bytes of an entry in the message of a solid step.
+            /// Returns the bytes of an entry in the message of a solid step.
             pub(super) fn step_bytes(&self) -> usize {
                 let mut bytes = 0;
                 $( if Crosses::$given_crosses == Crosses::EveryStep {

@@ -125,33 +125,33 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 
     /// Returns the number of materials, and the row of every ordered pair of them.
     fn table(&self) -> PairTable<Self::Row>;
-    /// The scale of a pair.
+    /// Returns the scale of a pair.
     fn scale(row: &Self::Row, pair: &PairProperties) -> Self::Scale;
-    /// The constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
+    /// Returns the constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
     fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
-    /// The constants of a pair.
+    /// Returns the constants of a pair.
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, pair), pair.diameter)
     }
-    /// The force, and the history after this step. Called where the surfaces overlap or the pair is bonded; where they
-    /// do not overlap and the pair is not bonded the history is dropped instead.
+    /// Returns the force, and the history after this step. Called where the surfaces overlap or the pair is bonded;
+    /// where they do not overlap and the pair is not bonded the history is dropped instead.
     fn force(
         constants: &Self::Constants,
         history: &mut Self::History,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S>;
-    /// Force of the normal spring \[N\] at an overlap \[m\], positive in compression.
+    /// Returns the force of the normal spring \[N\] at an overlap \[m\], positive in compression.
     fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
-    /// Force of the shear spring \[N\] on the second partner.
+    /// Returns the force of the shear spring \[N\] on the second partner.
     fn shear_spring(history: &Self::History) -> S::Tangent;
-    /// Normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap, those at the
-    /// deepest one that is expected.
+    /// Returns the normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap,
+    /// those at the deepest one that is expected.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];
     /// Appends the history as [`Self::NUMBERS`] numbers.
     fn save(history: &Self::History, numbers: &mut Vec<f64>);
-    /// The history from [`Self::NUMBERS`] numbers.
+    /// Returns the history from [`Self::NUMBERS`] numbers.
     fn load(numbers: &[f64]) -> Self::History;
 
     // Bonds: a law without bonds leaves the rest as it is.
@@ -161,7 +161,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bonded(_: &Self::History) -> bool {
         false
     }
-    /// The widest gap \[m\] across which a pair is bonded.
+    /// Returns the widest gap \[m\] across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
@@ -171,7 +171,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Takes the bond away.
     fn unbond(_: &mut Self::History) {}
-    /// The widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
+    /// Returns the widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }
@@ -196,7 +196,7 @@ contact_laws! {
 }
 
 impl Law {
-    /// A law without forces, for scenes in which nothing can touch.
+    /// Returns a law without forces, for scenes in which nothing can touch.
     #[must_use]
     pub fn without_forces(materials: u32) -> Self {
         Self::Linear(linear::Linear {
@@ -217,7 +217,7 @@ impl Law {
     }
 }
 
-/// A length of a tangent cut down to `limit`, its direction kept.
+/// Returns a length of a tangent cut down to `limit`, its direction kept.
 #[inline(always)]
 pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     if length > limit {
@@ -227,7 +227,7 @@ pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     }
 }
 
-/// A tangent from the front of `numbers`.
+/// Returns a tangent from the front of `numbers`.
 pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     let mut tangent = T::default();
     for (k, value) in numbers.iter().take(T::COUNT).enumerate() {

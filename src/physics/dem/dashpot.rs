@@ -36,7 +36,8 @@ mod tests {
     use super::{over_step, part_of_step};
     use approx::assert_relative_eq;
 
-    /// Restitution of a mass of 1 on a spring of 1 that only pushes, thrown at 1 from `before` steps of `step` away.
+    /// Returns the restitution of a mass of 1 on a spring of 1 that only pushes, thrown at 1 from `before` steps of
+    /// `step` away.
     fn restitution(zeta: f64, step: f64, before: f64) -> f64 {
         let (mut overlap, mut velocity, mut force) = (-before * step, 1.0, 0.0);
         loop {

@@ -78,12 +78,12 @@ impl Record {
         }
     }
 
-    /// Overlap over the smaller radius.
+    /// Returns the overlap over the smaller radius.
     pub(super) fn part(&self) -> f64 {
         self.part
     }
 
-    /// The deeper of two.
+    /// Returns the deeper of two.
     pub(super) fn or(self, other: Self) -> Self {
         if other.part > self.part { other } else { self }
     }

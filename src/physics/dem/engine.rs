@@ -431,7 +431,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 }
 
-/// The largest of the values of all ranks. Collective.
+/// Returns the largest of the values of all ranks. Collective.
 fn largest(domain: &Domain, value: f64) -> f64 {
     domain.communicator().all_reduce_max_f64(value)
 }

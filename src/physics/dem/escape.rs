@@ -28,7 +28,7 @@ impl fmt::Display for Escape {
 }
 
 impl Escape {
-    /// The escape that a message reports, if any.
+    /// Returns the escape that a message reports, if any.
     #[must_use]
     pub fn in_text(text: &str) -> Option<Self> {
         let (before, after) = text.split_once(OUTSIDE)?;

@@ -61,7 +61,7 @@ impl Messages {
 }
 
 impl GhostPlan {
-    /// Rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
+    /// Returns the rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
     fn lengths(&self, bytes: usize) -> [Vec<(usize, usize)>; 2] {
         let owners = self.sends.iter();
         let ghosts = self.receives.iter();

@@ -100,7 +100,7 @@ pub(super) fn make<S: Space>(
     Ok(())
 }
 
-/// An entry's number in 32 bits.
+/// Returns an entry's number in 32 bits.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "`make` refuses more than 2^31 grains on a rank"
@@ -141,7 +141,7 @@ fn image_shifts<S: Space>(
     }
 }
 
-/// The next whole number below.
+/// Returns the next whole number below.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a few box lengths at most: grains lie inside the box"

@@ -42,7 +42,7 @@ impl Fastest {
 /// Beyond this squared speed [m²/s²] a grain counts as blown up.
 pub(super) const SPEED_LIMIT: f64 = 1e16;
 
-/// A component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
+/// Returns a component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
 #[inline(always)]
 fn damped(a: f64, v: f64, damping: f64) -> f64 {
     let power = a * v;

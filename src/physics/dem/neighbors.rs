@@ -210,7 +210,7 @@ impl Overlaps {
         self.spans = spans;
     }
 
-    /// The row of cells where the share of a thread begins.
+    /// Returns the row of cells where the share of a thread begins.
     fn row_of(&self, thread: usize, threads: usize) -> usize {
         let [along, across, deep] = self.counts;
         let bound = self.cells.bound(thread, threads).div_ceil(along.max(1));
@@ -403,7 +403,7 @@ impl Search {
         }
     }
 
-    /// The first class of the small: with a giant among them their cells would be too wide.
+    /// Returns the first class of the small: with a giant among them their cells would be too wide.
     fn first_small(&self, gap: f64) -> usize {
         let mut sums = [[0.0_f64; 3]; CLASSES];
         for (class, point) in self.class_of.iter().zip(&self.points) {
@@ -596,7 +596,7 @@ impl Class {
     }
 }
 
-/// The size class of a radius: 0 the coarsest.
+/// Returns the size class of a radius: 0 the coarsest.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

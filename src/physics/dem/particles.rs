@@ -96,7 +96,7 @@ entry! {
 }
 
 impl Body {
-    /// A free disc or sphere of uniform density [kg/m³].
+    /// Returns a free disc or sphere of uniform density [kg/m³].
     #[must_use]
     pub fn uniform<S: Space>(id: u64, radius: f64, density: f64, material: u32) -> Self {
         let mass = S::mass(density, radius);
@@ -110,7 +110,7 @@ impl Body {
         }
     }
 
-    /// Principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
+    /// Returns the principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
     #[inline]
     pub(super) fn moments(&self, shape: &Polyhedron) -> Vector3<f64> {
         shape.inertia(self.mass / shape.volume())
@@ -241,13 +241,13 @@ impl<S: Space> Particles<S> {
         self.loaded = false;
     }
 
-    /// Number of grains that this rank owns: entries `0..owned()`.
+    /// Returns the number of grains that this rank owns: entries `0..owned()`.
     #[must_use]
     pub fn owned(&self) -> usize {
         self.owned
     }
 
-    /// Number of entries: owned grains and ghosts.
+    /// Returns the number of entries: owned grains and ghosts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.body.len()
@@ -267,7 +267,8 @@ impl<S: Space> Particles<S> {
         place(&self.motion[k], self.shift[k], &self.lengths)
     }
 
-    /// The shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists were made.
+    /// Returns the shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists
+    /// were made.
     pub(super) fn shift_into_box(&self, k: usize) -> [i32; 3] {
         let at = &self.motion[k].position;
         std::array::from_fn(|axis| {
@@ -287,7 +288,7 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Load of the fluid on owned grain `k`; none in a dry scene.
+    /// Returns the load of the fluid on owned grain `k`; none in a dry scene.
     #[must_use]
     #[inline]
     pub fn fluid_load(&self, k: usize) -> Load<S> {
@@ -328,15 +329,15 @@ impl<S: Space> Particles<S> {
         self.start.is_allocated()
     }
 
-    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts
-    /// in full. `None` without [`Self::mark_start`].
+    /// Returns the displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic
+    /// face counts in full. `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
         let start = self.start.get(k)?;
         Some(self.motion[k].position - *start)
     }
 
-    /// The entries as plain slices, readable by many threads.
+    /// Returns the entries as plain slices, readable by many threads.
     #[must_use]
     pub fn view(&self) -> View<'_, S> {
         View {
@@ -355,7 +356,7 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Velocity [m/s] of the material point of entry `k` at `arm` from its centre.
+    /// Returns the velocity [m/s] of the material point of entry `k` at `arm` from its centre.
     #[must_use]
     #[inline]
     pub fn velocity_at(&self, k: usize, arm: &S::Vector) -> S::Vector {
@@ -457,7 +458,7 @@ impl<S: Space> Particles<S> {
         self.owned = order.len();
     }
 
-    /// The owned grains with everything that the next step depends on, in rising order of id.
+    /// Returns the owned grains with everything that the next step depends on, in rising order of id.
     #[must_use]
     #[inline(never)]
     pub fn table(&self) -> Table {
@@ -470,8 +471,8 @@ impl<S: Space> Particles<S> {
         self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths
-    /// of the box. Where there are blocks, call [`Self::set_shapes`] next.
+    /// Returns grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the
+    /// lengths of the box. Where there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type.
@@ -484,7 +485,7 @@ impl<S: Space> Particles<S> {
         Ok(particles)
     }
 
-    /// Kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
+    /// Returns the kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
     #[must_use]
     pub fn kinetic_energy(&self, k: usize) -> f64 {
         let (body, motion) = (&self.body[k], &self.motion[k]);

@@ -16,7 +16,7 @@ pub struct Region<S: Space> {
 }
 
 impl<S: Space> Region<S> {
-    /// A box without periodic axes, split in planes of `spacing` \[m\].
+    /// Returns a box without periodic axes, split in planes of `spacing` \[m\].
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
         Self {
@@ -31,7 +31,7 @@ impl<S: Space> Region<S> {
         self.upper.get(axis) - self.lower.get(axis)
     }
 
-    /// Length along periodic axes, else 0.
+    /// Returns the length along periodic axes, else 0.
     pub(super) fn periodic_lengths(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION && self.periodic[axis] {
@@ -42,7 +42,7 @@ impl<S: Space> Region<S> {
         })
     }
 
-    /// The lower corner, 0 along axes that are not there.
+    /// Returns the lower corner, 0 along axes that are not there.
     pub(super) fn origin(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION {
@@ -58,7 +58,7 @@ impl<S: Space> Region<S> {
     }
 }
 
-/// The plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With
+/// Returns the plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With
 /// [`decomposition::Slabs::owner_of_plane`] it alone decides which rank owns a grain.
 #[expect(
     clippy::cast_possible_truncation,

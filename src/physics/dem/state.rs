@@ -55,7 +55,7 @@ impl Contacts {
 }
 
 impl<S: Space> Dem<S> {
-    /// The contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts this rank reports, the walls, and the steps done.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
         self.engine.save()

@@ -170,7 +170,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// All facets in groups of neighbours, along a curve that fills space (Morton's).
+    /// Returns all facets in groups of neighbours, along a curve that fills space (Morton's).
     fn neighbours(&self) -> Vec<Group> {
         let none = Vector3::repeat(f64::INFINITY);
         let join = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
@@ -211,7 +211,7 @@ impl Surface {
         (point - corner).norm_squared() <= farthest * farthest
     }
 
-    /// The faces of a box between two corners \[m\].
+    /// Returns the faces of a box between two corners \[m\].
     ///
     /// # Errors
     /// Where the box has no volume.
@@ -257,7 +257,7 @@ impl Surface {
             .map(|&v| self.vertices[v as usize])
     }
 
-    /// Unit normal of a facet.
+    /// Returns the unit normal of a facet.
     pub(super) fn normal(&self, facet: usize) -> Vector3<f64> {
         self.facets[facet].normal
     }
@@ -267,14 +267,14 @@ impl Surface {
         &self.corners[facet.first as usize..facet.end as usize]
     }
 
-    /// Distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
+    /// Returns the distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
     #[must_use]
     pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
         self.nearest(facet, point, f64::INFINITY)
             .map_or(f64::INFINITY, |near| near.distance)
     }
 
-    /// Distance \[m\] of a point from the nearest facet.
+    /// Returns the distance \[m\] of a point from the nearest facet.
     #[must_use]
     pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
         let (point, _) = self.in_domain(point);
@@ -324,7 +324,7 @@ impl Surface {
         }
     }
 
-    /// The closest point of a facet, where it is nearer than `reach`.
+    /// Returns the closest point of a facet, where it is nearer than `reach`.
     #[inline]
     fn nearest(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> Option<Nearest> {
         let Facet { normal, size, .. } = self.facets[facet];
@@ -466,7 +466,7 @@ mod tests {
         found
     }
 
-    /// A plane square of `n` by `n` squares of two triangles each.
+    /// Returns a plane square of `n` by `n` squares of two triangles each.
     fn flat(n: u32) -> Surface {
         let vertices = (0..=n)
             .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))

@@ -25,7 +25,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// One in a row.
+    /// Returns one in a row.
     pub(crate) fn of(row: u32) -> Self {
         Self {
             count: 1,
@@ -35,7 +35,7 @@ impl Line {
         }
     }
 
-    /// The line with one more, `apart` from the first and in this row, where that continues it.
+    /// Returns the line with one more, `apart` from the first and in this row, where that continues it.
     pub(crate) fn with(self, row: u32, apart: u32) -> Option<Self> {
         let (stride, down) = if self.count == 1 {
             (apart, row > self.row)
@@ -53,7 +53,7 @@ impl Line {
         })
     }
 
-    /// The row of number `k`.
+    /// Returns the row of number `k`.
     pub(crate) fn row(&self, k: u32) -> u32 {
         self.row + k * u32::from(self.down)
     }

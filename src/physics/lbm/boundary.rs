@@ -90,7 +90,7 @@ macro_rules! boundaries {
                 }
             }
 
-            /// Name in a case.
+            /// Returns the name in a case.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
@@ -98,8 +98,8 @@ macro_rules! boundaries {
                 }
             }
 
-            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path
-            /// of the site is that of the condition.
+            /// Returns the boundary with its parameters checked and its tables read; what is wrong goes to the report.
+            /// The path of the site is that of the condition.
             #[must_use]
             pub fn resolved(
                 &self,
@@ -116,7 +116,7 @@ macro_rules! boundaries {
                 resolved
             }
 
-            /// The rule on the lattice.
+            /// Returns the rule on the lattice.
             ///
             /// # Errors
             /// Where the cells of the patch show that the parameters cannot hold.
@@ -167,7 +167,7 @@ impl Ramp {
         }
     }
 
-    /// Value at a step.
+    /// Returns the value at a step.
     #[must_use]
     pub fn at(&self, step: f64) -> f64 {
         if step >= self.steps {
@@ -209,7 +209,7 @@ impl<S: Stored> Patch<S> {
     }
 }
 
-/// The last patch that holds a position on a face; none where only the default wall does.
+/// Returns the last patch that holds a position on a face; none where only the default wall does.
 #[must_use]
 pub fn holder<S: Stored>(
     patches: &[Patch<S>],
@@ -222,8 +222,8 @@ pub fn holder<S: Stored>(
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
-/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells,
-/// where patches may meet.
+/// Returns points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between
+/// cells, where patches may meet.
 fn around(
     frame: &Frame,
     c: [i8; 3],
@@ -255,8 +255,8 @@ fn around(
     })
 }
 
-/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of
-/// these that imposes a velocity.
+/// Returns the patch of a link that crosses a face between those of the cells `beside` with their centres, and the part
+/// of these that imposes a velocity.
 ///
 /// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a
 /// border a velocity is imposed in part: the flow through the face is then that of the cells of the patch, and the same
@@ -454,19 +454,19 @@ impl<S: Stored> Boundaries<S> {
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
-    /// Factor of the velocity of a patch at a step: that of its ramp.
+    /// Returns the factor of the velocity of a patch at a step: that of its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
         self.patches[patch].rule.factor(step)
     }
 
-    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor.
-    /// `plane` is the distance from plane to plane.
+    /// Returns the links at walls as copies of numbers after a pass of this parity, with the patch of each for its
+    /// factor. `plane` is the distance from plane to plane.
     pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         self.walls.copies(parity, plane)
     }
 
-    /// Number of patches.
+    /// Returns the number of patches.
     pub(crate) fn count(&self) -> usize {
         self.patches.len()
     }
@@ -482,7 +482,7 @@ impl<S: Stored> Boundaries<S> {
         mirrored
     }
 
-    /// Names of the patches, in the order of [`Boundaries::fluxes`].
+    /// Returns the names of the patches, in the order of [`Boundaries::fluxes`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.patches.iter().map(|p| p.name.as_str())
     }
@@ -608,7 +608,7 @@ impl<S: Stored> Boundaries<S> {
         self.open.close(fraction, populations);
     }
 
-    /// The last step in which a value at a face still changes by its ramp.
+    /// Returns the last step in which a value at a face still changes by its ramp.
     #[must_use]
     pub fn ramps_end(&self) -> f64 {
         let ramps = self.patches.iter().map(|patch| patch.rule.ramp_end());

@@ -47,7 +47,7 @@ macro_rules! operators {
         }
 
         impl $list {
-            /// The description of the operator.
+            /// Returns the description of the operator.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -55,7 +55,7 @@ macro_rules! operators {
                 }
             }
 
-            /// Name in a case.
+            /// Returns the name in a case.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
@@ -92,16 +92,16 @@ impl Default for Operator {
 
 /// A collision operator of a case: its parameters and its interface to the program.
 pub trait Model {
-    /// The operator for `plan`, at the relaxation time of the fluid.
+    /// Returns the operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;
 
-    /// The only velocity set that the operator works on; none where it works on all.
+    /// Returns the only velocity set that the operator works on; none if it works on all.
     fn only_on(&self) -> Option<VelocitySet> {
         None
     }
 
-    /// The rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and one for
-    /// all antisymmetric parts.
+    /// Returns the rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and
+    /// one for all antisymmetric parts.
     fn antisymmetric_rate(&self) -> Option<AntisymmetricRate> {
         None
     }
@@ -119,11 +119,11 @@ pub trait Model {
     /// Returns the border for a body that moves through the fluid; none where no map judges this operator.
     fn border_of_moving(&self, body: &MovingBody) -> Option<Border>;
 
-    /// The cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
+    /// Returns the cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;
 
-    /// The wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number of
-    /// steps.
+    /// Returns the wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number
+    /// of steps.
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let _ = relaxation_time;
         None

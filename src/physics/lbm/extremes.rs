@@ -55,7 +55,7 @@ impl Rows {
         });
     }
 
-    /// The result.
+    /// Returns the result.
     pub fn iter(&self) -> impl Iterator<Item = &Extremes> {
         self.threads.iter().flat_map(|share| &share.found)
     }
@@ -109,8 +109,8 @@ pub struct Extremes {
     pub finite: bool,
 }
 
-/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a
-/// cell has the same bits alone and in its row.
+/// Returns the squared speed of a cell from its density deviation, its momentum and half of the body force: one
+/// formula, so that a cell has the same bits alone and in its row.
 #[inline(always)]
 #[must_use]
 pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {

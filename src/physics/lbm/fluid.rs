@@ -131,20 +131,20 @@ fn terms<'a, S: Stored>(
 /// Cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 1000;
 
-/// The planes of worker t.
+/// Returns the planes of worker t.
 fn planes_of(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     let begin = |t: usize| planes.start + planes.len() * t / threads;
     begin(t)..begin(t + 1)
 }
 
-/// The planes of a share that have both neighbours in it.
+/// Returns the planes of a share that have both neighbours in it.
 fn inner(share: &Range<usize>) -> Range<usize> {
     let first = share.start + 1;
     first..(share.end - 1).max(first)
 }
 
-/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones
-/// of the shares of the planes between its ends.
+/// Returns the planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not
+/// [`inner`] ones of the shares of the planes between its ends.
 fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
     let followed = move |t: usize| inner(&planes_of(&between(planes), threads, t));
     (0..=threads).map(move |t| {
@@ -158,7 +158,7 @@ fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize
     })
 }
 
-/// The planes between the first and the last.
+/// Returns the planes between the first and the last.
 fn between(planes: usize) -> Range<usize> {
     1..planes.max(2) - 1
 }
@@ -196,7 +196,7 @@ pub struct Fluid<S: Stored> {
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Fluid at rest in the slab of this rank.
+    /// Returns fluid at rest in the slab of this rank.
     ///
     /// # Errors
     /// If the memory cannot be allocated, or a GPU is asked for that does not exist or cannot run this fluid.
@@ -515,7 +515,7 @@ impl<S: Stored> Fluid<S> {
         self.complete_velocities(std::iter::once(0..planes));
     }
 
-    /// The velocities of the next eddy viscosity; none without turbulence model.
+    /// Returns the velocities of the next eddy viscosity; none without turbulence model.
     #[must_use]
     pub fn velocities(&self) -> Option<&VelocityField> {
         self.field.as_ref()
@@ -544,7 +544,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.
+    /// Returns the eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without
+    /// turbulence.
     #[must_use]
     pub fn eddy_viscosity(&self, cell: usize) -> f64 {
         let Some(field) = &self.field else { return 0.0 };
@@ -641,13 +642,13 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// The patches by name, in the order of [`Fluid::fluxes`].
+    /// Returns the patches by name, in the order of [`Fluid::fluxes`].
     #[must_use]
     pub fn boundaries(&self) -> &Boundaries<S> {
         &self.boundaries
     }
 
-    /// The cover of the cells, if cells can be covered.
+    /// Returns the cover of the cells, if cells can be covered.
     #[must_use]
     pub fn cover(&self) -> Option<&Cover> {
         self.cover.as_ref()
@@ -658,7 +659,7 @@ impl<S: Stored> Fluid<S> {
         self.cover.as_mut()
     }
 
-    /// The lattice array.
+    /// Returns the lattice array.
     #[must_use]
     pub fn populations(&self) -> &Populations<S> {
         &self.populations
@@ -683,25 +684,25 @@ impl<S: Stored> Fluid<S> {
         self.populations.set_home();
     }
 
-    /// Cells of the whole domain.
+    /// Returns the cells of the whole domain.
     #[must_use]
     pub fn domain_cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// First cell of the slab.
+    /// Returns the first cell of the slab.
     #[must_use]
     pub fn start(&self) -> [usize; 3] {
         self.start
     }
 
-    /// Periodic axes.
+    /// Returns the periodic axes.
     #[must_use]
     pub fn periodic(&self) -> [bool; 3] {
         self.periodic
     }
 
-    /// Relaxation time τ.
+    /// Returns the relaxation time τ.
     #[must_use]
     pub fn relaxation_time(&self) -> f64 {
         self.relaxation_time

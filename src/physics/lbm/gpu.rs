@@ -211,7 +211,7 @@ fn failed(error: DriverError) -> String {
     format!("the GPU reports: {error}")
 }
 
-/// The first GPU, if there is a driver and a GPU.
+/// Returns the first GPU, if there is a driver and a GPU.
 fn context() -> Result<Arc<CudaContext>, String> {
     // SAFETY: searches for a library.
     if !unsafe { sys::is_culib_present() } {
@@ -220,8 +220,8 @@ fn context() -> Result<Arc<CudaContext>, String> {
     CudaContext::new(0).map_err(failed)
 }
 
-/// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is
-/// measured by. `bytes` are copied at a time.
+/// Returns the name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a
+/// pass is measured by. `bytes` are copied at a time.
 ///
 /// # Errors
 /// When there is no GPU, or it fails.
@@ -380,8 +380,8 @@ impl Gpu {
             .map_err(failed)
     }
 
-    /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed,
-    /// the largest size of the density deviation, and whether every number is finite. `half` is F/2.
+    /// Returns the extreme values of the rows, of populations of a parity, in the order of the rows: the largest
+    /// squared speed, the largest size of the density deviation, and whether every number is finite. `half` is F/2.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -629,7 +629,7 @@ impl Drop for Gpu {
     }
 }
 
-/// The shape of a launch of this many blocks.
+/// Returns the shape of a launch of this many blocks.
 fn launch_of(count: u32) -> LaunchConfig {
     LaunchConfig {
         grid_dim: (count, 1, 1),
@@ -639,7 +639,7 @@ fn launch_of(count: u32) -> LaunchConfig {
 }
 
 impl Program {
-    /// The shape of a launch with one thread for each cell.
+    /// Returns the shape of a launch with one thread for each cell.
     fn launch(&self) -> LaunchConfig {
         let [planes, rows, length] = self.cells;
         let width = length.next_multiple_of(32).min(BLOCK);
@@ -657,7 +657,7 @@ fn as_bytes(copies: &[Copies]) -> &[u8] {
     unsafe { std::slice::from_raw_parts(copies.as_ptr().cast(), size_of_val(copies)) }
 }
 
-/// Bytes in 10⁹ bytes.
+/// Converts bytes to 10⁹ bytes.
 fn giga(bytes: usize) -> f64 {
     crate::number::real(bytes) * 1e-9
 }

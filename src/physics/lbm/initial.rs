@@ -24,7 +24,7 @@ impl<F: Fn([f64; 3]) -> (f64, [f64; 3]) + Sync> Field for F {
     }
 }
 
-/// Equilibrium deviation of one population.
+/// Returns the equilibrium deviation of one population.
 #[must_use]
 pub fn equilibrium(w: f64, c: [i8; 3], drho: f64, u: [f64; 3]) -> f64 {
     let rho = 1.0 + drho;

@@ -77,7 +77,7 @@ pub struct Shared<S> {
 unsafe impl<S> Sync for Shared<S> {}
 
 impl<S> Shared<S> {
-    /// The numbers of all populations.
+    /// Returns the numbers of all populations.
     pub(crate) fn numbers(&self) -> *mut S {
         self.base
     }
@@ -87,12 +87,12 @@ impl<S> Shared<S> {
         &self.velocity
     }
 
-    /// Rows of a plane.
+    /// Returns the rows of a plane.
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Cells of a row.
+    /// Returns the cells of a row.
     pub(crate) fn cells(&self) -> usize {
         self.cells
     }
@@ -190,7 +190,7 @@ impl<S: Stored> Shared<S> {
     }
 }
 
-/// The pass for this lattice, operator, storage and level.
+/// Returns the pass for this lattice, operator, storage and level.
 #[must_use]
 pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     level: Level,

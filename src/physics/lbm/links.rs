@@ -57,7 +57,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Height of a point over it \[cells\].
+    /// Returns the height of a point over it \[cells\].
     #[inline(always)]
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {
@@ -393,7 +393,7 @@ mod tests {
     use super::*;
     use crate::random::Stream;
 
-    /// A turned cuboid about a centre that no cell favours.
+    /// Returns a turned cuboid about a centre that no cell favours.
     fn cuboid(centre: [f64; 3]) -> Vec<Plane> {
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
         let edges = [5.0, 6.0, 7.0];

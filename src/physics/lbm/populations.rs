@@ -74,7 +74,7 @@ pub struct RowSums {
 const MOST_VELOCITIES: usize = 27;
 
 impl Link {
-    /// Position of the outgoing f*_i(x).
+    /// Returns the position of the outgoing f*_i(x).
     #[inline(always)]
     #[must_use]
     pub fn out(self, parity: Parity) -> usize {
@@ -84,7 +84,7 @@ impl Link {
         }) as usize
     }
 
-    /// Position of the incoming f_ī(x) of the next step.
+    /// Returns the position of the incoming f_ī(x) of the next step.
     #[inline(always)]
     #[must_use]
     pub fn incoming(self, parity: Parity) -> usize {
@@ -136,7 +136,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    /// Returns the places of a slab of `cells` (x, y, z) with the slab axis `split`.
     #[must_use]
     pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
@@ -212,43 +212,43 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Interior cells along x, y, z.
+    /// Returns the interior cells along x, y, z.
     #[must_use]
     pub fn cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// Axes from slowest (the slab axis) to fastest (unit stride).
+    /// Returns the axes from slowest (the slab axis) to fastest (unit stride).
     #[must_use]
     pub fn order(&self) -> [usize; 3] {
         self.order
     }
 
-    /// The velocity set.
+    /// Returns the velocity set.
     #[must_use]
     pub fn velocities(&self) -> &Velocities {
         &self.velocities
     }
 
-    /// Which pass ran last.
+    /// Returns which pass ran last.
     #[must_use]
     pub fn parity(&self) -> Parity {
         self.parity
     }
 
-    /// Bytes held.
+    /// Returns the bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.memory.len() * size_of::<S>()
     }
 
-    /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
+    /// Returns the number of positions of a cell-sized array that shares this layout (for flags and maps).
     #[must_use]
     pub fn cell_positions(&self) -> usize {
         self.array
     }
 
-    /// Position within one array of a cell, ghosts included.
+    /// Returns the position within one array of a cell, ghosts included.
     #[inline(always)]
     #[must_use]
     pub fn cell(&self, at: [isize; 3]) -> usize {
@@ -264,7 +264,7 @@ impl<S: Stored> Populations<S> {
         self.cell(at.map(usize::cast_signed))
     }
 
-    /// Distance in positions from a cell to its neighbour along direction `i`.
+    /// Returns the distance in positions from a cell to its neighbour along direction `i`.
     #[inline(always)]
     #[must_use]
     pub fn offset(&self, i: usize) -> isize {
@@ -274,7 +274,7 @@ impl<S: Stored> Populations<S> {
             .sum()
     }
 
-    /// The link that leaves the cell at position `cell` along direction `i`.
+    /// Returns the link that leaves the cell at position `cell` along direction `i`.
     #[inline]
     #[must_use]
     pub fn link(&self, cell: usize, i: usize) -> Link {
@@ -285,21 +285,21 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of slot `i` of a cell, independently of the parity.
+    /// Returns the position of slot `i` of a cell, independently of the parity.
     #[inline(always)]
     #[must_use]
     pub fn slot(&self, cell: usize, i: usize) -> usize {
         self.begins[i] + cell
     }
 
-    /// Position of the incoming f_j of a cell.
+    /// Returns the position of the incoming f_j of a cell.
     #[inline]
     #[must_use]
     pub fn incoming(&self, cell: usize, j: usize) -> usize {
         self.incoming_after(self.parity, cell, j)
     }
 
-    /// Position of the incoming f_j of a cell after a pass of this parity.
+    /// Returns the position of the incoming f_j of a cell after a pass of this parity.
     #[inline]
     #[must_use]
     pub fn incoming_after(&self, parity: Parity, cell: usize, j: usize) -> usize {
@@ -311,7 +311,7 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
+    /// Returns the position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
     #[inline]
     #[must_use]
     pub fn outgoing(&self, cell: usize, i: usize) -> usize {
@@ -345,7 +345,7 @@ impl<S: Stored> Populations<S> {
         self.parity = Parity::Home;
     }
 
-    /// Every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
+    /// Returns every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
     pub fn interior(&self) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
         let [s, m, f] = self.order;
         let cells = self.cells;
@@ -362,8 +362,8 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its
-    /// first cell.
+    /// Returns every row of interior cells along the fastest axis, in the same order: local coordinates and position of
+    /// its first cell.
     pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
         let [s, m, _] = self.order;
         let cells = self.cells;
@@ -404,7 +404,8 @@ impl<S: Stored> Populations<S> {
         self.memory.start()
     }
 
-    /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
+    /// Returns the density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed
+    /// alike).
     #[must_use]
     pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.incoming(cell, i))
@@ -441,13 +442,13 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// The sum of values of cells in quanta, in any order the same.
+    /// Returns the sum of values of cells in quanta, in any order the same.
     #[must_use]
     pub fn in_quanta(&self, values: &[f64]) -> i128 {
         sum_of_quanta(self.level, values)
     }
 
-    /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
+    /// Returns the density deviation and momenta of all interior cells in quanta, summed by all threads.
     #[must_use]
     pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
         self.sum_rows(room, |_, moments, sums| {
@@ -517,7 +518,7 @@ impl<S: Stored> Populations<S> {
         });
     }
 
-    /// Local coordinates of the interior or ghost cell at a position within an array.
+    /// Returns the local coordinates of the interior or ghost cell at a position within an array.
     #[must_use]
     pub fn coordinates(&self, position: usize) -> [isize; 3] {
         let [slow, middle, fast] = self.order;

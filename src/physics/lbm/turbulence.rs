@@ -33,7 +33,7 @@ macro_rules! eddy_viscosities {
         }
 
         impl $list {
-            /// The model for `plan`.
+            /// Returns the model for `plan`.
             #[must_use]
             pub fn describe(&self) -> Description {
                 match self {
@@ -78,7 +78,7 @@ eddy_viscosities! {
 
 /// A model of an eddy viscosity with its parameters as they stand in a case.
 pub trait Model {
-    /// The model for `plan`.
+    /// Returns the model for `plan`.
     fn describe(&self) -> Description;
 
     /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the family in
@@ -88,8 +88,8 @@ pub trait Model {
         None
     }
 
-    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient
-    /// g_ab = ∂u_a/∂x_b.
+    /// Returns the numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity
+    /// gradient g_ab = ∂u_a/∂x_b.
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
     /// ν_t in lattice units.

@@ -15,8 +15,8 @@ pub struct Images {
 }
 
 impl Images {
-    /// The images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans the
-    /// domain has no end.
+    /// Returns the images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans
+    /// the domain has no end.
     #[must_use]
     pub fn new(solid: Arc<dyn Solid>, frame: Frame, periodic: [bool; 3], margin: f64) -> Self {
         let [low, high] = solid.extent();
@@ -55,13 +55,13 @@ impl Images {
         self.shifts.is_empty()
     }
 
-    /// The solid itself.
+    /// Returns the solid itself.
     #[must_use]
     pub fn solid(&self) -> &dyn Solid {
         &*self.solid
     }
 
-    /// The domain.
+    /// Returns the domain.
     #[must_use]
     pub fn frame(&self) -> &Frame {
         &self.frame
@@ -92,7 +92,7 @@ impl Images {
         join(found);
     }
 
-    /// The boxes that hold the images \[m\].
+    /// Returns the boxes that hold the images \[m\].
     pub fn extents(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
         let [low, high] = self.solid.extent();
         self.shifts
@@ -100,8 +100,8 @@ impl Images {
             .map(move |shift| [plus(low, *shift), plus(high, *shift)])
     }
 
-    /// The surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and has no
-    /// ends. Of a box or prism that joins or overlaps its image it is the part of one period.
+    /// Returns the surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and
+    /// has no ends. Of a box or prism that joins or overlaps its image it is the part of one period.
     #[must_use]
     pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
         let mut solid = Arc::clone(&self.solid);
@@ -119,8 +119,8 @@ impl Images {
         }
     }
 
-    /// The axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so that they
-    /// may overlap their images.
+    /// Returns the axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so
+    /// that they may overlap their images.
     #[must_use]
     pub fn may_overlap(&self) -> Option<usize> {
         let [low, high] = self.solid.extent();

@@ -47,7 +47,7 @@ struct Node {
 }
 
 impl Node {
-    /// Square of the distance of a point from the box.
+    /// Returns the square of the distance of a point from the box.
     fn squared(&self, at: Point) -> f64 {
         (0..3)
             .map(|a| (self.low[a] - at[a]).max(at[a] - self.high[a]).max(0.0))
@@ -56,7 +56,7 @@ impl Node {
     }
 }
 
-/// The nearest point of a triangle: its square distance, and which of the seven normals holds there.
+/// Returns the nearest point of a triangle: its square distance, and which of the seven normals holds there.
 fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
     // C. Ericson, Real-Time Collision Detection (2005), 5.1.5: the regions of Voronoi.
     let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(at, a));
@@ -137,7 +137,7 @@ impl Mesh {
         self.open_edges
     }
 
-    /// Volume inside a closed surface \[m3\].
+    /// Returns the volume inside a closed surface \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         let base = self.vertices[0];
@@ -148,13 +148,13 @@ impl Mesh {
         (0..self.triangles.len()).map(of).sum()
     }
 
-    /// The box that holds it.
+    /// Returns the box that holds it.
     #[must_use]
     pub fn extent(&self) -> [Point; 2] {
         self.extent
     }
 
-    /// The triangles, facing outwards.
+    /// Returns the triangles, facing outwards.
     pub fn triangles(&self) -> impl Iterator<Item = [Point; 3]> + '_ {
         (0..self.triangles.len()).map(|k| self.corners(k))
     }
@@ -163,7 +163,7 @@ impl Mesh {
         self.triangles[k].map(|v| self.vertices[v as usize])
     }
 
-    /// Distance of a point; negative inside a closed surface.
+    /// Returns the distance of a point; negative inside a closed surface.
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
         let mut best = (f64::INFINITY, [0.0; 3], 0);

@@ -19,10 +19,11 @@ pub struct Frame {
 
 /// A solid at rest, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
 pub trait Solid: Debug + Send + Sync {
-    /// Distance of a point from the surface, negative inside. At most the true distance in size, with its sign.
+    /// Returns the distance of a point from the surface, negative inside. At most the true distance in size, with its
+    /// sign.
     fn distance(&self, at: Point) -> f64;
 
-    /// The smallest box that holds it, infinite where it has no end.
+    /// Returns the smallest box that holds it, infinite if it has no end.
     fn extent(&self) -> [Point; 2];
 
     /// The parts of the way from `from` by `along` that lie inside, as parts of its length between 0 and 1, apart and
@@ -31,20 +32,21 @@ pub trait Solid: Debug + Send + Sync {
         trace(self, from, along, found);
     }
 
-    /// Its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\] inside
-    /// the true one.
+    /// Returns its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\]
+    /// inside the true one.
     fn outline(&self, tolerance: f64) -> Vec<[f64; 2]>;
 
-    /// Its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the true one.
+    /// Returns its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the
+    /// true one.
     fn facets(&self, tolerance: f64) -> Facets;
 
-    /// The part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same section all
-    /// along this axis.
+    /// Returns the part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same
+    /// section all along this axis.
     fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {
         None
     }
 
-    /// A point and the unit normal of the only face of a half-space.
+    /// Returns a point and the unit normal of the only face of a half-space.
     fn plane(&self) -> Option<(Point, Point)> {
         None
     }

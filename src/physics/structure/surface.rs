@@ -129,7 +129,7 @@ impl Solid for Triangulated {
         Vec::new()
     }
 
-    /// The triangles as they are: of a sheet those in its middle.
+    /// Returns the triangles as they are: of a sheet those in its middle.
     fn facets(&self, _: f64) -> Facets {
         let mut facets = Facets::default();
         for triangle in self.mesh.triangles() {

@@ -40,7 +40,7 @@ fn none(_: &Mesh) -> Result<Vec<[Point; 3]>, String> {
     Err("no file".into())
 }
 
-/// An L-shaped prism, not convex, as triangles.
+/// Returns an L-shaped prism, not convex, as triangles.
 fn ell() -> Vec<[Point; 3]> {
     let solid = made(ELL, &SPACE, &none).unwrap();
     let facets = solid.facets(0.0);
@@ -194,7 +194,7 @@ fn a_surface_of_triangles_has_the_distance_of_its_solid() {
     }
 }
 
-/// A box of triangles between two corners, facing outwards.
+/// Returns a box of triangles between two corners, facing outwards.
 fn boxed(low: Point, high: Point) -> Vec<[Point; 3]> {
     let at = |k: usize| std::array::from_fn(|a| if k >> a & 1 == 0 { low[a] } else { high[a] });
     let faces = [

@@ -10,8 +10,8 @@ use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
-/// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at
-/// neighbours that swing against it.
+/// Returns the shortest step (s) that a free block with one face at something fixed does not bear, and that with all
+/// faces at neighbours that swing against it.
 pub(super) fn limits(scene: &Scene, law: &Blocks) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
@@ -119,8 +119,8 @@ impl Block<'_> {
         total
     }
 
-    /// Points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One point
-    /// where springs do not grow with the area.
+    /// Returns points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One
+    /// point where springs do not grow with the area.
     fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
         let corners: Vec<Vector3<f64>> = self
             .shape

@@ -84,7 +84,7 @@ fn triangles(columns: u32, rows: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     )
 }
 
-/// A cubic face-centred lattice of n³ cells.
+/// Returns a cubic face-centred lattice of n³ cells.
 fn cubic(n: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     let a = 0.0199 * 2.0_f64.sqrt();
     let mut places = Vec::new();

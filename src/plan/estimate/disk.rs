@@ -54,7 +54,7 @@ fn bytes(precision: Precision) -> f64 {
     }
 }
 
-/// One checkpoint \[bytes\].
+/// Returns one checkpoint \[bytes\].
 pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
     let mut size = CHECKPOINT + tables(amounts);
     if amounts.moving() > 0.0 {

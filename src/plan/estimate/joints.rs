@@ -10,7 +10,7 @@ struct Boxed {
     joined: bool,
 }
 
-/// The share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
+/// Returns the share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
 pub(super) fn share(scene: &Scene) -> f64 {
     let reach = scene.grid.spacing;
     let mut boxes: Vec<Boxed> = scene

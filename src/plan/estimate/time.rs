@@ -36,7 +36,7 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// All phases together \[s\].
+    /// Returns all phases together \[s\].
     #[must_use]
     pub fn sum(&self) -> f64 {
         self.start_and_end
@@ -140,7 +140,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Those of a scene.
+    /// Returns those of a scene.
     #[must_use]
     pub fn of(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
@@ -274,7 +274,7 @@ impl Seconds {
     }
 }
 
-/// Solid steps of a preparation.
+/// Returns the solid steps of a preparation.
 fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
     match source {
         GrainSource::Growth { .. } => GROWTH_STEPS,

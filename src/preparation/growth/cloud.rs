@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::number::{real, whole};
 use crate::random::Stream;
 
-/// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
+/// Returns a place for each grain at the cloud's sizes, without overlap, the largest placed first.
 pub(super) fn scatter<S: Space>(
     settings: &PackingSettings<S>,
     radii: &[f64],

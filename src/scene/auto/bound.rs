@@ -44,7 +44,7 @@ pub(crate) struct Bound {
 }
 
 impl Bound {
-    /// The bound of an obstacle; none where it was not measured.
+    /// Returns the bound of an obstacle; none if it was not measured.
     pub(crate) fn of(dimension: usize, obstacle: &str) -> Option<&'static Self> {
         static BOUNDS: LazyLock<BTreeMap<(usize, &'static str), Bound>> = LazyLock::new(all);
         let found = BOUNDS.range((dimension, "")..=(dimension, "~"));
@@ -88,14 +88,14 @@ impl Bound {
         }
     }
 
-    /// The bound of the relative error; none outside the rows.
+    /// Returns the bound of the relative error; none outside the rows.
     pub(crate) fn error(&self, cells: f64, reynolds: f64) -> Option<f64> {
         let enough = cells >= self.cells[0] * (1.0 - 1e-9);
         let covered = enough && reynolds <= self.largest_reynolds();
         covered.then(|| self.formula(cells.clamp(self.cells[0], self.cells[1]), reynolds))
     }
 
-    /// The largest Reynolds number at which it holds.
+    /// Returns the largest Reynolds number at which it holds.
     pub(crate) fn largest_reynolds(&self) -> f64 {
         self.most_reynolds.max(CREEPING)
     }
@@ -105,8 +105,9 @@ impl Bound {
         (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
 
-    /// The smallest number of cells with at most this error; the most of the rows where it is not reached. Faster flow
-    /// than that of the rows gets the cells of boundary layers, which thin as the square root of the Reynolds number.
+    /// Returns the smallest number of cells with at most this error; the most of the rows where it is not reached.
+    /// Faster flow than that of the rows gets the cells of boundary layers, which thin as the square root of the
+    /// Reynolds number.
     pub(crate) fn cells_for(&self, target: f64, reynolds: f64) -> f64 {
         let [few, many] = self.cells;
         let slower = reynolds.min(self.most_reynolds);
@@ -127,7 +128,7 @@ impl Bound {
 /// Beyond this Reynolds number the layers are turbulent, and eddies are modelled where they are too small.
 const MOST_REYNOLDS: f64 = 1000.0;
 
-/// The constant of a bound with this order and inertia, and the loss of the quantile regression.
+/// Returns the constant of a bound with this order and inertia, and the loss of the quantile regression.
 fn at_quantile(rows: &[&Row], order: f64, inertia: f64) -> (f64, f64) {
     let value =
         |row: &&Row| row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p();

@@ -383,7 +383,7 @@ fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
     })
 }
 
-/// The velocity of a uniform profile [m/s]; none of another condition.
+/// Returns the velocity of a uniform profile [m/s]; none of another condition.
 fn uniform(patch: &Patch) -> Option<[f64; 3]> {
     match &patch.condition {
         Condition::Velocity(velocity) => match &velocity.profile {

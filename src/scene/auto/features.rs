@@ -41,7 +41,7 @@ pub(crate) struct Feature {
     pub(crate) obstacle: &'static str,
 }
 
-/// The coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
+/// Returns the coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
 fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
     match coupling {
         Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
@@ -66,7 +66,8 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     operator.model().measured_rows()[0]
 }
 
-/// Rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through the gap.
+/// Returns the rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through
+/// the gap.
 fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     let mut rows = SolidOperator::ALL.iter().map(|o| o.model().measured_rows());
     match obstacle {
@@ -98,7 +99,7 @@ fn beside_moving(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for spheres that are closer together than [`DENSE`] diameters.
+/// Returns the rows of the table for spheres that are closer together than [`DENSE`] diameters.
 fn packed(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "packed spheres: half-way links",
@@ -107,7 +108,8 @@ fn packed(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
+/// Returns everything that the case names, in its order; solids whose size is known only once they are made are left
+/// out.
 pub(crate) fn of(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -234,8 +236,8 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     list
 }
 
-/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid
-/// fraction, over their diameter; at most 1. Errors of packed spheres go with it: on simple, body-centred and
+/// Returns the hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this
+/// solid fraction, over their diameter; at most 1. Errors of packed spheres go with it: on simple, body-centred and
 /// face-centred cubic lattices from 0.216 to 0.65 they are one curve.
 fn pores(solid: f64) -> f64 {
     (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
@@ -254,7 +256,7 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     }
 }
 
-/// The narrowest place of a way; none where other features stand for it.
+/// Returns the narrowest place of a way; none if other features stand for it.
 fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     let coupling = coupling_of(case);
     let beside = |round| {
@@ -277,7 +279,7 @@ fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     })
 }
 
-/// Rows of the table for ways between a sphere and a wall.
+/// Returns the rows of the table for ways between a sphere and a wall.
 fn beside_a_wall(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "ways beside spheres: half-way links",
@@ -286,7 +288,7 @@ fn beside_a_wall(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for ways between blocks, their periodic images and walls.
+/// Returns the rows of the table for ways between blocks, their periodic images and walls.
 fn between_faces(obstacle: &'static str) -> &'static str {
     match obstacle {
         "blocks: half-way links" => "ways between blocks: half-way links",
@@ -314,8 +316,8 @@ fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     })
 }
 
-/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by
-/// the sphere of its volume, as it may turn. None where it fills the way from wall to wall.
+/// Returns the width of a block and of the water on each side of it, in the middle between walls that are closer than
+/// its width; by the sphere of its volume, as it may turn. None where it fills the way from wall to wall.
 fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
     let volume = match &body.shape {
         Shape::Cuboid { edges } => edges.iter().product(),
@@ -424,7 +426,7 @@ fn smallest_grain(case: &Case) -> Option<f64> {
     grain_diameters(case).map(|(low, _)| low)
 }
 
-/// Axes with walls at both ends, and their lengths.
+/// Returns the axes with walls at both ends, and their lengths.
 fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
     let open = |axis: usize| {
         lbm.boundaries.iter().any(|boundary| {
@@ -440,7 +442,7 @@ fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// The smaller side of an opening that is a part of a face.
+/// Returns the smaller side of an opening that is a part of a face.
 fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
     let patch = boundary
         .patch
@@ -455,7 +457,7 @@ fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
         .reduce(f64::min)
 }
 
-/// The lattice Boltzmann part of a case.
+/// Returns the lattice Boltzmann part of a case.
 pub(crate) fn lattice(case: &Case) -> Option<&LatticeBoltzmann> {
     match &case.fluid {
         Some(Fluid::LatticeBoltzmann(lbm)) => Some(lbm),

@@ -78,7 +78,7 @@ impl Solid {
         }
     }
 
-    /// One over the radius of a round solid; a hull is taken for flat [1/m].
+    /// Returns one over the radius of a round solid; a hull is taken for flat [1/m].
     fn curvature(&self) -> f64 {
         match &self.form {
             Form::Ball(radius) => 1.0 / radius,
@@ -86,7 +86,7 @@ impl Solid {
         }
     }
 
-    /// The farthest extent from the centre along a direction.
+    /// Returns the farthest extent from the centre along a direction.
     fn extent(&self, along: &Vector3<f64>) -> f64 {
         match &self.form {
             Form::Ball(radius) => radius * along.norm(),
@@ -97,7 +97,7 @@ impl Solid {
         }
     }
 
-    /// The gap to another solid that is shifted by whole periods.
+    /// Returns the gap to another solid that is shifted by whole periods.
     fn gap(&self, other: &Self, shift: &Vector3<f64>) -> f64 {
         let apart = other.at + shift - self.at;
         if let (Form::Ball(a), Form::Ball(b)) = (&self.form, &other.form) {
@@ -196,7 +196,7 @@ impl Places<'_> {
     }
 }
 
-/// The gaps of a case; none where the solids are not known before they are made, or are too many.
+/// Returns the gaps of a case; none if the solids are not known before they are made, or are too many.
 pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
     let places = Places::new(case, lbm);
     let Some(solids) = solids(case, factor) else {
@@ -226,7 +226,7 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
     gaps
 }
 
-/// Volume of the spheres over that of the box about them.
+/// Returns the volume of the spheres over that of the box about them.
 fn solid_fraction(places: &Places<'_>, solids: &[Solid]) -> f64 {
     let balls = solids.iter().filter_map(|solid| match &solid.form {
         Form::Ball(radius) => Some((solid.at, *radius)),
@@ -280,7 +280,7 @@ impl Link {
     }
 }
 
-/// All gaps up to the width of the widest solid, in order.
+/// Returns all gaps up to the width of the widest solid, in order.
 fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     let widest = solids
         .iter()
@@ -465,7 +465,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     Some(list)
 }
 
-/// A body; none for shapes that are known only once they are made.
+/// Returns a body; none for shapes that are known only once they are made.
 fn of_body(body: &Body, at: Vector3<f64>, factor: f64) -> Option<Solid> {
     let form = match &body.shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Form::Ball(radius * factor),

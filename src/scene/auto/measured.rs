@@ -43,7 +43,7 @@ pub struct Row {
     pub place: String,
 }
 
-/// All rows.
+/// Returns all rows.
 pub(crate) fn rows() -> impl Iterator<Item = &'static Row> {
     static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
         let mut reader = Reader::new(TABLE);

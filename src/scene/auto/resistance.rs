@@ -47,7 +47,7 @@ const OF_FORMULA: (f64, f64) = (0.03, 0.08);
 const EQUAL: f64 = 1.02;
 const TRIALS: usize = 8;
 
-/// The loss of pressure \[Pa/m\] of a random bed of spheres at a superficial velocity [m/s].
+/// Returns the loss of pressure \[Pa/m\] of a random bed of spheres at a superficial velocity [m/s].
 fn loss(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> f64 {
     let pores = 1.0 - solid;
     let reynolds = liquid.density * velocity * diameter / liquid.viscosity;
@@ -63,7 +63,7 @@ fn loss(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> f64 {
     18.0 * solid * liquid.viscosity * velocity * drag / (pores * diameter * diameter)
 }
 
-/// The velocity [m/s] at this loss \[Pa/m\]: the loss grows with the velocity.
+/// Returns the velocity [m/s] at this loss \[Pa/m\]: the loss grows with the velocity.
 fn velocity(solid: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
     let of = |velocity| loss(solid, diameter, liquid, velocity);
     // Inertia makes the flow slower than the creeping one.
@@ -80,7 +80,8 @@ fn velocity(solid: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The loss of pressure \[Pa/m\] of a simple cubic array in slow flow; none outside the solid fractions that are known.
+/// Returns the loss of pressure \[Pa/m\] of a simple cubic array in slow flow; none outside the solid fractions that
+/// are known.
 fn loss_of_array(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> Option<f64> {
     let pair = ARRAYS
         .windows(2)
@@ -91,7 +92,7 @@ fn loss_of_array(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> Op
     Some(18.0 * solid * liquid.viscosity * velocity * drag / (diameter * diameter))
 }
 
-/// The error of the flow through the bed as it is at the start, and what it is of; or why it is not known.
+/// Returns the error of the flow through the bed as it is at the start, and what it is of; or why it is not known.
 pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     let unknown = "the error of the law of resistance is not known";
     let (Some(seepage), Some(grains)) = (&scene.seepage, &scene.grains) else {
@@ -179,8 +180,8 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     Ok((worst + formula, text))
 }
 
-/// The loosest and the densest solid fraction: of grains that are given from that of the box about them, which a heap
-/// does not fill, on; else those of random beds.
+/// Returns the loosest and the densest solid fraction: of grains that are given from that of the box about them, which
+/// a heap does not fill, on; else those of random beds.
 fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
     match &grains.source {
         GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
@@ -191,7 +192,7 @@ fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
     }
 }
 
-/// Volume of spheres over that of the box about them.
+/// Returns the volume of spheres over that of the box about them.
 fn filled(grains: &[Grain], dimension: usize) -> f64 {
     let volume: f64 = grains
         .iter()

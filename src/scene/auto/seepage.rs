@@ -65,7 +65,7 @@ fn rows(what: &str) -> impl Iterator<Item = &'static Row> {
     all().iter().filter(move |row| row.what == what)
 }
 
-/// All rows.
+/// Returns all rows.
 fn all() -> &'static [Row] {
     static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
         let mut reader = Reader::new(TABLE);
@@ -79,14 +79,14 @@ fn all() -> &'static [Row] {
     &ROWS
 }
 
-/// The largest number whose error is within a bound, which is the cheapest; where none is, the best.
+/// Returns the largest number whose error is within a bound, which is the cheapest; where none is, the best.
 fn needed(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
-/// The row with the error of this number; none beyond all rows.
+/// Returns the row with the error of this number; none beyond all rows.
 fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
@@ -127,7 +127,7 @@ impl Bed {
         })
     }
 
-    /// The spring [N/m] whose overlap is this part of the largest diameter.
+    /// Returns the spring [N/m] whose overlap is this part of the largest diameter.
     fn stiffness(&self, overlap: f64) -> f64 {
         self.force / (overlap * self.diameters.1)
     }
@@ -138,8 +138,8 @@ impl Bed {
     }
 }
 
-/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops
-/// what falls within a part of its diameter.
+/// Returns the spring [N/m] for the target, and why; none if the bed bears nothing. `impact` gives the spring that
+/// stops what falls within a part of its diameter.
 pub(super) fn stiffness(
     scene: &Scene,
     target: f64,
@@ -246,7 +246,7 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
     }
 }
 
-/// The spring of the largest grain [N/m], from its time 2 (m/k)^½.
+/// Returns the spring of the largest grain [N/m], from its time 2 (m/k)^½.
 fn softest(scene: &Scene) -> Option<f64> {
     let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
     let radius = grains.radii?.1;

@@ -22,7 +22,7 @@ const FRICTION_DEGREES: f64 = 30.0;
 const DAMPING: f64 = 0.2;
 const RESTITUTION: f64 = 0.5;
 
-/// The coupling for the shapes of a case, and the reason.
+/// Returns the coupling for the shapes of a case, and the reason.
 pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
@@ -146,7 +146,7 @@ pub(crate) fn choose_contact(
     scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
 }
 
-/// The law of discs and spheres, and why.
+/// Returns the law of discs and spheres, and why.
 fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
     let elastic =
         |m: &crate::case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
@@ -177,8 +177,8 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     }
 }
 
-/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in
-/// seepage that of the rows measured. And why.
+/// Returns the spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the
+/// overlap; in seepage that of the rows measured. And why.
 fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let in_water = scene
         .flow
@@ -220,7 +220,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     (stiffest, text)
 }
 
-/// Diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
+/// Returns the diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
 fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
     let mut list = Vec::new();
     let mut add = |material: usize, radius: f64, alone: bool| {

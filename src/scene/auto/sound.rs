@@ -55,7 +55,7 @@ fn when(scene: &Scene) -> f64 {
         .fold(scene.time.end, f64::min)
 }
 
-/// The longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none where
+/// Returns the longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none if
 /// nothing starts it.
 pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let mut axes = [false; 3];
@@ -102,8 +102,8 @@ fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     layers.max(filled)
 }
 
-/// A body that starts at once, and the part of its sound that is left when values matter; none where sound leaves
-/// through openings.
+/// Returns a body that starts at once, and the part of its sound that is left when values matter; none where sound
+/// leaves through openings.
 pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a Body, f64)> {
     if flow.patches().any(|p| p.condition.model().passes_water()) {
         return None;
@@ -266,8 +266,8 @@ pub fn resistance(way: &Way) -> f64 {
     }
 }
 
-/// The longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after `time`. Each
-/// way fills a volume of `length` along the flow and `height` across it \[m\].
+/// Returns the longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after
+/// `time`. Each way fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
     way: &Way,

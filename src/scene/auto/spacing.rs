@@ -77,7 +77,7 @@ const ON_LATTICE: f64 = 0.1;
 /// In the plane finer cells keep a fast flow stable, up to this factor.
 const MOST_FINER: f64 = 4.0;
 
-/// The stated spacing, or that for the features of the case, before velocities are known.
+/// Returns the stated spacing, or that for the features of the case, before velocities are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     if let Some(value) = case.domain.spacing {
         return Some(Spacing {
@@ -114,7 +114,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     whole_cells(case, wanted, reason, findings)
 }
 
-/// A finer spacing than that of the scene, if its velocities require one.
+/// Returns a finer spacing than that of the scene, if its velocities require one.
 pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
@@ -141,7 +141,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// The spacing \[m\] that each feature requires, and a sentence.
+/// Returns the spacing \[m\] that each feature requires, and a sentence.
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -181,7 +181,7 @@ fn needs(
     needs
 }
 
-/// Length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
+/// Returns the length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
 fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
     let initial = match &lbm.initial {
         Initial::Channel { fluctuations, .. } => *fluctuations,
@@ -238,8 +238,8 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     Some((size, reason.into()))
 }
 
-/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number. Up to
-/// [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
+/// Returns the coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
+/// Up to [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
 ///
 /// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
 /// to the next whole number of cells. Of the spacings in this range the one is taken that lengthens the domain least,
@@ -295,7 +295,7 @@ fn symmetric(case: &Case, h: f64) -> bool {
     round.any(|body| body.position.0.iter().all(|x| on_lattice(*x)))
 }
 
-/// The length of the fewest whole cells that are as long as an edge.
+/// Returns the length of the fewest whole cells that are as long as an edge.
 fn rounded_up(size: f64, h: f64) -> f64 {
     if fits_one(size, h) {
         size

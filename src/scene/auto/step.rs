@@ -86,7 +86,7 @@ fn mach(target: f64) -> f64 {
     (target / 12.0).sqrt().min(USUAL_MACH)
 }
 
-/// The largest speed that water or solids will reach; none where nothing drives them.
+/// Returns the largest speed that water or solids will reach; none if nothing drives them.
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let speeds = speed::all(scene, flow).into_iter();
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
@@ -326,8 +326,8 @@ fn limits(
     limits
 }
 
-/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to
-/// spare; none where they are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
+/// Returns the largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth
+/// to spare; none if they are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
     let grains = scene.grains.as_ref()?;
@@ -353,7 +353,7 @@ fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
 }
 
-/// The largest pressure imposed, at the start, or of the water column \[Pa\].
+/// Returns the largest pressure imposed, at the start, or of the water column \[Pa\].
 fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     let imposed = flow.patches().filter_map(|patch| {
         let pressure = patch.condition.model().pressure()?;
@@ -380,7 +380,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// The smallest thing in the water \[m\], which makes its eddies.
+/// Returns the smallest thing in the water \[m\], which makes its eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);

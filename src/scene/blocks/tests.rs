@@ -32,7 +32,7 @@ fn scene(parts: &Value) -> Scene {
     plan(parts, Path::new("")).expect("a good case").scene
 }
 
-/// A list of blocks of granite.
+/// Returns a list of blocks of granite.
 fn list(blocks: &Value) -> Value {
     json!({"blocks": {"material": "granite", "initial": {"list": blocks}}})
 }

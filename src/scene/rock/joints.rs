@@ -59,7 +59,7 @@ pub enum Spacing {
 }
 
 impl Spacing {
-    /// Mean (m).
+    /// Returns the mean (m).
     #[must_use]
     pub fn mean(&self) -> f64 {
         match *self {
@@ -68,7 +68,7 @@ impl Spacing {
         }
     }
 
-    /// A gap (m).
+    /// Returns a gap (m).
     fn draw(&self, draws: &mut Stream) -> f64 {
         match *self {
             Self::Constant(gap) => gap,
@@ -87,13 +87,13 @@ impl Spacing {
     }
 }
 
-/// Box and Muller's transform.
+/// Returns a standard normal number by Box and Muller's transform.
 fn standard_normal(draws: &mut Stream) -> f64 {
     let length = (-2.0 * (1.0 - draws.uniform()).ln()).sqrt();
     length * (std::f64::consts::TAU * draws.uniform()).cos()
 }
 
-/// The upward unit normal of a plane of this dip and dip direction (degrees).
+/// Returns the upward unit normal of a plane of this dip and dip direction (degrees).
 #[must_use]
 pub fn upward_normal(dip: f64, direction: f64) -> Vector3<f64> {
     let (sin, cos) = dip.to_radians().sin_cos();

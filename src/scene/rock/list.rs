@@ -71,7 +71,7 @@ struct Face {
     d: f64,
 }
 
-/// The blocks of a file in either form.
+/// Returns the blocks of a file in either form.
 ///
 /// # Errors
 /// Sentences about the errors, each with its block.
@@ -127,7 +127,7 @@ impl Entry {
     }
 }
 
-/// The form of `SparkRocks`.
+/// Returns the form of `SparkRocks`.
 fn sliced(values: Vec<Value>) -> Vec<Result<Listed, String>> {
     let blocks = values.into_iter().flat_map(|value| match value {
         Value::Array(list) => list,
@@ -162,7 +162,7 @@ impl Slice {
     }
 }
 
-/// All blocks, or the first sentences about those that cannot be made, and how many more there are.
+/// Returns all blocks, or the first sentences about those that cannot be made, and how many more there are.
 fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<String>> {
     let mut blocks = Vec::with_capacity(made.len());
     let mut problems = Vec::new();
@@ -192,7 +192,7 @@ pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     }
 }
 
-/// The text of a file in our own form, blocks numbered in order.
+/// Returns the text of a file in our own form, blocks numbered in order.
 #[must_use]
 pub fn write<'a>(blocks: impl Iterator<Item = (&'a Solid, &'a str, bool)>) -> String {
     let row = |plane: &HalfSpace| {

@@ -7,7 +7,7 @@ use super::joints::{JointSet, Spacing, upward_normal};
 use super::*;
 use crate::dem::polyhedron::Polyhedron;
 
-/// A box with a corner at the origin.
+/// Returns a box with a corner at the origin.
 fn mass(edges: [f64; 3], sets: Vec<JointSet>) -> RockMass {
     let edges = Vector3::from(edges);
     RockMass {
@@ -33,7 +33,7 @@ fn set(dip: f64, direction: f64, spacing: Spacing, persistence: f64) -> JointSet
     }
 }
 
-/// Three sets at right angles.
+/// Returns three sets at right angles.
 fn bricks(spacings: [f64; 3], persistence: f64) -> Vec<JointSet> {
     [(90.0, 90.0), (90.0, 0.0), (0.0, 0.0)]
         .into_iter()

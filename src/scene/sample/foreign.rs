@@ -83,7 +83,7 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     })
 }
 
-/// Number of atoms that the last snapshot states.
+/// Returns the number of atoms that the last snapshot states.
 fn number_of_atoms(above: &str) -> Option<usize> {
     let (_, below) = above.rsplit_once("ITEM: NUMBER OF ATOMS")?;
     below.lines().nth(1)?.trim().parse().ok()

@@ -11,7 +11,7 @@ use super::super::flow::Flow;
 use super::super::grains::GrainSource;
 use std::f64::consts::PI;
 
-/// Drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
+/// Returns the drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
 fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     if dimension == 2 {
         1.18 + 6.8 / reynolds.powf(0.89) + 1.96 / reynolds.sqrt()
@@ -23,8 +23,8 @@ fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     }
 }
 
-/// The speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\] balances a
-/// force \[N\].
+/// Returns the speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\]
+/// balances a force \[N\].
 #[must_use]
 pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: &Flow) -> f64 {
     let area = if dimension == 2 {
@@ -112,8 +112,8 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]: what it pushes
-/// is held by the bodies, each at least as hard as if it stood alone.
+/// Returns the speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]:
+/// what it pushes is held by the bodies, each at least as hard as if it stood alone.
 pub(crate) fn held_by_bodies(scene: &Scene, flow: &Flow, force: f64) -> Option<f64> {
     let dimension = scene.grid.dimension;
     let volume: f64 = scene.grid.size[..dimension].iter().product();

@@ -125,7 +125,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The faces that bound the water of a case.
+/// Returns the faces that bound the water of a case.
 fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     let (mut low, mut high) = ([0.0; 3], grid.size);
     let mut all = Vec::new();

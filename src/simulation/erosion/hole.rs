@@ -255,7 +255,8 @@ pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
     sums
 }
 
-/// Force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m], N/m.
+/// Returns the force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m],
+/// N/m.
 pub(super) fn excess_force<S: Space>(
     view: &View<'_, S>,
     hole: &Hole,

@@ -13,7 +13,7 @@ pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     })
 }
 
-/// Largest less smallest; NaN for fewer than two.
+/// Returns the largest value minus the smallest; NaN for fewer than two.
 pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
     let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
     for value in values {
@@ -37,7 +37,7 @@ pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     }
 }
 
-/// The difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
+/// Returns the difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
 pub(super) fn pressure_difference(plan: &Plan, time: f64) -> f64 {
     spread(pressures(plan).map(|[from, value, ramp]| {
         if time >= ramp {

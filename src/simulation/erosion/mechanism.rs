@@ -53,7 +53,8 @@ impl Mechanism {
         }
     }
 
-    /// The share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond broke.
+    /// Returns the share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond
+    /// broke.
     pub(super) fn face_share(&self, broken: [u64; 2]) -> Option<f64> {
         let [inside, at_wall] = self.at_first.unwrap_or(broken).map(real);
         (inside + at_wall > 0.0).then(|| at_wall / (inside + at_wall))
@@ -88,7 +89,7 @@ pub(super) fn contacts_per_grain<S: Space>(
     (view.dem.is_some() && grains > 0).then(|| ends.map(|n| real(n) / real(grains)))
 }
 
-/// The displacement of the bulk in mean diameters; NaN where no grain belongs to it. Collective.
+/// Returns the displacement of the bulk in mean diameters; NaN if no grain belongs to it. Collective.
 pub(super) fn bulk_displacement<S: Space>(
     view: &View<'_, S>,
     hole: &Hole,

@@ -25,7 +25,7 @@ const RAMP: f64 = 0.02;
 /// Spacing of the discs, m.
 const PITCH: f64 = 2e-4;
 
-/// A box of 4 mm x 1.6 mm on a spacing of 40 um with a hole of 2.8 mm x 0.8 mm.
+/// Returns a box of 4 mm x 1.6 mm on a spacing of 40 um with a hole of 2.8 mm x 0.8 mm.
 fn plan() -> Plan {
     let text = r#"{"title": "hole", "domain": {"size": [0.004, 0.0016], "spacing": 4e-5},
         "materials": {"soil": {"density": 2000}},
@@ -46,7 +46,7 @@ fn plan() -> Plan {
     Plan::prepare(Document::read(text, &[], Path::new(".")).unwrap()).unwrap()
 }
 
-/// Two rows of 14 discs on either side of the hole.
+/// Returns two rows of 14 discs on either side of the hole.
 fn packing(radius: f64) -> Particles<Plane> {
     let mut particles = Particles::new();
     let mut id = 0;
@@ -354,7 +354,7 @@ fn the_ledger_is_ordered_and_says_where_bonds_broke() {
     );
 }
 
-/// The step of half interval `n`.
+/// Returns the step of half interval `n`.
 fn half(plan: &Plan, n: u64) -> u64 {
     let every = plan.clock.every(0.01);
     every.step(n / 2) + (n % 2) * every.step(1) / 2

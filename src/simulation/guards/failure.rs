@@ -37,8 +37,8 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// The whole sentence, on every rank; `flows` is what goes through the openings, and whether it only
-    /// enters or only leaves. Collective.
+    /// Returns the whole sentence, on every rank; `flows` is what goes through the openings, and whether it only enters
+    /// or only leaves. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,
@@ -98,7 +98,7 @@ impl Failure {
 /// Part of the cells from which on a failure has spread too far for the first of them to show where it began.
 const SPREAD: f64 = 0.01;
 
-/// Cells without finite numbers. Collective.
+/// Returns the cells without finite numbers. Collective.
 fn lost<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>, communicator: &Communicator) -> usize {
     let fluid = flow.fluid();
     let broken = |&(_, cell): &([usize; 3], usize)| {
@@ -149,7 +149,7 @@ fn state<Sp: Space, S: Stored>(
     })
 }
 
-/// A density deviation in words.
+/// Returns a density deviation in words.
 pub(super) fn density(drho: f64, plan: &Plan) -> String {
     let pressure = plan
         .units
@@ -162,7 +162,7 @@ pub(super) fn density(drho: f64, plan: &Plan) -> String {
     )
 }
 
-/// The boundary nearest to a cell: its name and its distance from the centre of the cell \[m\].
+/// Returns the boundary nearest to a cell: its name and its distance from the centre of the cell \[m\].
 fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
     let (flow, grid) = (plan.scene.flow.as_ref()?, &plan.scene.grid);
     let away = |axis: usize, upper: bool| {
@@ -186,8 +186,8 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the sphere
-/// round them. Collective.
+/// Returns the body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the
+/// sphere round them. Collective.
 fn solid<Sp: Space>(
     at: [f64; 3],
     particles: &Particles<Sp>,
@@ -232,7 +232,7 @@ pub(super) fn name(id: u64, plan: &Plan) -> String {
     }
 }
 
-/// The message about a grain, block or body with values that are not finite.
+/// Returns the message about a grain, block or body with values that are not finite.
 pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     let mut parts = vec![format!(
         "{} has a position or velocity that is not finite",
@@ -243,7 +243,7 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// Message for a contact deeper than `guards.max_overlap`.
+/// Returns the message for a contact deeper than `guards.max_overlap`.
 pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     let with = match deepest.with {
         With::Unknown => "another body".into(),
@@ -275,7 +275,7 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
 /// Beginning of the name of the limit of [`crate::plan`] for impacts.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
-/// The engine's message about a failure, with the nearest limit and a remedy.
+/// Returns the engine's message about a failure, with the nearest limit and a remedy.
 #[must_use]
 pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
@@ -301,7 +301,7 @@ const CELL_REYNOLDS: &str = "cell Reynolds number";
 /// Beginning of the names of the limits of imposed pressures.
 const PRESSURE: &str = "density change";
 
-/// The limit of the plan with the smallest margin, of those selected.
+/// Returns the limit of the plan with the smallest margin, of those selected.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
         .iter()

@@ -65,7 +65,7 @@ impl Order {
         ((at[slow] * self.cells[middle] + at[middle]) * self.cells[fast] + at[fast]) as u64
     }
 
-    /// The cell at a place, in coordinates of the domain.
+    /// Returns the cell at a place, in coordinates of the domain.
     pub(super) fn cell(&self, place: u64) -> [usize; 3] {
         let [slow, middle, fast] = self.axes;
         let place = usize::try_from(place).unwrap_or(0);

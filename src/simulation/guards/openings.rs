@@ -60,7 +60,7 @@ impl Rates {
     }
 }
 
-/// The unit of flows.
+/// Returns the unit of flows.
 pub(super) fn unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2/s" } else { "m3/s" }
 }
@@ -195,14 +195,14 @@ impl Openings {
         })
     }
 
-    /// The means of the window, where inflow and outflow should agree by now and do not.
+    /// Returns the means of the window, where inflow and outflow should agree by now and do not.
     pub(super) fn disagree(&self) -> Option<Rates> {
         let mean = self.mean()?;
         let judged = self.settled >= 2 * self.window && self.flows(&mean);
         (judged && mean.imbalance().abs() > IMBALANCE).then_some(mean)
     }
 
-    /// The state for a checkpoint.
+    /// Returns the state for a checkpoint.
     pub(super) fn state(&self) -> State {
         State {
             settled: self.settled,

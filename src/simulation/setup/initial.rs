@@ -15,7 +15,7 @@ fn repeats(grid: &Grid) -> [Option<f64>; 3] {
     std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
 }
 
-/// The fluid at the start as a field on the lattice, by the formula of the case; none for a file.
+/// Returns the fluid at the start as a field on the lattice, by the formula of the case; none for a file.
 #[must_use]
 pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn Field>> {
     let cells = plan.scene.grid.cells.map(real);
@@ -117,7 +117,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
     })
 }
 
-/// The fluid at the start from a field output of the same size.
+/// Returns the fluid at the start from a field output of the same size.
 ///
 /// # Errors
 /// Where the file cannot be read or has another number of cells.

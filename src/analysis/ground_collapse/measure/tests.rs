@@ -20,7 +20,7 @@ fn overlap(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f
     }
 }
 
-/// A cubic packing; `edit` takes a grain out (false) or moves it.
+/// Returns a cubic packing; `edit` takes a grain out (false) or moves it.
 fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
     let mut grains = Vec::new();
     for z in 0..2 * LAYERS {
@@ -54,7 +54,7 @@ fn ground() -> Ground {
     Ground::new(cells(), &packing(|_| true), D, overlap)
 }
 
-/// An opening two cells long and two wide in the bottom.
+/// Returns an opening two cells long and two wide in the bottom.
 fn point(first: usize) -> Point {
     Point {
         from: [real(first) * EDGE, EDGE, 0.0],
@@ -218,7 +218,7 @@ fn a_grain_in_flight_is_no_ground() {
     assert!(near(at(11), 0.4 * D), "{}", at(11));
 }
 
-/// A large grain on the ground, just inside column (5, 2).
+/// Returns a large grain on the ground, just inside column (5, 2).
 fn perched() -> Grain {
     Grain {
         id: 1_000_000,
@@ -232,7 +232,7 @@ fn perched() -> Grain {
     }
 }
 
-/// The ground with that grain on it, once as it was and once as `edit` leaves it.
+/// Returns the ground with that grain on it, once as it was and once as `edit` leaves it.
 fn with_perched(edit: impl Fn(&mut Grain)) -> Sample {
     let mut grains = packing(|_| true);
     grains.push(perched());

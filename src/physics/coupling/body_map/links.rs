@@ -18,7 +18,7 @@ pub(super) struct Direction {
     opposite: usize,
 }
 
-/// The directions of a lattice.
+/// Returns the directions of a lattice.
 pub(super) fn directions<S: Stored>(slab: &Slab, populations: &Populations<S>) -> Vec<Direction> {
     let velocities = populations.velocities();
     (0..velocities.q())
@@ -59,7 +59,7 @@ impl BodyMap {
         }
     }
 
-    /// The image of a body nearest to a cell, with its frame.
+    /// Returns the image of a body nearest to a cell, with its frame.
     pub(super) fn nearest(&self, owner: u32, cell: [i32; 3]) -> Option<(usize, [i32; 3])> {
         let entries = self.entries.get(&owner)?;
         entries

@@ -190,14 +190,14 @@ impl BodyMap {
 }
 
 impl Layers<'_> {
-    /// Place of a cell among those of these layers.
+    /// Returns the index of a cell among those of these layers.
     fn index(&self, cell: [i32; 3]) -> Option<usize> {
         let first = self.layers.start * self.slab.cells_of_a_layer();
         let place = self.slab.at(cell).wrapping_sub(first);
         (place < self.owner.len()).then_some(place)
     }
 
-    /// The owners of the cells of a row, with the first of the cells; none of other layers.
+    /// Returns the owners of the cells of a row, with the first of the cells; none of other layers.
     fn row(&self, row: Row) -> Range<usize> {
         let first = [row.span[0], row.y, row.z];
         let first = self.index(first).filter(|_| row.length() > 0);

@@ -29,8 +29,8 @@ impl Slab {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// One value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain, one
-    /// outside.
+    /// Returns one value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain,
+    /// one outside.
     pub(super) fn layout(&self, inside: u32, outside: u32) -> Vec<u32> {
         let range = |a: usize| -self.ghosts(a)..self.cells[a] + self.ghosts(a);
         let mut values = Vec::with_capacity((0..3).map(|a| range(a).len()).product());
@@ -54,27 +54,27 @@ impl Slab {
         usize::try_from(self.cells[axis] + 2 * self.ghosts(axis)).unwrap_or(0)
     }
 
-    /// Cells of a layer: they follow each other in a [`Self::layout`].
+    /// Returns the cells of a layer: they follow each other in a [`Self::layout`].
     pub(super) fn cells_of_a_layer(&self) -> usize {
         let all = (0..self.dimension - 1).map(|a| self.cells[a] + 2 * self.ghosts(a));
         usize::try_from(all.product::<i32>()).unwrap_or(0)
     }
 
-    /// The layer of a row.
+    /// Returns the layer of a row.
     pub(super) fn layer(&self, row: Row) -> usize {
         let axis = self.dimension - 1;
         let at = if axis == 1 { row.y } else { row.z };
         usize::try_from(at + self.ghosts(axis)).unwrap_or(0)
     }
 
-    /// Place of a cell in a [`Self::layout`].
+    /// Returns the index of a cell in a [`Self::layout`].
     pub(super) fn at(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.cells[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
     }
 
-    /// Distance between the places of a cell and of its neighbour along a direction.
+    /// Returns the distance between the places of a cell and of its neighbour along a direction.
     pub(super) fn step(&self, c: [i8; 3]) -> isize {
         let size = |a: usize| (self.cells[a] + 2 * self.ghosts(a)) as isize;
         (isize::from(c[2]) * size(1) + isize::from(c[1])) * size(0) + isize::from(c[0])
@@ -109,7 +109,7 @@ impl Slab {
         self.grid.frame(self.dimension, shift)
     }
 
-    /// The cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
+    /// Returns the cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
     pub(super) fn window(&self, position: [f64; 3], frame: [i32; 3], reach: f64) -> [[i32; 3]; 2] {
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for a in 0..self.dimension {

@@ -53,7 +53,7 @@ impl Runs {
         self.runs.extend(runs);
     }
 
-    /// Those from one to another.
+    /// Returns the pieces of the runs in this range.
     fn pieces_in(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
         let mut start = self.end_before(runs.start);
         self.runs[runs].iter().map(move |run| {
@@ -69,7 +69,7 @@ impl Runs {
         before.map_or(0, |before| self.runs[before].end as usize)
     }
 
-    /// The runs in rows whose positions are some of these.
+    /// Returns the runs in rows whose positions are some of these.
     fn within(&self, positions: &Range<usize>) -> Range<usize> {
         let lies =
             |run: Option<&Run>| run.is_some_and(|run| positions.contains(&(run.row as usize)));
@@ -547,7 +547,7 @@ fn clamped([start, end]: [i32; 2], range: &Range<i32>) -> Range<i32> {
     start..end.clamp(start, range.end)
 }
 
-/// Lower corner of a cell.
+/// Returns the lower corner of a cell.
 #[inline(always)]
 fn corner(cell: [i32; 3]) -> [f64; 3] {
     [f64::from(cell[0]), f64::from(cell[1]), f64::from(cell[2])]

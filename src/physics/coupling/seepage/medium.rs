@@ -177,7 +177,7 @@ impl<Sp: Space> Seepage<Sp> {
         change
     }
 
-    /// The laws that act on the grains.
+    /// Returns the laws that act on the grains.
     fn laws(&self) -> Laws<'_> {
         Laws {
             drag: self.settings.drag.model(),
@@ -546,7 +546,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 }
 
-/// The part of a cell inside the walls that water fills \[m3\].
+/// Returns the part of a cell inside the walls that water fills \[m3\].
 pub(super) fn pores_of(openness: &Openness, porosity: &[f64], cell: usize) -> f64 {
     openness.volume(cell) * porosity[cell].max(LEAST_PORES)
 }

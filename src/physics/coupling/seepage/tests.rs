@@ -51,7 +51,7 @@ impl Bench {
         self.shaft(false)
     }
 
-    /// A shaft between two pressures, or closed at its bottom.
+    /// Returns a shaft between two pressures, or closed at its bottom.
     fn shaft(&self, closed: bool) -> Seepage<Volume> {
         let grid = Grid {
             cells: CELLS,
@@ -105,7 +105,7 @@ impl Bench {
     }
 }
 
-/// A cubic array at rest, denser below, with two sizes.
+/// Returns a cubic array at rest, denser below, with two sizes.
 fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let step = 0.0025;
@@ -448,7 +448,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_happened() {
     assert!(two.restore(&[0.0; 5]).is_err());
 }
 
-/// A plug of grains that fills the section of a shaft between two faces at the same pressure.
+/// Returns a plug of grains that fills the section of a shaft between two faces at the same pressure.
 fn plug(seepage: &Seepage<Volume>, from: f64, to: f64, velocity: f64) -> Particles<Volume> {
     let grid = *seepage.grid();
     let step = 0.0025;
@@ -630,7 +630,7 @@ fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
     assert!((0.9 * fine..1.01 * fine).contains(&speed), "{speed} {fine}");
 }
 
-/// Terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged
+/// Returns the terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged
 /// weight, by bisection.
 fn schiller_naumann(diameter: f64, density: f64, liquid: Liquid) -> f64 {
     let weight = Volume::measure(0.5 * diameter) * (density - liquid.density) * 9.81;

@@ -80,7 +80,7 @@ pub(super) struct Water {
 }
 
 impl Water {
-    /// Water at rest.
+    /// Returns water at rest.
     pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
         let n = grid.count();
         let face =

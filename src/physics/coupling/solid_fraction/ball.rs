@@ -95,9 +95,10 @@ impl BallTable {
         self.level.run(Layer(self, layer));
     }
 
-    /// The filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the axis
-    /// between the slowest and the fastest. The value of a cell with all eight corners inside the ball has no meaning,
-    /// nor has that of one which the ball does not reach, nor what is beyond the row: up to [`WIDEST`] numbers.
+    /// Returns the filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the
+    /// axis between the slowest and the fastest. The value of a cell with all eight corners inside the ball has no
+    /// meaning, nor has that of one which the ball does not reach, nor what is beyond the row: up to [`WIDEST`]
+    /// numbers.
     #[must_use]
     pub fn row(&self, row: usize, first: usize, count: usize) -> &[f64] {
         let along = self.coordinates[self.order[2]].size.len();

@@ -59,13 +59,13 @@ impl Surface {
         }
     }
 
-    /// Its planes, in the order of the faces of the shape.
+    /// Returns its planes, in the order of the faces of the shape.
     #[must_use]
     pub fn planes(&self) -> &[Plane] {
         &self.planes
     }
 
-    /// Each face: its plane and corners.
+    /// Returns each face: its plane and corners.
     fn faces(&self) -> impl Iterator<Item = (&Plane, &[[f64; 3]])> {
         let mut start = 0;
         self.planes
@@ -228,7 +228,7 @@ impl BlockTable {
     }
 }
 
-/// The smallest and the largest of some coordinates.
+/// Returns the smallest and the largest of some coordinates.
 #[inline(always)]
 fn range(coordinates: impl Iterator<Item = f64>) -> (f64, f64) {
     coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| {
@@ -268,8 +268,8 @@ fn split<const AXIS: usize>(
     }
 }
 
-/// The area of a polygon projected along the fast axis, and that times the mean distance from it to the upper end of a
-/// cell.
+/// Returns the area of a polygon projected along the fast axis, and that times the mean distance from it to the upper
+/// end of a cell.
 #[inline(always)]
 fn integrals(polygon: &[Point], cell: f64) -> (f64, f64) {
     let [first, rest @ ..] = polygon else {

@@ -82,7 +82,7 @@ impl BlockRows {
         }
     }
 
-    /// The cells of a row of the layer; `frame` from the raw frame of the body to the cells.
+    /// Returns the cells of a row of the layer; `frame` from the raw frame of the body to the cells.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, frame: i32) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];

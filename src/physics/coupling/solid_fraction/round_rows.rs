@@ -89,7 +89,7 @@ impl RoundRows {
         }
     }
 
-    /// The cells of a row of the layer.
+    /// Returns the cells of a row of the layer.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];

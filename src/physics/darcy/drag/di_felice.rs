@@ -16,7 +16,7 @@ use crate::darcy::{Equations, Liquid, permeability};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiFelice;
 
-/// The exponent chi.
+/// Returns the exponent chi.
 #[must_use]
 pub fn exponent(reynolds: f64) -> f64 {
     let x = 1.5 - reynolds.max(f64::MIN_POSITIVE).log10();

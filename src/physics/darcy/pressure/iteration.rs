@@ -118,8 +118,8 @@ impl Pressure {
         Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
     }
 
-    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration.
-    /// Collective.
+    /// Returns the largest flow through an imposed pressure, or the largest source, at the pressure of the last
+    /// iteration. Collective.
     fn flowing(&self) -> f64 {
         let mut most = 0.0_f64;
         for face in &self.boundary {
@@ -138,16 +138,15 @@ impl Pressure {
         self.slab.communicator.all_reduce_max_f64(most)
     }
 
-    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
-    /// drives the flow. Over the whole
-    /// grid, so that no message is needed.
+    /// Returns the largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
+    /// drives the flow. Over the whole grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()
             .fold(0.0, |most, at| self.system.right[at].abs().max(most))
     }
 
-    /// The largest term of the left sides at the pressure where the iteration starts.
+    /// Returns the largest term of the left sides at the pressure where the iteration starts.
     fn largest_term(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten().fold(0.0, |most, at| {

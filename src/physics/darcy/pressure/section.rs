@@ -68,7 +68,7 @@ impl Pressure {
         }
     }
 
-    /// Hydraulic head of a reduced pressure \[m\]; NaN without gravity.
+    /// Returns the hydraulic head of a reduced pressure \[m\]; NaN without gravity.
     #[must_use]
     pub fn head(&self, reduced: f64) -> f64 {
         reduced / super::head_pressure(&self.liquid, &self.settings, 1.0)

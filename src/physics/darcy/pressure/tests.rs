@@ -55,7 +55,7 @@ fn conductivities(permeability: &[f64]) -> Vec<f64> {
     permeability.iter().map(|k| k / WATER.viscosity).collect()
 }
 
-/// Grains at rest.
+/// Returns grains at rest.
 fn still(conductivity: &[f64]) -> Medium<'_> {
     Medium {
         conductivity,

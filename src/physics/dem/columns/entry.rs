@@ -15,7 +15,7 @@ pub(in crate::dem) trait Entry<S: Space>: Copy {
     fn unpack(from: &mut Reader<'_>) -> Result<Self, Error>;
     /// Writes the columns of many entries.
     fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>);
-    /// The name of the first column: a table without it does not hold the array.
+    /// Returns the name of the first column: a table without it does not hold the array.
     fn first_column(name: &str) -> String;
     /// Reads the columns back.
     fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error>;

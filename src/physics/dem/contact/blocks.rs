@@ -84,7 +84,7 @@ pub enum NormalStiffness {
 }
 
 impl NormalStiffness {
-    /// Normal and shear stiffness, with another number where one is given.
+    /// Returns the normal and shear stiffness, with another number where one is given.
     fn with(self, number: Option<f64>, ratio: f64) -> Stiffness {
         match self {
             Self::PerContact(own) => {
@@ -131,7 +131,7 @@ pub struct Pair {
 }
 
 impl Input {
-    /// A law for blocks that never touch: without friction and dashpots.
+    /// Returns a law for blocks that never touch: without friction and dashpots.
     #[must_use]
     pub fn without_use() -> Self {
         Self {
@@ -146,7 +146,7 @@ impl Input {
         }
     }
 
-    /// The springs of a pair; those of the law without one.
+    /// Returns the springs of a pair; those of the law without one.
     fn springs(&self, pair: Option<&Pair>) -> polyhedron::Law {
         let own =
             |get: fn(&Pair) -> Option<f64>, otherwise: f64| pair.and_then(get).unwrap_or(otherwise);
@@ -237,7 +237,7 @@ impl<F: From<Blocks>> ContactParameters<F> for Input {
     }
 }
 
-/// The law as an example in findings.
+/// Returns the law as an example in findings.
 #[must_use]
 pub fn example() -> Value {
     json!({"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}})

@@ -127,7 +127,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// These parameters with the numbers of a pair.
+    /// Returns these parameters with the numbers of a pair.
     fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),

@@ -106,7 +106,7 @@ pub struct Pair {
 const PATH: &str = "contact.hertz_mindlin";
 
 impl Input {
-    /// The moduli of every material; fewer where some are missing, which are findings.
+    /// Returns the moduli of every material; fewer where some are missing, which are findings.
     fn moduli(scene: &SceneFacts<'_>, report: &mut dyn Report) -> Vec<Elastic> {
         let mut elastic = Vec::new();
         for material in scene.materials {
@@ -232,7 +232,7 @@ pub struct Elastic {
 }
 
 impl Elastic {
-    /// The effective moduli E* and G* [Pa] of a contact of two materials.
+    /// Returns the effective moduli E* and G* [Pa] of a contact of two materials.
     #[must_use]
     pub fn effective(self, other: Self) -> [f64; 2] {
         let part = |m: Self| {
@@ -243,8 +243,8 @@ impl Elastic {
         [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
     }
 
-    /// The time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density [kg/m³]:
-    /// `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
+    /// Returns the time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density
+    /// [kg/m³]: `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
     #[must_use]
     pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
         let shear_modulus = 0.5 * self.young_modulus / (1.0 + self.poisson_ratio);
@@ -252,7 +252,7 @@ impl Elastic {
     }
 }
 
-/// Restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
+/// Returns the restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
 #[must_use]
 pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     if zeta <= 0.0 {
@@ -278,7 +278,7 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     (-zeta * phase_over_root).exp()
 }
 
-/// The fraction of critical damping that restitutes `e`, above 0 to 1.
+/// Returns the fraction of critical damping that restitutes `e`, above 0 to 1.
 #[must_use]
 pub fn damping(e: f64, attraction: bool) -> f64 {
     if e >= 1.0 {
@@ -357,7 +357,7 @@ impl ContactModel for HertzMindlin {
         }
     }
 
-    /// Tangent stiffnesses, and the dashpots that go with them.
+    /// Returns the tangent stiffnesses, and the dashpots that go with them.
     fn springs(&self, contact: &StaticContact) -> Springs {
         let [a, b] = contact.materials;
         let pair = self.parameters.get(a, b);
@@ -532,7 +532,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         c.normal * overlap * overlap.sqrt()
     }
 
-    /// Tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
+    /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
     /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
     fn shear_spring(history: &History<S>) -> S::Tangent {
         history.shear
@@ -562,8 +562,8 @@ impl<S: Space> Bodies<S> for HertzMindlin {
     type Scratch = ();
 }
 
-/// Overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over overlap^(3/2)
-/// [N m^-3/2].
+/// Returns the overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over
+/// overlap^(3/2) [N m^-3/2].
 #[must_use]
 pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {
     (1.25 * mass * speed * speed / normal).powf(0.4)

@@ -15,11 +15,11 @@ use crate::error::{Remedy, Report};
 
 /// The parameters of a law as they stand in a case. `F` is the family of resolved laws that the result belongs to.
 pub trait ContactParameters<F> {
-    /// The law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes back
-    /// where no law can be made.
+    /// Returns the law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes
+    /// back where no law can be made.
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
 
-    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    /// Returns the local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
     fn local_damping(&self) -> f64 {
         0.0
     }
@@ -86,13 +86,13 @@ pub enum Preparation {
 }
 
 impl SceneFacts<'_> {
-    /// The number of materials, at least one.
+    /// Returns the number of materials, at least one.
     #[must_use]
     pub fn material_count(&self) -> u32 {
         u32::try_from(self.materials.len().max(1)).unwrap_or(u32::MAX)
     }
 
-    /// The index of a material, or a finding.
+    /// Returns the index of a material, or a finding.
     fn material(&self, name: &str, path: &str, report: &mut dyn Report) -> Option<u32> {
         let index = self.materials.iter().position(|known| known.name == name);
         if index.is_none() {
@@ -103,8 +103,8 @@ impl SceneFacts<'_> {
     }
 }
 
-/// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an
-/// override at its path. Duplicate pairs and unknown materials are findings.
+/// Returns the table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row
+/// of an override at its path. Duplicate pairs and unknown materials are findings.
 pub(super) fn pair_table<P: Clone, O>(
     (path, scene): (&str, &SceneFacts<'_>),
     base: PairTable<P>,
@@ -150,7 +150,7 @@ impl Scaled {
     /// Zero for every pair.
     pub const ZERO: Self = Self::Absolute(0.0);
 
-    /// The value for a pair of mean diameter `diameter` [m].
+    /// Returns the value for a pair of mean diameter `diameter` [m].
     #[must_use]
     pub fn at(self, diameter: f64) -> f64 {
         match self {
@@ -159,7 +159,7 @@ impl Scaled {
         }
     }
 
-    /// The number as written.
+    /// Returns the number as written.
     #[must_use]
     pub fn number(self) -> f64 {
         match self {
@@ -167,7 +167,7 @@ impl Scaled {
         }
     }
 
-    /// The constant part and the part per diameter; one of them is zero.
+    /// Returns the constant part and the part per diameter; one of them is zero.
     #[must_use]
     pub fn parts(self) -> [f64; 2] {
         match self {
@@ -271,7 +271,7 @@ impl Pair {
     }
 }
 
-/// The coefficient of friction of a friction angle [degrees].
+/// Returns the coefficient of friction of a friction angle [degrees].
 pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
     friction_angle_degrees.to_radians().tan()
 }

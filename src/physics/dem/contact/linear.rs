@@ -122,7 +122,7 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
     }
 }
 
-/// The law as an example in findings.
+/// Returns the law as an example in findings.
 #[must_use]
 pub fn example() -> Value {
     json!({"linear": {"normal_stiffness": {"per_diameter": 1e8}}})
@@ -161,7 +161,7 @@ impl Parameters {
         self.normal_stiffness.check_stiffness(&path, report);
     }
 
-    /// These parameters with the numbers of a pair.
+    /// Returns these parameters with the numbers of a pair.
     pub(super) fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
@@ -188,7 +188,7 @@ impl Parameters {
         )
     }
 
-    /// The larger of both stiffnesses [N/m] at a mean diameter [m].
+    /// Returns the larger of both stiffnesses [N/m] at a mean diameter [m].
     pub(super) fn stiffest(&self, diameter: f64) -> f64 {
         self.normal_stiffness.at(diameter) * self.stiffness_ratio.max(1.0)
     }
@@ -295,7 +295,7 @@ impl Row {
         self.normal + self.per_diameter * diameter
     }
 
-    /// The root of mass times normal stiffness [N s/m].
+    /// Returns the root of mass times normal stiffness [N s/m].
     pub(super) fn scale(&self, pair: &PairProperties) -> f64 {
         (pair.mass * self.normal(pair.diameter)).sqrt()
     }
@@ -330,7 +330,7 @@ impl Constants {
             * part_of_step(kinematics.overlap, rate, step)
     }
 
-    /// The force of an unbonded contact; `shear` is the force of the shear spring [N].
+    /// Returns the force of an unbonded contact; `shear` is the force of the shear spring [N].
     #[inline(always)]
     pub(super) fn slide<S: Space>(
         &self,

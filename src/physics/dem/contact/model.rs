@@ -8,20 +8,20 @@ use crate::dem::polyhedron::Polyhedron;
 
 /// A resolved contact law as plan, preparation and outputs see it. Materials are indices in the order of the case.
 pub trait ContactModel {
-    /// One line for the plan.
+    /// Returns one line for the plan.
     fn describe(&self) -> String;
 
-    /// The number of materials of the law.
+    /// Returns the number of materials of the law.
     fn materials(&self) -> u32;
 
-    /// Coefficient of friction of a pair of materials.
+    /// Returns the coefficient of friction of a pair of materials.
     fn friction(&self, materials: [u32; 2]) -> f64;
 
-    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4
-    /// of the diameter.
+    /// Returns the normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an
+    /// overlap of 1e-4 of the diameter.
     fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
 
-    /// Normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
+    /// Returns the normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
     fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
         self.normal_stiffness([material; 2], diameter) / diameter
     }
@@ -44,8 +44,8 @@ pub trait ContactModel {
         None
     }
 
-    /// The fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a case
-    /// that sets it.
+    /// Returns the fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a
+    /// case that sets it.
     fn impact_speed(&self) -> Option<(f64, &'static str)> {
         None
     }
@@ -55,7 +55,7 @@ pub trait ContactModel {
         false
     }
 
-    /// The widest gap \[m\] across which pairs are bonded.
+    /// Returns the widest gap \[m\] across which pairs are bonded.
     fn bonding_gap(&self) -> f64 {
         0.0
     }
@@ -65,12 +65,12 @@ pub trait ContactModel {
         None
     }
 
-    /// Cohesion of bonded contacts \[N\].
+    /// Returns the cohesion of bonded contacts \[N\].
     fn cohesion(&self, _materials: [u32; 2]) -> Scaled {
         Scaled::ZERO
     }
 
-    /// The law itself where it is that of blocks.
+    /// Returns the law itself where it is that of blocks.
     fn blocks(&self) -> Option<&Blocks> {
         None
     }
@@ -96,7 +96,7 @@ impl TimeLimits {
         }
     }
 
-    /// The shorter one \[s\].
+    /// Returns the shorter one \[s\].
     #[must_use]
     pub fn shorter(&self) -> f64 {
         self.rayleigh
@@ -172,7 +172,7 @@ pub struct BondOpening {
 }
 
 impl BondOpening {
-    /// The gap \[m\] at which it breaks.
+    /// Returns the gap \[m\] at which it breaks.
     #[must_use]
     pub fn widest(&self) -> f64 {
         self.gap + self.strength / self.stiffness

@@ -54,7 +54,7 @@ pub struct Rolling<L> {
 }
 
 impl<L: ContactModel> Rolling<L> {
-    /// A law with the same resistance to rolling for all pairs.
+    /// Returns a law with the same resistance to rolling for all pairs.
     #[must_use]
     pub fn everywhere(law: L, parameters: Parameters) -> Self {
         Self {

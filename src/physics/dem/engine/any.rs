@@ -25,21 +25,21 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact this rank reports.
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
-    /// The present counts of this rank.
+    /// Returns the present counts of this rank.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
-    /// The deepest contact so far, on this rank.
+    /// Returns the deepest contact so far, on this rank.
     fn deepest(&self) -> Deepest;
     /// Counts the deepest contact anew.
     fn forget_deepest(&mut self);
-    /// Solid steps done.
+    /// Returns the solid steps done.
     fn steps(&self) -> u64;
-    /// Solid steps done times the time step \[s\].
+    /// Returns the solid steps done times the time step \[s\].
     fn time(&self) -> f64;
-    /// The settings.
+    /// Returns the settings.
     fn settings(&self) -> &Settings<S>;
     /// The settings, to be changed.
     fn settings_mut(&mut self) -> &mut Settings<S>;
-    /// The walls.
+    /// Returns the walls.
     fn walls(&self) -> &[Wall<S>];
     /// The walls, to be moved.
     fn walls_mut(&mut self) -> &mut [Wall<S>];
@@ -47,7 +47,7 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn open_walls(&mut self, walls: &[usize]);
     /// Puts the walls of these indices back.
     fn close_walls(&mut self, walls: &[usize]);
-    /// The contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts this rank reports, the walls, and the steps done.
     fn save(&self) -> Contacts;
     /// Each contact this rank reports, with the numbers of its history.
     fn each_contact(

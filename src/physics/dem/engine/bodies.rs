@@ -18,7 +18,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// `true` if forces are computed by parts ([`super::parts`]).
     const IN_PARTS: bool = true;
 
-    /// The engine of the law.
+    /// Returns the engine of the law.
     ///
     /// # Errors
     /// Where the law has no such dimension.
@@ -71,7 +71,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.cut_into_parts(particles);
     }
 
-    /// Contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
+    /// Returns the contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
     fn forces(
         engine: &mut Engine<S, Self>,
         particles: &mut Particles<S>,
@@ -81,7 +81,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_forces(particles, dt, phase)
     }
 
-    /// A listed pair as a contact, where it is one.
+    /// Returns a listed pair as a contact, where it is one.
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
@@ -91,7 +91,7 @@ pub(in crate::dem) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_contact(particles, pair)
     }
 
-    /// A listed pair of a body and a plane as a contact, where it is one.
+    /// Returns a listed pair of a body and a plane as a contact, where it is one.
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,

@@ -287,7 +287,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         &self.near[pair.near.0 as usize..pair.near.1 as usize]
     }
 
-    /// The contacts of a pair.
+    /// Returns the contacts of a pair.
     pub(super) fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
         &self.held[pair.held.0 as usize..pair.held.1 as usize]
     }

@@ -191,7 +191,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }));
     }
 
-    /// Place of a shift among the offsets.
+    /// Returns the index of a shift among the offsets.
     #[inline]
     fn place_of(&self, shift: [i32; 3]) -> usize {
         // Most pairs are no images.

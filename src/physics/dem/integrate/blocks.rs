@@ -90,7 +90,7 @@ fn turn<S: Space>(
     2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()
 }
 
-/// One body in a phase of the step: the path of its fastest point over dt, squared.
+/// Moves one body in a phase of the step; returns the path of its fastest point over dt, squared.
 fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,

@@ -20,7 +20,7 @@ use super::HalfSpace;
 /// Newton steps at most; ten from the deepest point and two or three from the last step's centre are usual.
 const STEPS: usize = 60;
 
-/// The centre from a point strictly inside, and whether it was reached. Whatever happens the answer is inside.
+/// Returns the centre from a point strictly inside, and whether it was reached. Whatever happens the answer is inside.
 pub(super) fn find(
     planes: &[HalfSpace],
     start: &Vector3<f64>,
@@ -69,7 +69,7 @@ fn squared(row: &[f64; 4]) -> f64 {
     row[0] * row[0] + row[1] * row[1] + row[2] * row[2]
 }
 
-/// A step length near the minimum along `step`, by Newton's method in one dimension from a safe one.
+/// Returns a step length near the minimum along `step`, by Newton's method in one dimension from a safe one.
 fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64) -> f64 {
     let mut length = safe;
     for _ in 0..3 {
@@ -91,8 +91,8 @@ fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64)
     }
 }
 
-/// Least squares `row . y = right side` for rows in falling order of size; the solution, and the length of the right
-/// side's part in the range: the Newton decrement.
+/// Solves the least squares `row . y = right side` for rows in falling order of size; the solution, and the length of
+/// the right side's part in the range: the Newton decrement.
 fn least_squares(rows: &mut [[f64; 4]]) -> Option<(Vector3<f64>, f64)> {
     let mut order = [0, 1, 2];
     for step in 0..3 {

@@ -129,7 +129,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Polar second moment [m⁴] of the area: what resists twisting.
+    /// Returns the polar second moment [m⁴] of the area: what resists twisting.
     #[must_use]
     pub fn polar(&self) -> f64 {
         self.second.trace().max(0.0)
@@ -436,7 +436,7 @@ impl Narrow {
     }
 }
 
-/// The contact in space, and what the pair remembers of it.
+/// Returns the contact in space, and what the pair remembers of it.
 fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Option<Geometry> {
     if found.is_none() {
         history.release();
@@ -450,7 +450,7 @@ fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Opt
     })
 }
 
-/// A contact of a point.
+/// Returns a contact of a point.
 fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     Geometry {
         arm: *arm,
@@ -463,7 +463,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     }
 }
 
-/// The unit gradient of a potential particle at a point, or the nearest plane's normal.
+/// Returns the unit gradient of a potential particle at a point, or the nearest plane's normal.
 fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     let mut nearest = (f64::NEG_INFINITY, Vector3::zeros());
@@ -477,7 +477,7 @@ fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector
     sum.try_normalize(0.0).unwrap_or(nearest.1)
 }
 
-/// The distance [m] from a point inside to the surface, along a unit direction.
+/// Returns the distance [m] from a point inside to the surface, along a unit direction.
 fn exit(planes: &[HalfSpace], point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     planes
         .iter()

@@ -22,7 +22,7 @@ pub(super) struct Cut {
 }
 
 impl Cut {
-    /// A cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
+    /// Returns a cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
     fn cube(half: f64) -> Self {
         let vertices = (0..8_u32)
             .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
@@ -123,7 +123,7 @@ impl Cut {
         order.into_iter().map(|(_, v)| v).collect()
     }
 
-    /// The largest coordinate of a corner of a face \[m\].
+    /// Returns the largest coordinate of a corner of a face \[m\].
     fn extent(&self) -> f64 {
         self.faces
             .iter()
@@ -132,8 +132,8 @@ impl Cut {
             .fold(0.0, f64::max)
     }
 
-    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the axes; none
-    /// where nothing of it is left, or it is not closed.
+    /// Returns the solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the
+    /// axes; none if nothing of it is left, or it is not closed.
     pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;
         for _ in 0..6 {
@@ -172,7 +172,7 @@ impl Cut {
     }
 }
 
-/// Two unit vectors across a unit normal, right-handed with it.
+/// Returns two unit vectors across a unit normal, right-handed with it.
 #[inline]
 pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     // J. R. Duff et al., JCGT 6 (2017) 1: no branch but the sign.
@@ -189,12 +189,12 @@ pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     )
 }
 
-/// A place in a list as the number that faces hold.
+/// Returns a place in a list as the number that faces hold.
 pub(super) fn number(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// A count as a number.
+/// Returns a count as a number.
 #[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
 pub(super) fn count_f64(k: usize) -> f64 {
     k as f64

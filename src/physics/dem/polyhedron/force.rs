@@ -104,8 +104,8 @@ pub struct Action {
 }
 
 impl Law {
-    /// Normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step, `0.1 sqrt(m/k)`
-    /// or less.
+    /// Returns the normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step,
+    /// `0.1 sqrt(m/k)` or less.
     #[must_use]
     pub fn stiffness(&self, area: f64) -> [f64; 2] {
         match self.stiffness {
@@ -199,7 +199,7 @@ fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -
     axis * size.min(normal * gyration)
 }
 
-/// A tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
+/// Returns a tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
 fn carry(
     tangent: &Vector3<f64>,
     old: &Vector3<f64>,

@@ -78,7 +78,7 @@ impl Basis {
         (point, self.origin.dot(&point) - first)
     }
 
-    /// The numbers `m` with `sum m_i a_i = a`, `sum m_i = 1`.
+    /// Returns the numbers `m` with `sum m_i a_i = a`, `sum m_i = 1`.
     fn parts(&self, a: &Vector3<f64>) -> [f64; 4] {
         let rest = self.inverse.tr_mul(&(a - self.origin));
         [1.0 - rest.x - rest.y - rest.z, rest.x, rest.y, rest.z]

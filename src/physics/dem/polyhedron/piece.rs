@@ -31,7 +31,7 @@ struct Side {
 }
 
 impl Piece {
-    /// The whole, with no cut yet.
+    /// Returns the whole, with no cut yet.
     #[must_use]
     pub fn of(solid: &Solid) -> Self {
         let planes = solid.half_spaces();
@@ -50,7 +50,7 @@ impl Piece {
         }
     }
 
-    /// The parts on both sides of a plane, the one inside the half-space first; none where the plane passes by.
+    /// Returns the parts on both sides of a plane, the one inside the half-space first; none if the plane passes by.
     #[must_use]
     pub fn split(&self, plane: &HalfSpace) -> Option<[Self; 2]> {
         let (low, high) = self.extent(&plane.normal);
@@ -95,13 +95,13 @@ impl Piece {
         })
     }
 
-    /// Volume \[m³\].
+    /// Returns the volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         moments(&self.cut, &self.middle()).0
     }
 
-    /// Diameter \[m\] of the largest sphere in it.
+    /// Returns the diameter \[m\] of the largest sphere in it.
     #[must_use]
     pub fn thickness(&self) -> f64 {
         let middle = self.middle();
@@ -121,7 +121,7 @@ impl Piece {
         }
     }
 
-    /// The block, its cut faces moved inwards by `back` \[m\].
+    /// Returns the block, its cut faces moved inwards by `back` \[m\].
     ///
     /// # Errors
     /// Where nothing of it is left.
@@ -137,7 +137,7 @@ impl Piece {
         Polyhedron::from_half_spaces(&planes)
     }
 
-    /// A point inside.
+    /// Returns a point inside.
     fn middle(&self) -> Vector3<f64> {
         self.cut.vertices.iter().sum::<Vector3<f64>>() / count_f64(self.cut.vertices.len())
     }

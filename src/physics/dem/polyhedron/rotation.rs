@@ -44,7 +44,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
+    /// Returns damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
     #[must_use]
     pub fn new(rate: f64, time: f64) -> Self {
         let decay = (-rate * time).exp();
@@ -56,7 +56,7 @@ impl Damping {
         Self { decay, gain }
     }
 
-    /// Velocity or momentum after a kick by an acceleration or force.
+    /// Returns the velocity or momentum after a kick by an acceleration or force.
     #[inline(always)]
     #[must_use]
     pub fn kick(&self, value: &Vector3<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
@@ -65,7 +65,7 @@ impl Damping {
 }
 
 impl RotationState {
-    /// A body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
+    /// Returns a body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
     #[must_use]
     pub fn new(
         orientation: UnitQuaternion<f64>,
@@ -79,7 +79,7 @@ impl RotationState {
         }
     }
 
-    /// Angular velocity [rad/s] in space.
+    /// Returns the angular velocity [rad/s] in space.
     #[inline]
     #[must_use]
     pub fn spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
@@ -87,20 +87,20 @@ impl RotationState {
         self.orientation * body.component_div(inertia)
     }
 
-    /// Angular velocity [rad/s] along the principal axes.
+    /// Returns the angular velocity [rad/s] along the principal axes.
     #[must_use]
     pub fn body_spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
         (self.orientation.inverse() * self.angular_momentum).component_div(inertia)
     }
 
-    /// Energy of rotation \[J\].
+    /// Returns the energy of rotation \[J\].
     #[must_use]
     pub fn energy(&self, inertia: &Vector3<f64>) -> f64 {
         let body = self.orientation.inverse() * self.angular_momentum;
         0.5 * body.dot(&body.component_div(inertia))
     }
 
-    /// The matrix that turns the body frame into space.
+    /// Returns the matrix that turns the body frame into space.
     #[inline]
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {

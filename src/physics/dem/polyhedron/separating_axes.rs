@@ -12,9 +12,9 @@ use super::shape::Polyhedron;
 /// Sine of the angle between two edges below which their product is no direction of its own.
 const PARALLEL: f64 = 1e-10;
 
-/// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap
-/// \[m\] along it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the first
-/// sees it.
+/// Returns the unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the
+/// gap \[m\] along it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the
+/// first sees it.
 pub(super) fn widest_gap(
     first: &Polyhedron,
     second: &Polyhedron,
@@ -52,7 +52,7 @@ pub(super) fn widest_gap(
     best
 }
 
-/// The gap \[m\] along a unit axis of the first's frame that points to the second.
+/// Returns the gap \[m\] along a unit axis of the first's frame that points to the second.
 #[inline]
 pub(super) fn gap(
     first: &Polyhedron,

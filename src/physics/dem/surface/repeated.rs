@@ -49,8 +49,8 @@ const MEET: f64 = 1e-6;
 const MOST: f64 = 2e7;
 
 impl Surface {
-    /// The surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its corner
-    /// `lower` \[m\].
+    /// Returns the surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its
+    /// corner `lower` \[m\].
     ///
     /// # Errors
     /// A sentence where there would be too many images.
@@ -182,7 +182,7 @@ impl Surface {
         })
     }
 
-    /// The longest reach \[m\] of a body from its centre with which it finds all facets: half a period.
+    /// Returns the longest reach \[m\] of a body from its centre with which it finds all facets: half a period.
     #[must_use]
     pub fn longest_reach(&self) -> f64 {
         self.repeated.as_ref().map_or(f64::INFINITY, |repeated| {
@@ -191,21 +191,21 @@ impl Surface {
         })
     }
 
-    /// The given facet of which a facet is an image.
+    /// Returns the given facet of which a facet is an image.
     pub(super) fn given(&self, facet: u32) -> u32 {
         self.repeated
             .as_ref()
             .map_or(facet, |repeated| repeated.images[facet as usize].0)
     }
 
-    /// The given facet of a name.
+    /// Returns the given facet of a name.
     pub(super) fn named(&self, name: u32) -> u32 {
         self.repeated
             .as_ref()
             .map_or(name, |repeated| name % repeated.given)
     }
 
-    /// A point \[m\] in the domain, and by how many periods it was moved there.
+    /// Returns a point \[m\] in the domain, and by how many periods it was moved there.
     #[inline]
     pub(in crate::dem) fn in_domain(&self, point: &Vector3<f64>) -> (Vector3<f64>, [i32; 3]) {
         let (mut at, mut by) = (*point, [0; 3]);

@@ -264,7 +264,8 @@ fn spheres_and_blocks_meet_either_way_round() {
     }
 }
 
-/// A square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing down.
+/// Returns a square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing
+/// down.
 fn mesh(half: f64, n: u32) -> Surface {
     let place = |k: u32| 2.0 * half * f64::from(k) / f64::from(n) - half;
     let vertices = (0..=n)
@@ -362,7 +363,7 @@ fn a_block_overhangs_the_edge_of_a_box() {
     }
 }
 
-/// A box of facets between two corners.
+/// Returns a box of facets between two corners.
 fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
     Wall::of_surface(
         Arc::new(Surface::of_box(from.into(), to.into()).unwrap()),
@@ -370,7 +371,7 @@ fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
     )
 }
 
-/// A square of facets across z, 2 m wide, from `x` on.
+/// Returns a square of facets across z, 2 m wide, from `x` on.
 fn tile(x: f64) -> Wall<Volume> {
     let corners = [[0.0, -1.0], [2.0, -1.0], [2.0, 1.0], [0.0, 1.0]];
     let corners = corners.map(|[a, y]| Vector3::new(x + a, y, 0.0)).to_vec();
@@ -573,7 +574,7 @@ impl Pile {
     }
 }
 
-/// Random hulls, a plate, a rod, and a cube wider than a slab.
+/// Returns random hulls, a plate, a rod, and a cube wider than a slab.
 fn shapes() -> Arc<[Polyhedron]> {
     let hull = |n: u64| {
         let mut draw = Stream::new(11, n, 0);
@@ -731,7 +732,7 @@ const PERIODIC: Pile = Pile {
 };
 const ONE: (Axis, &[usize], usize) = (Axis::X, &[0, 24], 1);
 
-/// A pile on one rank, made once for all tests.
+/// Returns a pile on one rank, made once for all tests.
 fn straight(pile: Pile) -> &'static Saved {
     static ONES: [OnceLock<Saved>; 2] = [OnceLock::new(), OnceLock::new()];
     ONES[usize::from(pile.periodic)].get_or_init(|| run(pile, ONE, None, (STEPS, STEPS)))

@@ -34,8 +34,8 @@ pub(super) fn clay<S: Space>(
 
 const DIAMETER: f64 = 2e-3;
 
-/// A fixed sphere and one too heavy for contacts to move, bonded at `overlap`; the second's velocity is metres per
-/// step.
+/// Returns a fixed sphere and one too heavy for contacts to move, bonded at `overlap`; the second's velocity is metres
+/// per step.
 fn pair(
     parameters: contact_bond::Parameters,
     overlap: f64,

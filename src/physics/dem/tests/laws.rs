@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::*;
 
-/// The nearest whole number.
+/// Returns the nearest whole number.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -16,7 +16,8 @@ fn whole(value: f64) -> u64 {
     value.round() as u64
 }
 
-/// Restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal grains.
+/// Returns the restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal
+/// grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     let parameters = linear::Parameters {
         normal_damping: zeta,
@@ -97,7 +98,7 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
     }
 }
 
-/// Restitution of two spheres that meet `part` of a default step after a step.
+/// Returns the restitution of two spheres that meet `part` of a default step after a step.
 fn rebound(zeta: f64, part: f64) -> f64 {
     let parameters = linear::Parameters {
         normal_damping: zeta,
@@ -478,7 +479,7 @@ fn a_block_slides_or_stays_on_an_incline() {
     }
 }
 
-/// The damping whose pushing dashpot restitutes `e`: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
+/// Returns the damping whose pushing dashpot restitutes `e`: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
 fn pushing_damping(e: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 0.7);
     for _ in 0..60 {
@@ -581,8 +582,8 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     }
 }
 
-/// A pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both forces
-/// (N), and the step at which the bond failed.
+/// Returns a pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both
+/// forces (N), and the step at which the bond failed.
 fn compare_cohesive(
     table: &str,
     overlap: f64,

@@ -138,7 +138,7 @@ struct Saved {
     migrated: bool,
 }
 
-/// All bits of grains and contacts, by id.
+/// Returns all bits of grains and contacts, by id.
 pub(super) fn bits(grains: &Table, contacts: &Contacts) -> BTreeMap<u64, Vec<u64>> {
     let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
     let column = |values: &state::Values| match values {
@@ -335,7 +335,7 @@ fn restarts_on_other_ranks_do_not_show() {
     }
 }
 
-/// A heap large enough for threads to be used.
+/// Returns a heap large enough for threads to be used.
 fn heap(threads: usize) -> (Table, u64) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -385,7 +385,7 @@ mod tests {
         Fluid::new(setup, &Domain::serial(Axis::X, length, false)).unwrap()
     }
 
-    /// Root mean square of the disturbance in the box of [`CELLS`].
+    /// Returns the root mean square of the disturbance in the box of [`CELLS`].
     fn disturbance(fluid: &Fluid<f64>, from: &Fluid<f64>) -> f64 {
         let mut sum = 0.0;
         for x in 0..CELLS[0] {
@@ -399,7 +399,7 @@ mod tests {
         (sum / (CELLS[0] * CELLS[1]) as f64).sqrt()
     }
 
-    /// A Gaussian vortex in a stream, 24 cells before the outlet.
+    /// Returns a Gaussian vortex in a stream, 24 cells before the outlet.
     fn vortex(p: [f64; 3]) -> (f64, [f64; 3]) {
         let (x, y, r) = (p[0] - 56.0, p[1] - 24.0, 6.0);
         let strength = 0.02 * (0.5 - 0.5 * (x * x + y * y) / (r * r)).exp();

@@ -118,8 +118,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose
-    /// cells (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    /// Returns the mass that left each patch with an opening in the step just done, on this rank, in quanta: of the
+    /// links whose cells (positions within an array) `counts` holds. Walls let nothing through and are not walked.
     pub fn mass_through(
         &self,
         populations: &Populations<S>,

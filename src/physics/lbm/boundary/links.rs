@@ -44,7 +44,7 @@ impl<S: Stored> Crossing<'_, S> {
         self.populations.velocities().w[self.direction]
     }
 
-    /// The link as rules keep it.
+    /// Returns the link as rules keep it.
     #[must_use]
     pub fn face_link(&self) -> FaceLink {
         FaceLink {
@@ -75,7 +75,7 @@ pub struct Mirror {
 }
 
 impl Mirror {
-    /// The population that enters along a link.
+    /// Returns the population that enters along a link.
     #[must_use]
     pub fn new<S: Stored>(crossing: &Crossing<'_, S>) -> Self {
         let (populations, cell) = (crossing.populations, crossing.cell);
@@ -104,8 +104,8 @@ impl Mirror {
         (from.out(parity), to.incoming(parity))
     }
 
-    /// The cells that the population leaves and enters: positions within an array, where `begins` is the first of each
-    /// population.
+    /// Returns the cells that the population leaves and enters: positions within an array, where `begins` is the first
+    /// of each population.
     pub(crate) fn cells(&self, opposite: &[usize], begins: &[u32]) -> [u32; 2] {
         // The near end of a link lies behind the position of its cell, in the array of the population that comes in.
         let [from, to] = self.links.map(|link| link.near);
@@ -115,7 +115,7 @@ impl Mirror {
         ]
     }
 
-    /// The mirror `apart` numbers further.
+    /// Returns the mirror `apart` numbers further.
     fn further(self, apart: u32) -> Self {
         let links = self.links.map(|Link { near, far }| Link {
             near: near + apart,
@@ -134,7 +134,7 @@ pub struct MirrorRun {
 }
 
 impl MirrorRun {
-    /// The run of one.
+    /// Returns the run of one.
     pub(super) fn of(first: Mirror) -> Self {
         Self {
             first,
@@ -143,7 +143,7 @@ impl MirrorRun {
         }
     }
 
-    /// The run with one more, where that one continues it.
+    /// Returns the run with one more, where that one continues it.
     pub(super) fn with(self, next: &Mirror) -> Option<Self> {
         let Self {
             first,
@@ -169,12 +169,12 @@ impl MirrorRun {
         self.count
     }
 
-    /// Its mirrors.
+    /// Returns its mirrors.
     pub(crate) fn mirrors(self) -> impl Iterator<Item = Mirror> {
         (0..self.count).map(move |k| self.first.further(k * self.stride))
     }
 
-    /// The numbers of some of them.
+    /// Returns the numbers of some of them.
     pub(super) fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         Row::new(self.first.ends(parity), self.stride, some)
     }
@@ -332,7 +332,7 @@ impl Counted {
         );
     }
 
-    /// The runs that hold some links, counted through all: which run, and which of its links.
+    /// Returns the runs that hold some links, counted through all: which run, and which of its links.
     fn runs(&self, links: Range<usize>) -> impl Iterator<Item = (usize, Range<usize>)> {
         let Range {
             start: from,

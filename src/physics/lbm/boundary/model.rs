@@ -33,13 +33,13 @@ pub struct ImposedPressure {
 }
 
 impl ImposedPressure {
-    /// The smaller and the larger of the two \[Pa\].
+    /// Returns the smaller and the larger of the two \[Pa\].
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         [self.end.min(self.start), self.end.max(self.start)]
     }
 
-    /// The largest amplitude \[Pa\].
+    /// Returns the largest amplitude \[Pa\].
     #[must_use]
     pub fn amplitude(&self) -> f64 {
         self.end.abs().max(self.start.abs())
@@ -61,12 +61,12 @@ pub trait Model {
         let _ = (place, report);
     }
 
-    /// The largest speed that it imposes.
+    /// Returns the largest speed that it imposes.
     fn speed(&self) -> Option<ImposedSpeed> {
         None
     }
 
-    /// The pressure that it imposes.
+    /// Returns the pressure that it imposes.
     fn pressure(&self) -> Option<ImposedPressure> {
         None
     }
@@ -82,7 +82,7 @@ pub trait Model {
         Inflow::None
     }
 
-    /// Time over which the inflow grows from nothing \[s\]; 0 for at once.
+    /// Returns the time over which the inflow grows from nothing \[s\]; 0 for at once.
     fn ramp_time(&self) -> f64 {
         0.0
     }
@@ -92,7 +92,7 @@ pub trait Model {
         self.nature().surface == Surface::Opening
     }
 
-    /// The rule on the lattice.
+    /// Returns the rule on the lattice.
     ///
     /// # Errors
     /// Where the cells of the patch show that the parameters cannot hold.

@@ -250,7 +250,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// The density deviation δρ = 3 p of a face normal to an axis.
+    /// Returns the density deviation δρ = 3 p of a face normal to an axis.
     #[must_use]
     pub fn new(axis: usize, density: Ramp) -> Self {
         Self {
@@ -265,7 +265,7 @@ impl Links {
         }
     }
 
-    /// Velocity of a cell along the normal.
+    /// Returns the velocity of a cell along the normal.
     fn normal<S: Stored>(
         &self,
         cell: &PressureCell,

@@ -91,7 +91,7 @@ impl VelocityProfile {
         }
     }
 
-    /// The largest speed [m/s], after the field that decides it.
+    /// Returns the largest speed [m/s], after the field that decides it.
     pub(super) fn fastest(&self) -> (&'static str, f64) {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -115,7 +115,7 @@ impl VelocityProfile {
         }
     }
 
-    /// Mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
+    /// Returns the mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
     pub(super) fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -134,8 +134,8 @@ impl VelocityProfile {
         }
     }
 
-    /// Mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles, and where it
-    /// is not worth the time.
+    /// Returns the mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles,
+    /// and where it is not worth the time.
     pub(super) fn mean_of_table(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::File {
@@ -145,7 +145,7 @@ impl VelocityProfile {
         }
     }
 
-    /// The profile in lattice units.
+    /// Returns the profile in lattice units.
     pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> Profile {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -210,7 +210,8 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
     (area > 0.0).then_some(sum / area)
 }
 
-/// The axes of the face along which the flow through a patch has ends: not a periodic axis that the patch spans.
+/// Returns the axes of the face along which the flow through a patch has ends: not a periodic axis that the patch
+/// spans.
 fn bounded(place: &Place<'_>) -> [bool; 3] {
     let Place { site, from, to, .. } = place;
     std::array::from_fn(|a| {
@@ -219,7 +220,7 @@ fn bounded(place: &Place<'_>) -> [bool; 3] {
     })
 }
 
-/// The product of a parabola for each axis of the patch that has ends, along the inward normal.
+/// Returns the product of a parabola for each axis of the patch that has ends, along the inward normal.
 fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     let (axis, bounded) = (place.site.face.axis(), bounded(place));
     let ends = place.ends;
@@ -296,7 +297,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D dimensions.
+    /// Returns the table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D
+    /// dimensions.
     #[must_use]
     pub fn new(dimension: usize, rows: Vec<Vec<f64>>) -> Self {
         Self {
@@ -317,7 +319,7 @@ impl Table {
         self.rows.is_empty()
     }
 
-    /// The largest speed of any row [m/s].
+    /// Returns the largest speed of any row [m/s].
     #[must_use]
     pub fn fastest(&self) -> f64 {
         let speed = |row: &Vec<f64>| {
@@ -327,7 +329,7 @@ impl Table {
         self.rows.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// The velocity [m/s] at the tangential coordinates \[m\] of a place.
+    /// Returns the velocity [m/s] at the tangential coordinates \[m\] of a place.
     #[must_use]
     pub fn at(&self, across: &[f64]) -> [f64; 3] {
         let rows = &self.rows;
@@ -371,8 +373,8 @@ mod tests {
     use crate::lbm::boundary::{Place, Site};
     use crate::units::LatticeUnits;
 
-    /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean
-    /// that is stated.
+    /// Returns the profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the
+    /// mean that is stated.
     fn means(periodic: [bool; 3], from: [usize; 3], to: [usize; 3]) -> (f64, f64) {
         let site = Site {
             path: "",

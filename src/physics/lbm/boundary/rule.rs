@@ -37,8 +37,8 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes a link through the patch. The links of a cell come one after another.
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
 
-    /// Velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point is in
-    /// cells. None where no velocity is imposed.
+    /// Returns the velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point
+    /// is in cells. None where no velocity is imposed.
     fn velocity(&self, _position: [f64; 3]) -> Option<[f64; 3]> {
         None
     }
@@ -49,7 +49,7 @@ pub trait Rule<S: Stored>: Send + Sync {
         1.0
     }
 
-    /// Factor of the imposed velocity at a step.
+    /// Returns the factor of the imposed velocity at a step.
     fn factor(&self, _step: f64) -> f64 {
         0.0
     }
@@ -62,7 +62,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes what the links of all ranks let in, and lets the stated discharge in from now on.
     fn balance(&mut self, _given: i128) {}
 
-    /// The last step in which a value still changes by its ramp.
+    /// Returns the last step in which a value still changes by its ramp.
     fn ramp_end(&self) -> f64 {
         0.0
     }
@@ -86,7 +86,7 @@ pub trait Rule<S: Stored>: Send + Sync {
         false
     }
 
-    /// The sums of this rank, where it needs any.
+    /// Returns the sums of this rank, where it needs any.
     fn measure(&self, _populations: &Populations<S>, _moment: &Moment) -> Sums {
         Sums::default()
     }
@@ -108,12 +108,12 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Changes what the walls have been given.
     fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
 
-    /// The links that the rule keeps and that are no mirrors.
+    /// Returns the links that the rule keeps and that are no mirrors.
     fn links(&self) -> &[FaceLink] {
         &[]
     }
 
-    /// The populations that the rule mirrors.
+    /// Returns the populations that the rule mirrors.
     fn mirrors(&self) -> &[MirrorRun] {
         &[]
     }

@@ -112,7 +112,7 @@ impl PlaneWave {
         }
     }
 
-    /// The excess of this step.
+    /// Returns the excess of this step.
     pub(super) fn excess(&self) -> f64 {
         self.excess
     }
@@ -294,7 +294,7 @@ mod tests {
         })
     }
 
-    /// A duct without walls between two openings.
+    /// Returns a duct without walls between two openings.
     fn duct(inlet: Box<dyn Rule<f64>>, outlet: Box<dyn Rule<f64>>, tau: f64) -> Fluid<f64> {
         let patch = |upper, rule| Patch {
             name: format!("{upper}"),
@@ -319,7 +319,8 @@ mod tests {
         Fluid::new(setup, &Domain::serial(Axis::X, LENGTH, false)).unwrap()
     }
 
-    /// Largest amplitude (density deviation) of the waves upstream and downstream, over a stream of `speed`.
+    /// Returns the largest amplitude (density deviation) of the waves upstream and downstream, over a stream of
+    /// `speed`.
     fn waves(fluid: &Fluid<f64>, speed: f64) -> [f64; 2] {
         let mut largest = [0.0; 2];
         for x in 0..LENGTH {
@@ -339,7 +340,7 @@ mod tests {
 
     const AMPLITUDE: f64 = 1e-4;
 
-    /// The part of a group of waves that comes back from an opening.
+    /// Returns the part of a group of waves that comes back from an opening.
     fn returned(mut fluid: Fluid<f64>, speed: f64, wavelength: f64, downstream: bool) -> f64 {
         let sign = if downstream { 1.0 } else { -1.0 };
         let width = wavelength.min(0.1 * length());
@@ -392,7 +393,7 @@ mod tests {
         assert_eq!(others, Vec::<&str>::new());
     }
 
-    /// An outflow that holds the mean of the pressure at rest.
+    /// Returns an outflow that holds the mean of the pressure at rest.
     fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
         let links = convective_outflow::Links::new((0, true), carried);
         let wave = PlaneWave::at_pressure(length());
@@ -432,7 +433,7 @@ mod tests {
         }
     }
 
-    /// Largest deviation from the steady flow after each passage of sound, of a start from rest.
+    /// Returns the largest deviation from the steady flow after each passage of sound, of a start from rest.
     fn start(absorbs: [bool; 2], foreseen: bool) -> (Fluid<f64>, Vec<f64>) {
         const SPEED: f64 = 0.01;
         let forecast = foreseen.then(|| -> Forecast { Box::new(|_| SPEED) });

@@ -48,7 +48,7 @@ impl Report for Paths {
     }
 }
 
-/// The boundary of a text and the paths of what is found about it.
+/// Returns the boundary of a text and the paths of what is found about it.
 fn resolved(text: &str) -> (Toys, Vec<String>) {
     let no_table = |_: &std::path::Path| Err("there is no table".to_owned());
     let mut paths = Paths::default();

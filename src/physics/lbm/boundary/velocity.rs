@@ -141,7 +141,7 @@ impl Model for Velocity {
     }
 }
 
-/// Turbulence carried in by the mean of a profile over the cells of its patch.
+/// Returns turbulence carried in by the mean of a profile over the cells of its patch.
 fn synthetic(
     written: &Fluctuations,
     place: &Place<'_>,
@@ -217,7 +217,7 @@ struct Absorbing {
 }
 
 impl Links {
-    /// The profile times a ramp.
+    /// Returns the profile times a ramp.
     #[must_use]
     pub fn new(profile: Profile, ramp: Ramp) -> Self {
         Self {

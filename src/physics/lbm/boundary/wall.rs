@@ -38,7 +38,7 @@ struct Run {
 }
 
 impl Run {
-    /// Its links.
+    /// Returns its links.
     fn links(&self) -> impl Iterator<Item = WallLink> {
         let Self { first, line } = *self;
         (0..line.count).map(move |k| {
@@ -55,7 +55,7 @@ impl Run {
         })
     }
 
-    /// The run with one more link, where the link continues it.
+    /// Returns the run with one more link, where the link continues it.
     fn with(self, next: &WallLink) -> Option<Self> {
         let Self { first, line } = self;
         let apart = next.link.near.checked_sub(first.link.near)?;
@@ -79,7 +79,7 @@ pub(crate) struct Walls {
 }
 
 impl Walls {
-    /// The links of a slab of `planes`.
+    /// Returns the links of a slab of `planes`.
     pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
         links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
         let mut runs: Vec<Run> = Vec::new();
@@ -105,19 +105,19 @@ impl Walls {
         }
     }
 
-    /// Every link.
+    /// Returns every link.
     pub(crate) fn links(&self) -> impl Iterator<Item = WallLink> {
         self.runs.iter().flat_map(Run::links)
     }
 
-    /// Every link of walls that move or let water in.
+    /// Returns every link of walls that move or let water in.
     pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
         let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
         moving.flat_map(Run::links)
     }
 
-    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is
-    /// the distance from plane to plane: runs that stand alike in planes side by side become one rectangle.
+    /// Returns the links as copies of numbers after a pass of this parity; the factor of each is that of its patch.
+    /// `plane` is the distance from plane to plane: runs that stand alike in planes side by side become one rectangle.
     pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         let mut all: Vec<Copies> = Vec::new();
         // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
@@ -212,7 +212,7 @@ impl Run {
         }
     }
 
-    /// The numbers of some of its links.
+    /// Returns the numbers of some of its links.
     fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         let link = self.first.link;
         Row::new(

@@ -19,7 +19,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Bounds for flows up to a lattice velocity.
+    /// Returns the bounds for flows up to a lattice velocity.
     #[must_use]
     pub const fn up_to(lattice_velocity: f64, holds: f64, fails: f64) -> Self {
         Self {
@@ -29,7 +29,7 @@ impl Bounds {
         }
     }
 
-    /// Bounds for flows of any speed.
+    /// Returns the bounds for flows of any speed.
     #[must_use]
     pub const fn always(holds: f64, fails: f64) -> [Self; 1] {
         [Self::up_to(f64::INFINITY, holds, fails)]
@@ -148,7 +148,7 @@ pub(super) const CYLINDER: [Border; 2] = [
     ]),
 ];
 
-/// A border behind an inlet in 2-D: the map of all flows in 2-D with openings.
+/// Returns a border behind an inlet in 2-D: the map of all flows in 2-D with openings.
 const fn cylinder(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "cylinder-10",
@@ -162,7 +162,7 @@ pub(super) const DUCT_WITH_EDDIES: Border = Border {
     bounds: &Bounds::always(5.0, 10.0),
 };
 
-/// A border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
+/// Returns a border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
 pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "cavity-3d-20",
@@ -170,7 +170,7 @@ pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
     }
 }
 
-/// A border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
+/// Returns a border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
 pub(super) const fn duct(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "duct-20",

@@ -132,8 +132,8 @@ const WEIGHT: [f64; 3] = [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0];
 /// Their moments of order 0, 1, 2.
 const MOMENT: [f64; 3] = [1.0, 0.0, 1.0 / 3.0];
 
-/// Numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights; `k` is
-/// their sum.
+/// Converts numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights;
+/// `k` is their sum.
 #[inline(always)]
 fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     let (sum, difference) = (plus + minus, plus - minus);
@@ -142,7 +142,7 @@ fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     [zeroth, first, u.neg_mul_add(difference + first, sum)]
 }
 
-/// The way back: (rest, +, -).
+/// Returns the inverse transform: (rest, +, -).
 #[inline(always)]
 fn compose<N: Lanes>([zeroth, first, second]: [N; 3], u: N, k: f64) -> [N; 3] {
     let difference = u.mul_add(zeroth + N::splat(k), first);

@@ -25,7 +25,7 @@ pub struct Wave {
 }
 
 impl Wave {
-    /// Its length in cells.
+    /// Returns its length in cells.
     #[must_use]
     pub fn length(&self) -> f64 {
         let squares = self.vector.map(|n| f64::from(n) * f64::from(n));
@@ -48,7 +48,7 @@ static ANALYSED: Mutex<Vec<(Vec<f64>, Wave)>> = Mutex::new(Vec::new());
 /// The most operators that are remembered; later ones are analysed each time.
 const REMEMBERED: usize = 64;
 
-/// The wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
+/// Returns the wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
 #[must_use]
 pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wave {
     let linear = linear::<L, C, Q>(operator, [0.0; 3]);
@@ -64,14 +64,14 @@ pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wav
     wave
 }
 
-/// The wave that grows most with a linear operator that treats all axes alike.
+/// Returns the wave that grows most with a linear operator that treats all axes alike.
 fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     let vectors =
         (1..=NUMBERS).flat_map(|z| (0..=z).flat_map(move |y| (0..=y).map(move |x| [x, y, z])));
     most::<L, Q>(linear, vectors)
 }
 
-/// The wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of
+/// Returns the wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of
 /// [`NUMBERS`] to both sides along each axis. A wave and its opposite grow alike.
 #[must_use]
 pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
@@ -88,7 +88,7 @@ pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     most::<L, Q>(&linear, vectors)
 }
 
-/// The wave that grows most among some.
+/// Returns the wave that grows most among some.
 fn most<L: Lattice<Q>, const Q: usize>(
     linear: &[[f64; Q]; Q],
     vectors: impl Iterator<Item = [i8; 3]>,
@@ -184,7 +184,7 @@ impl<const Q: usize> Matrix<Q> {
         largest.ln()
     }
 
-    /// The largest modulus of an eigenvalue.
+    /// Returns the largest modulus of an eigenvalue.
     fn radius(mut self) -> f64 {
         let mut logarithm = self.scale();
         let mut before = logarithm;

@@ -84,8 +84,9 @@ impl Model for Parameters {
     }
 }
 
-/// The border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a lid in
-/// 2-D, in 3-D, and in a duct between openings with 19 and with 27 velocities; `single` where both rates are one.
+/// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a
+/// lid in 2-D, in 3-D, and in a duct between openings with 19 and with 27 velocities; `single` where both rates are
+/// one.
 ///
 /// With eddies, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky (`benches/accuracy/eddy-models`),
 /// and so did ducts between openings, where the operators with more rates hold.

@@ -26,7 +26,7 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize);
 
-    /// The kernels that do the same on a GPU; none where there are none.
+    /// Returns the kernels that do the same on a GPU; none if there are none.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
 
     /// Starts the pass over all cells on a GPU made for this kernel, after populations of a parity.
@@ -196,7 +196,7 @@ impl Choice {
         }
     }
 
-    /// The pass on a velocity set.
+    /// Returns the pass on a velocity set.
     pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
         match set {
             VelocitySet::D2Q9 => self.operator.dispatch(On::<D2Q9, S, 9>::new(self)),

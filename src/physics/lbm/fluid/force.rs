@@ -21,7 +21,7 @@ pub enum Force {
 }
 
 impl Force {
-    /// Force at a step.
+    /// Returns the force at a step.
     #[must_use]
     pub fn at(&self, step: f64) -> [f64; 3] {
         match *self {

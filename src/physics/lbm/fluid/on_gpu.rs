@@ -32,7 +32,7 @@ pub fn kernel_exists(
         .is_some_and(|kernel| kernel.exists(stored))
 }
 
-/// A GPU for a slab.
+/// Returns a GPU for a slab.
 ///
 /// # Errors
 /// What stands against it, or what the GPU reports.
@@ -162,8 +162,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// The extreme values of all rows where the populations are on a GPU, in the order of [`Populations::rows`]; none
-    /// where they are here. None of any row where the GPU fails, which the next step reports.
+    /// Returns the extreme values of all rows where the populations are on a GPU, in the order of
+    /// [`Populations::rows`]; none if they are here. None of any row where the GPU fails, which the next step reports.
     pub(in crate::lbm) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
         let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
         let found = gpu.extremes(self.populations.parity(), self.half_force());

@@ -16,7 +16,7 @@ impl<S: Stored> Fluid<S> {
         self.force.at(now).map(|f| 0.5 * f)
     }
 
-    /// Body force of the last step.
+    /// Returns the body force of the last step.
     #[must_use]
     pub fn last_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -35,7 +35,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Density deviation and velocity of an interior cell (position from `Populations::cell`).
+    /// Returns the density deviation and velocity of an interior cell (position from `Populations::cell`).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
         if !self.holds_water(cell) {
@@ -99,7 +99,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
+    /// Returns the extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
     pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
         if self.corrects_velocities() {
             self.row_states(cell, length, work);
@@ -141,8 +141,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with
-    /// turbulence that of eddies smaller than a cell too.
+    /// Returns the deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units;
+    /// with turbulence that of eddies smaller than a cell too.
     #[must_use]
     pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
         let (drho, u) = self.state(cell);
@@ -181,15 +181,15 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.left(&self.populations, counts)
     }
 
-    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells
-    /// for which `counts` holds (local coordinates).
+    /// Returns the mass that left each patch during the last step, on this rank, in quanta: through the faces of those
+    /// cells for which `counts` holds (local coordinates).
     pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries
             .mass_through(&self.populations, counts, masses);
     }
 
-    /// Local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
+    /// Returns the local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
     fn interior_coordinates(&self, position: usize) -> [usize; 3] {
         let (at, cells) = (
             self.populations.coordinates(position),

@@ -434,7 +434,7 @@ fn threads_do_not_show() {
     }
 }
 
-/// A moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
+/// Returns a moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
 fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Setup {
     let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
     s.periodic = periodic;

@@ -51,7 +51,7 @@ struct Moment {
     parity: Parity,
 }
 
-/// The planes of a share that are so far from its ends.
+/// Returns the planes of a share that are so far from its ends.
 fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
     let first = share.start + distance;
     first..share.end.saturating_sub(distance).max(first)

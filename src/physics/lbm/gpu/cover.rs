@@ -149,7 +149,7 @@ impl Room {
         })
     }
 
-    /// Its address.
+    /// Returns its address.
     pub(super) fn address(&self, stream: &Arc<CudaStream>) -> u64 {
         self.there.device_ptr(stream).0
     }
@@ -209,7 +209,7 @@ impl Room {
     }
 }
 
-/// An address on the GPU.
+/// Returns an address on the GPU.
 pub(super) fn pointer<T>(address: u64) -> *mut T {
     // A GPU has addresses of 64 bits, as has any host that it serves.
     std::ptr::without_provenance_mut(usize::try_from(address).unwrap_or(0))

@@ -34,7 +34,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// The work for a slab that is the whole domain.
+    /// Returns the work for a slab that is the whole domain.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -49,7 +49,7 @@ impl Program {
         Self { passes, cells }
     }
 
-    /// The pass that follows populations of a parity.
+    /// Returns the pass that follows populations of a parity.
     #[must_use]
     pub fn after(&self, parity: Parity) -> &Pass {
         &self.passes[usize::from(parity == Parity::Reversed)]
@@ -57,7 +57,7 @@ impl Program {
 }
 
 impl Pass {
-    /// The pass over populations that lie as after `before`.
+    /// Returns the pass over populations that lie as after `before`.
     fn new<S: Stored>(
         populations: &Populations<S>,
         boundaries: &Boundaries<S>,

@@ -24,7 +24,8 @@ fn has_avx512() -> bool {
 }
 
 impl Level {
-    /// The widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and comparisons).
+    /// Returns the widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and
+    /// comparisons).
     #[must_use]
     pub fn best() -> Self {
         let wish = std::env::var("SOLVER_LANES").unwrap_or_default();
@@ -43,7 +44,7 @@ impl Level {
         Self::Scalar
     }
 
-    /// Name for the provenance of a run.
+    /// Returns the name for the provenance of a run.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

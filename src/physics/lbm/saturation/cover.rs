@@ -107,7 +107,7 @@ impl Cover {
         self.motions
     }
 
-    /// Axes from slowest to fastest.
+    /// Returns the axes from slowest to fastest.
     pub(crate) fn order(&self) -> [usize; 3] {
         self.order
     }
@@ -117,17 +117,17 @@ impl Cover {
         self.version.load(Ordering::Relaxed)
     }
 
-    /// Owner and fraction of all cells, by position.
+    /// Returns the owner and fraction of all cells, by position.
     pub(crate) fn cells(&self) -> (&[u32], &[f32]) {
         (&self.owner, &self.fraction)
     }
 
-    /// The bodies by slot.
+    /// Returns the bodies by slot.
     pub(crate) fn solids(&self) -> &[Solid] {
         &self.solids
     }
 
-    /// The parts of each cell of several bodies, by the place in its owner.
+    /// Returns the parts of each cell of several bodies, by the place in its owner.
     pub(crate) fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
         let lists = self.lists.iter_mut().map(Shelf::get);
         let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
@@ -253,19 +253,19 @@ impl Cover {
         thread_pool::each_item(&mut parts, 1, |_, part| work(part));
     }
 
-    /// The part of a cell that is solid.
+    /// Returns the part of a cell that is solid.
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(self.fraction[position].min(1.0))
     }
 
-    /// The fraction as it is held: [`DEEP`] deep inside a body, negative in a ghost cell.
+    /// Returns the fraction as it is held: [`DEEP`] deep inside a body, negative in a ghost cell.
     #[cfg(test)]
     pub(crate) fn held(&self, position: usize) -> f32 {
         self.fraction[position]
     }
 
-    /// Id of the body that fills most of a cell, if solids fill half of it.
+    /// Returns the id of the body that fills most of a cell, if solids fill half of it.
     #[must_use]
     pub fn body_at(&self, position: usize) -> Option<u64> {
         if self.fraction[position] < 0.5 {
@@ -299,7 +299,7 @@ impl Cover {
         })
     }
 
-    /// Velocity of the solids in a cell: `at` are its local coordinates.
+    /// Returns the velocity of the solids in a cell: `at` are its local coordinates.
     #[must_use]
     pub fn velocity<const D: usize>(&self, position: usize, at: [i32; 3]) -> [f64; 3] {
         let owner = self.owner[position];
@@ -327,8 +327,8 @@ impl Cover {
         }
     }
 
-    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are
-    /// its local coordinates. Ghost cells count, what is behind walls does not.
+    /// Returns the velocity of the solids in a cell that they fill by half and more, at a point `offset` from its
+    /// centre: `at` are its local coordinates. Ghost cells count, what is behind walls does not.
     #[must_use]
     pub fn velocity_beside<const D: usize>(
         &self,
@@ -365,7 +365,7 @@ impl Cover {
         })
     }
 
-    /// The part of a cell or ghost cell that bodies fill; none behind a wall.
+    /// Returns the part of a cell or ghost cell that bodies fill; none behind a wall.
     #[must_use]
     pub fn part(&self, position: usize) -> f64 {
         match self.owner[position] {
@@ -415,7 +415,7 @@ impl Shelf {
     }
 }
 
-/// The list of a cell of several bodies, of so many, and its place there, given by its owner.
+/// Returns the list of a cell of several bodies, of so many, and its place there, given by its owner.
 fn shelved(owner: u32, count: usize) -> (usize, usize) {
     let place = (owner & !SHARED) as usize;
     (place % count, place / count)
@@ -465,7 +465,7 @@ impl Drop for Part<'_> {
 }
 
 impl Part<'_> {
-    /// Its positions.
+    /// Returns its positions.
     #[must_use]
     pub fn positions(&self) -> Range<usize> {
         self.first..self.first + self.fraction.len()
@@ -638,7 +638,7 @@ fn number(n: usize) -> u32 {
     n as u32
 }
 
-/// Sum of quanta of B as a number of cells.
+/// Returns the sum of quanta of B as a number of cells.
 #[must_use]
 pub fn cells(weight: i128) -> f64 {
     from_quanta(weight)

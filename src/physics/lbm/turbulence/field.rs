@@ -96,7 +96,7 @@ impl Axis {
 }
 
 impl Beside {
-    /// Gradient by the velocities of water `read` at numbers relative to the cell.
+    /// Returns the gradient by the velocities of water `read` at numbers relative to the cell.
     #[inline(always)]
     fn gradient(
         &self,
@@ -602,7 +602,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// The field of the slab of `populations`; all ranks call it together.
+    /// Returns the field of the slab of `populations`; all ranks call it together.
     ///
     /// # Errors
     /// When the slabs of two neighbours do not fit each other.
@@ -784,12 +784,12 @@ impl Field {
         }
     }
 
-    /// The ghosts that follow from the cells of the slab.
+    /// Returns the ghosts that follow from the cells of the slab.
     pub(crate) fn ghosts(&self) -> Arc<Ghosts> {
         self.ghosts.clone()
     }
 
-    /// The velocity of a cell, as kept.
+    /// Returns the velocity of a cell, as kept.
     #[must_use]
     pub fn velocity(&self, cell: usize) -> [f32; 3] {
         std::array::from_fn(|a| self.numbers[self.old][a * self.array + cell])
@@ -802,7 +802,7 @@ impl Field {
         }
     }
 
-    /// Gradient at one cell.
+    /// Returns the gradient at one cell.
     #[must_use]
     pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
         if let Some(place) = self.places.get(cell).filter(|place| **place > 0) {
@@ -823,7 +823,7 @@ impl Field {
         gradient
     }
 
-    /// Bytes held.
+    /// Returns the bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()

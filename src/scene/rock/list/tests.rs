@@ -4,8 +4,8 @@ use approx::assert_relative_eq;
 
 use super::*;
 
-/// Two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal turned
-/// round.
+/// Returns two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal
+/// turned round.
 fn lines() -> String {
     let cube = |x: f64| {
         format!(

@@ -22,7 +22,7 @@ pub(super) struct Buffers {
     clipped: Vec<Vector3<f64>>,
 }
 
-/// Volume of the unit cell with this lower corner inside all planes.
+/// Returns the volume of the unit cell with this lower corner inside all planes.
 pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers) -> f64 {
     let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
     buffers.cuts.clear();
@@ -45,7 +45,7 @@ pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers)
     }
 }
 
-/// Volume of a unit cube about the origin inside one plane that cuts it.
+/// Returns the volume of a unit cube about the origin inside one plane that cuts it.
 pub(super) fn cut_once(plane: &Plane) -> f64 {
     let mut m = plane.normal.map(f64::abs);
     m.sort_by(f64::total_cmp);
@@ -92,7 +92,7 @@ fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
     }
 }
 
-/// Volume of a unit cube about the origin inside the planes of `buffers.cuts`.
+/// Returns the volume of a unit cube about the origin inside the planes of `buffers.cuts`.
 pub(super) fn cut_often(buffers: &mut Buffers) -> f64 {
     let Buffers {
         cuts,
@@ -163,7 +163,7 @@ fn clip(
     std::mem::swap(polygon, clipped);
 }
 
-/// Area of a plane convex polygon.
+/// Returns the area of a plane convex polygon.
 fn area(polygon: &[Vector3<f64>]) -> f64 {
     let mut sum = Vector3::zeros();
     if let [first, rest @ ..] = polygon {

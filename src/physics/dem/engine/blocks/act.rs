@@ -77,7 +77,7 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// The action of one pair, or none where it does not touch; counts calls of the narrow phase.
+    /// Returns the action of one pair, or none if it does not touch; counts calls of the narrow phase.
     pub(super) fn act(
         &self,
         pair: &mut BlockPair,
@@ -203,7 +203,7 @@ impl<'a, S: Space> World<'a, S> {
             .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
-    /// A block at a plane, where it is one that touches.
+    /// Returns a block at a plane, where it is one that touches.
     pub(super) fn meet_plane(
         &self,
         pair: &BlockAtPlane,
@@ -227,7 +227,7 @@ impl<'a, S: Space> World<'a, S> {
         )
     }
 
-    /// The force and moment of a plane on a block; none where it does not touch.
+    /// Returns the force and moment of a plane on a block; none if it does not touch.
     pub(super) fn act_at_plane(
         &self,
         pair: &mut BlockAtPlane,

@@ -97,8 +97,8 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// The contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none where they hide
-    /// nothing but rounding.
+    /// Returns the contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none if they
+    /// hide nothing but rounding.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {
         let volume = self.part.volume;

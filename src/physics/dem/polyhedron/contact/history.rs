@@ -74,7 +74,7 @@ impl History {
         }
     }
 
-    /// Force \[N\] of the shear spring on the second, in space.
+    /// Returns the force \[N\] of the shear spring on the second, in space.
     pub(in crate::dem) fn spring(&self) -> Vector3<f64> {
         self.shear
     }

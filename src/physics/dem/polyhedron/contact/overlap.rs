@@ -170,7 +170,7 @@ impl Narrow {
         !self.polygon.is_empty()
     }
 
-    /// The contact of an overlap; none where its surface has no direction.
+    /// Returns the contact of an overlap; none if its surface has no direction.
     pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
         let area = overlap.area.norm();
         let normal = match other {
@@ -194,7 +194,7 @@ impl Narrow {
         })
     }
 
-    /// The contact of two blocks that press on each other; none where rounding leaves nothing of the overlap.
+    /// Returns the contact of two blocks that press on each other; none if rounding leaves nothing of the overlap.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.at(&overlap.centroid)?;
         // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area
@@ -213,7 +213,7 @@ impl Narrow {
         })
     }
 
-    /// Second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
+    /// Returns the second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
     pub(super) fn second_moments(
         &self,
         point: &Vector3<f64>,
@@ -283,7 +283,7 @@ pub(super) fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f6
     (b - a).cross(&(c - a)) * 0.5
 }
 
-/// Twelve times the mean of `r r^T` over a triangle of corners r.
+/// Returns twelve times the mean of `r r^T` over a triangle of corners r.
 #[inline]
 pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     let [a, b, c] = triangle;

@@ -94,7 +94,7 @@ impl World {
         }
     }
 
-    /// A closed box of this size \[m\] with a corner at the origin.
+    /// Returns a closed box of this size \[m\] with a corner at the origin.
     pub(super) fn closed(mut self, size: f64) -> Self {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             self.walls.push((axis, 0.0));
@@ -301,8 +301,8 @@ fn a_block_slides_and_sticks_on_a_slope() {
     }
 }
 
-/// The slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the steepest on
-/// which there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
+/// Returns the slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the
+/// steepest on which there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
 fn tipping(width: f64, height: f64, stiffness: f64, weight: f64) -> f64 {
     let mut best: f64 = 0.0;
     let mut angle = (width / height).atan();
@@ -423,8 +423,8 @@ fn collisions_keep_energy_and_momenta() {
     }
 }
 
-/// Ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has moved
-/// sideways since the first half, and the largest lean.
+/// Returns ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has
+/// moved sideways since the first half, and the largest lean.
 fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
     let stiffness = 1e9;
     let mut blocks = Vec::new();

@@ -31,8 +31,8 @@ impl Pair<'_> {
         narrow.blocks(&one, &two, &self.separation, model, history)
     }
 
-    /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without
-    /// the half-spaces.
+    /// Returns the widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space,
+    /// without the half-spaces.
     fn oracle(&self) -> (Vector3<f64>, f64) {
         let points: [Vec<Vector3<f64>>; 2] = [0, 1].map(|k| {
             let place = if k == 0 {
@@ -94,7 +94,7 @@ impl Pair<'_> {
     }
 }
 
-/// Boxes, hulls, tetrahedra, thin plates and needles.
+/// Returns boxes, hulls, tetrahedra, thin plates and needles.
 fn shapes() -> Vec<Polyhedron> {
     let mut found = Vec::new();
     for id in 0..60 {
@@ -114,7 +114,8 @@ fn shapes() -> Vec<Polyhedron> {
     found
 }
 
-/// Pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned alike.
+/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned
+/// alike.
 fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
     let mut draw = Stream::new(22, id, 0);
     let mut pick = || &shapes[draw.bits() as usize % shapes.len()];

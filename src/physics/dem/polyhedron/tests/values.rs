@@ -80,7 +80,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// The half-spaces of both, in space about the first's centre.
+/// Returns the half-spaces of both, in space about the first's centre.
 pub(super) fn together(
     shapes: [&Polyhedron; 2],
     orientations: &[UnitQuaternion<f64>; 2],

@@ -17,7 +17,7 @@ const OPERATORS: [SolidOperator; 4] = [
 const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
-/// A channel with walls below and above, water in its upper part.
+/// Returns a channel with walls below and above, water in its upper part.
 fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f64> {
     let cells = match set {
         VelocitySet::D2Q9 => [4, HEIGHT, 1],
