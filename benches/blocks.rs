@@ -265,7 +265,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     Ok(())
 }
 
-/// The vertices of each block where it is (m).
+/// Writes the vertices of each block where it is (m).
 fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     let blocks: Vec<Vec<[f64; 3]>> = (0..particles.owned())
         .filter_map(|k| {

@@ -203,7 +203,7 @@ fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     ])
 }
 
-/// A state of the peers, as they run it.
+/// Writes a state of the peers, as they run it.
 fn state(path: &str, as_written: bool) -> Result<(), Error> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::Io(format!("{path}: {e}")))?;
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -276,7 +276,7 @@ fn state(path: &str, as_written: bool) -> Result<(), Error> {
     Ok(())
 }
 
-/// Cost per grain of lists and of steps against the number of grains and the ratio of sizes (P-12).
+/// Measures the cost per grain of lists and of steps against the number of grains and the ratio of sizes (P-12).
 fn scaling() -> Result<(), Error> {
     for (count, ratio) in [
         (1_000_u64, 1.0),

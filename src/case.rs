@@ -230,7 +230,7 @@ fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
     });
 }
 
-/// The paths of all input files, in an order that does not depend on them.
+/// Calls a function with the paths of all input files, in an order that does not depend on them.
 fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {

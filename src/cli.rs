@@ -498,7 +498,7 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
     }
 }
 
-/// The members are separate processes. If several ranks were started, only the first one runs them.
+/// Runs a sweep, whose members are separate processes. If several ranks were started, only the first one runs them.
 fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -643,7 +643,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     Plan::prepare(document).map_err(Error::Case)
 }
 
-/// The findings, then the plan.
+/// Prints the findings, then the plan.
 fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
         print(&pretty(&shown(plan)))
@@ -796,7 +796,7 @@ fn first_rank() -> bool {
         })
 }
 
-/// A text to the standard output; a reader that has gone away is no error.
+/// Prints a text to the standard output; a reader that has gone away is no error.
 fn print(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -804,7 +804,7 @@ fn print(text: &str) -> Result<(), Error> {
     put(format!("{}\n", printable_lines(text)).as_bytes())
 }
 
-/// Bytes to the standard output as they are; a reader that has gone away is no error.
+/// Writes bytes to the standard output as they are; a reader that has gone away is no error.
 fn put(bytes: &[u8]) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -818,7 +818,7 @@ fn put(bytes: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// A text to the standard error; nothing can be done if that fails.
+/// Prints a text to the standard error; nothing can be done if that fails.
 fn report_error(text: &str) {
     if first_rank() {
         let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));

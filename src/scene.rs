@@ -559,7 +559,7 @@ fn of_times(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// The matched operator scales the times of its fluid.
+/// Reports a solid operator that scales two rates of the fluid, with a collision operator that has one.
 fn of_covered_cells(case: &Case, findings: &mut Findings) {
     if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
         (&case.coupling, &case.fluid)

@@ -321,7 +321,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.recorder.flush(view.domain)
     }
 
-    /// The last rows and outputs: the state at the end of the run, where it was not written at this step. Collective.
+    /// Writes the last rows and outputs: the state at the end of the run, where it was not written at this step.
+    /// Collective.
     ///
     /// # Errors
     /// When a file cannot be written; the same on all ranks.

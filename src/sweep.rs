@@ -160,7 +160,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
     }])
 }
 
-/// The cost of members that share a core is not meaningful.
+/// Warns that the cost of members that share a core is not meaningful.
 ///
 /// # Errors
 /// [`Error::Case`] with the three numbers.

@@ -505,8 +505,7 @@ impl Communicator {
         self.reduce_one(value, Reduction::Sum)
     }
 
-    /// Sum over all ranks of each entry in its place, modulo 2^64. The length must be the same on
-    /// all ranks.
+    /// Sums over all ranks of each entry in its place, modulo 2^64. The length must be the same on all ranks.
     pub fn all_reduce_sum_i64s(&self, values: &mut [i64]) {
         self.reduce(bytemuck::cast_slice_mut::<i64, u64>(values), Reduction::Sum);
     }
@@ -519,8 +518,7 @@ impl Communicator {
         values[0]
     }
 
-    /// Sum over all ranks of each entry in its place, modulo 2^128. The length must be the same on
-    /// all ranks.
+    /// Sums over all ranks of each entry in its place, modulo 2^128. The length must be the same on all ranks.
     pub fn all_reduce_sum_u128s(&self, values: &mut [u128]) {
         const DIGITS: usize = 4;
         if self.size() == 1 {

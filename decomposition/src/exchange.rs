@@ -112,14 +112,13 @@ impl FixedExchange {
         self.pattern.lengths()
     }
 
-    /// The buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is
-    /// still under way.
+    /// Returns the buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is still under
+    /// way.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
         self.pattern.sends_mut()
     }
 
-    /// The buffer of send number `index`, as whole items of `T`. Waits if an exchange is still
-    /// under way.
+    /// Returns the buffer of send number `index`, as whole items of `T`. Waits if an exchange is still under way.
     ///
     /// # Panics
     /// If there is no such send.

@@ -107,8 +107,8 @@ impl HaloExchange {
         })
     }
 
-    /// The buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if
-    /// an exchange is still under way.
+    /// Returns the buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if an exchange
+    /// is still under way.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> (Option<&mut [T]>, Option<&mut [T]>) {
         let (has_lower, has_upper) = (self.has_lower, self.has_upper);
         let mut buffers = self.pattern.sends_mut();

@@ -258,7 +258,7 @@ impl Persistent {
         (self.sends.len(), self.receives.len())
     }
 
-    /// The buffers to fill, in the order given at construction.
+    /// Returns the buffers to fill, in the order given at construction.
     pub(crate) fn sends_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
         self.finish();
         self.sends
@@ -266,7 +266,7 @@ impl Persistent {
             .map(|buffer| typed_mut(buffer.slice_mut()))
     }
 
-    /// Buffer number `index` to fill.
+    /// Returns buffer number `index` to fill.
     pub(crate) fn send_mut<T: Pod>(&mut self, index: usize) -> &mut [T] {
         self.finish();
         typed_mut(self.sends[index].slice_mut())

@@ -254,7 +254,7 @@ fn meshes(
     Ok(())
 }
 
-/// `planes` planes of 64 x 64 numbers, split along the first axis, and the number of each plane.
+/// Writes and reads `planes` planes of 64 x 64 numbers, split along the first axis, and the number of each plane.
 fn checkpoint(
     folder: &Path,
     step: u64,
@@ -320,7 +320,7 @@ fn read_checkpoint(
     io::group::agree(group, if right { Ok(()) } else { Err(wrong("a box")) })
 }
 
-/// An error that only one rank sees is everyone's, the same words everywhere.
+/// Checks that an error that only one rank sees becomes an error of all, with equal words.
 fn one_rank_errs(folder: &Path, group: &dyn Group, mode: Mode) -> Result<(), Error> {
     let last = group.rank() + 1 == group.size();
     let id = vec![0_u64; usize::from(!last)];
@@ -387,7 +387,8 @@ fn limit_files(bytes: u64) {
     }
 }
 
-/// The disk fails on the chosen ranks after some agreements of the second checkpoint; the first must still be found.
+/// Lets the disk fail on the chosen ranks after some agreements of the second checkpoint; the first must still be
+/// found.
 fn fail(folder: &Path, mode: Mode, who: &str, when: u32, group: &Ranks) -> Result<(), Error> {
     checkpoint(folder, 1, 64, group, mode)?;
     if who == "all" || who == group.rank().to_string() {

@@ -356,7 +356,7 @@ fn as_text(step: u64) -> Attribute {
     Attribute::Text(step.to_string())
 }
 
-/// Array names are paths of names.
+/// Checks that an array name is a path of names.
 fn check_name(name: &str) -> Result<()> {
     if name.split('/').next() == Some("checkpoint") {
         return Err(Error::invalid(name, "this name belongs to the format"));

@@ -71,7 +71,7 @@ impl<'t> Reader<'t> {
         self.units.iter().flatten().map(uncommented).collect()
     }
 
-    /// The next row.
+    /// Returns the next row.
     pub fn row(&mut self) -> Option<Row<'_>> {
         let there = std::mem::take(&mut self.pending) || self.advance();
         there.then_some(Row {

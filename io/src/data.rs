@@ -296,8 +296,8 @@ pub struct Column<'a> {
 }
 
 impl Column<'_> {
-    /// The name, type and component count are such that every reader takes them, and there is a value for each of
-    /// this rank's `places`.
+    /// Checks that name, type and component count are such that every reader takes them, and there is a value for each
+    /// of this rank's `places`.
     pub(crate) fn check(&self, places: usize) -> Result<()> {
         check_name(self.name)?;
         if !matches!(self.components, 1 | 3 | 9) {
@@ -343,7 +343,7 @@ impl Column<'_> {
     }
 }
 
-/// A name that needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
+/// Checks that a name needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
 pub(crate) fn check_name(name: &str) -> Result<()> {
     let fine = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name

@@ -177,7 +177,7 @@ impl<'a> Content<'a> {
         data + headers + texts
     }
 
-    /// All ranks describe the same file, every box fits its dataset, and the boxes fill it.
+    /// Checks that all ranks describe the same file, every box fits its dataset, and the boxes fill it.
     fn check(&self, group: &dyn Group) -> Result<()> {
         agree(group, self.parts.iter().try_for_each(Part::check))?;
         let mut description = format!("{:?}", self.folders);
@@ -271,7 +271,7 @@ pub fn write(path: &Path, content: &Content, group: &dyn Group, mode: Mode) -> R
     publish(path, group)
 }
 
-/// Everything up to the closed, complete `.part` file.
+/// Writes everything up to the closed, complete `.part` file.
 pub(crate) fn write_part(
     path: &Path,
     content: &Content,
@@ -464,7 +464,7 @@ pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
 /// Bytes of one message to rank 0: bounds its memory to this times the number of ranks.
 const PIECE: usize = 4 << 20;
 
-/// One dataset, in pieces, to rank 0. After an error there, the messages go on so that no rank waits.
+/// Sends one dataset, in pieces, to rank 0. After an error there, the messages continue so that no rank waits.
 fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Group) -> Result<()> {
     let made = file.map(|f| {
         make_dataset(f, part)
@@ -484,7 +484,7 @@ fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Gro
     written
 }
 
-/// The numbers of one dataset; rank 0 without a dataset takes part and drops them.
+/// Sends the numbers of one dataset; rank 0 without a dataset takes part and drops them.
 fn gather_numbers(
     path: &Path,
     dataset: Option<&Dataset>,
@@ -649,7 +649,8 @@ fn set_attributes(place: &Location, attributes: &[(String, Attribute)]) -> hdf5:
     Ok(())
 }
 
-/// A string of fixed length: texts of variable length live in HDF5's global heap, which several ranks cannot share.
+/// Writes a string of fixed length: texts of variable length live in HDF5's global heap, which several ranks cannot
+/// share.
 fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     if text.len() > LONGEST_TEXT {
         return Err(format!("the text {name} has {} bytes", text.len()).into());

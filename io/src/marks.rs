@@ -32,7 +32,7 @@ pub struct Marker {
 }
 
 impl Marker {
-    /// The marks of those of the named files that are there.
+    /// Returns the marks of those of the named files that are there.
     ///
     /// # Errors
     /// The system's error; [`Error::Corrupt`] where a table has become shorter.

@@ -109,7 +109,7 @@ fn mesh_grid(path: &Path, info: &FileInfo, when: Moment) -> Result<String> {
     Ok(text)
 }
 
-/// One field; `axes` are those of its places, one more is the component.
+/// Writes one field; `axes` are those of its places, one more is the component.
 fn attribute(
     text: &mut String,
     path: &Path,

@@ -216,7 +216,7 @@ fn row(table: &mut String, soil: &str, member: &Member, deviation: &Deviation) {
     );
 }
 
-/// Settled porosity, and between which pressures the clay erodes.
+/// Writes the settled porosity and the pressures between which the clay erodes.
 fn bed(table: &mut String, soil: &str, value: &str, runs: &Path) -> Result<(), Error> {
     let sample = runs.join("packing").join(value).join("sample.csv");
     let text = fs::read_to_string(&sample)

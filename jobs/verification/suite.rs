@@ -218,7 +218,7 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// One run of the binary into an empty folder.
+/// Makes one run of the binary into an empty folder.
 fn run(
     folder: &Path,
     set: &[String],

@@ -103,7 +103,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Every way into itself leads through here.
+    /// Parses a number with its sign. Every recursion of the parser passes through this function.
     fn signed(&mut self) -> Result<f64, String> {
         if self.depth > DEEPEST {
             return Err(format!(

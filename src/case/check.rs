@@ -362,7 +362,7 @@ impl<'a> Walk<'a> {
         );
     }
 
-    /// An externally tagged enum: a word, or an object with one key that names the choice.
+    /// Checks an externally tagged enum: a word, or an object with one key that names the choice.
     fn tagged(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
         let mut names: Vec<&str> = Vec::new();
         let mut plain: Vec<&str> = Vec::new();
@@ -427,7 +427,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Optional things and untagged enums: the option of the value's own type decides what is reported.
+    /// Checks optional values and untagged enums: the option of the value's own type decides what is reported.
     fn any_of(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
         // Something optional: a copy for an attempt could be one of a million grains.
         if let [option, null] = options

@@ -187,7 +187,7 @@ fn defaults(section: &Parameter) -> Option<Example> {
     })
 }
 
-/// The first value of every known path.
+/// Collects the first value of every known path.
 fn collect(value: &Value, path: &str, known: &[String], seen: &mut BTreeMap<String, Value>) {
     if !path.is_empty() {
         seen.entry(path.to_owned()).or_insert_with(|| value.clone());

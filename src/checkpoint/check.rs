@@ -118,7 +118,7 @@ impl Expected {
         }
     }
 
-    /// The arrays of grains and contacts.
+    /// Checks the arrays of grains and contacts.
     fn tables(
         &self,
         attributes: &Value,

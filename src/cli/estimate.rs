@@ -43,7 +43,7 @@ pub(super) struct Arguments {
     max_walltime: Option<Duration>,
 }
 
-/// The runs are separate processes, as the members of a sweep.
+/// Runs an estimate, whose runs are separate processes like the members of a sweep.
 pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());

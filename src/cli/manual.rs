@@ -34,7 +34,7 @@ pub(super) fn page<C: CommandFactory>() -> std::io::Result<Vec<u8>> {
     Ok(page)
 }
 
-/// A section for a command: its sections one level lower, so that all of them make one page.
+/// Writes a section for a command: its sections one level lower, so that all of them make one page.
 fn one_command(command: &Command, page: &mut Vec<u8>) -> std::io::Result<()> {
     let man = Man::new(command.clone());
     let mut section = Vec::new();

@@ -8,7 +8,7 @@ use std::path::Path;
 /// More threads in a rank than this are a slip: no machine has as many cores for one rank.
 pub(super) const MOST_THREADS: u16 = 1024;
 
-/// A first word that is no command has to be a case: a file that is there, or what may be the name of one.
+/// Checks that a first word that is no command can be a case: a file that is there, or a possible name of one.
 ///
 /// # Errors
 /// [`Error::Usage`] where it is neither.

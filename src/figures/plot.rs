@@ -813,7 +813,7 @@ fn square(pen: &mut Pen, (x, y): (f64, f64), colour: &str, fill: &str) {
     ));
 }
 
-/// A bar with an arrow that points up.
+/// Draws a bar with an arrow that points up.
 fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
     pen.put(format_args!(
         "<path d=\"M{:.2} {y:.2}H{:.2}M{x:.2} {y:.2}V{:.2}M{:.2} {:.2}L{x:.2} {:.2}L{:.2} {:.2}\" fill=\"none\" \
@@ -829,7 +829,7 @@ fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
     ));
 }
 
-/// The values of a shape along both axes.
+/// Collects the values of a shape along both axes.
 fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     match shape {
         Shape::Line { points, .. } => {

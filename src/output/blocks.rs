@@ -51,7 +51,7 @@ impl Blocks {
         Ok(())
     }
 
-    /// The faces of a row's block.
+    /// Adds the faces of a row's block.
     fn push(&mut self, row: &[u64; NUMBERS], scene: &Scene) {
         let Some(solid) = scene.polyhedron(row[0]) else {
             return;

@@ -256,7 +256,7 @@ fn checkpoint(path: &Path, arrays: bool) -> Value {
     all
 }
 
-/// Nested names and values, two spaces a level.
+/// Writes nested names and values, two spaces a level.
 fn write_value(text: &mut String, value: &Value, level: usize) {
     let indent = "  ".repeat(level);
     // Writing to a String cannot fail.

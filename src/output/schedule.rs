@@ -34,7 +34,7 @@ impl Schedule {
         step >= self.next && self.falls_on(step)
     }
 
-    /// Time went past `step`: what was due there happened or was passed by.
+    /// Continues past `step`: outputs due there have happened or were passed.
     pub(crate) fn pass(&mut self, step: u64) {
         if step >= self.next {
             self.next = self.next_from(step + 1);

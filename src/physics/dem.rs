@@ -236,7 +236,7 @@ impl<S: Space> Dem<S> {
         Ok(Self { engine })
     }
 
-    /// One solid step. Collective.
+    /// Makes one solid step. Collective.
     ///
     /// # Errors
     /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
@@ -244,7 +244,7 @@ impl<S: Space> Dem<S> {
         self.advance_many(particles, domain, 1)
     }
 
-    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`].
+    /// Makes `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`].
     /// Collective.
     ///
     /// # Errors
@@ -258,8 +258,8 @@ impl<S: Space> Dem<S> {
         self.engine.advance(particles, domain, steps)
     }
 
-    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are
-    /// known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none
+    /// are known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
     ///
     /// # Errors
     /// As [`Self::advance`].
@@ -286,12 +286,12 @@ impl<S: Space> Dem<S> {
         self.engine.unbond();
     }
 
-    /// The bonds that failed since the last call, as this rank reports them.
+    /// Returns the bonds that failed since the last call, as this rank reports them.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
         self.engine.take_breaks()
     }
 
-    /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
+    /// Visits every contact this rank reports: those whose lower id it owns, and its grains' with walls.
     pub fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(Contact<S>)) {
         self.engine.for_each_contact(particles, &mut visit);
     }

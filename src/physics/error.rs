@@ -103,10 +103,10 @@ impl Remedy {
 /// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that
 /// contains them.
 pub trait Report {
-    /// The case is refused.
+    /// Adds an error: the case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);
 
-    /// The case is refused: it names a material that is none of `known`.
+    /// Adds an error: the case names a material that is none of `known`.
     fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]);
 }
 

@@ -60,7 +60,7 @@ impl Stream {
         }
     }
 
-    /// The next 32 random bits.
+    /// Returns the next 32 random bits.
     pub fn bits(&mut self) -> u32 {
         if self.used == 4 {
             self.words =
@@ -72,7 +72,7 @@ impl Stream {
         self.words[self.used - 1]
     }
 
-    /// The next number, uniform over [0, 1) with 53 random bits.
+    /// Returns the next number, uniform over [0, 1) with 53 random bits.
     pub fn uniform(&mut self) -> f64 {
         const UNIT: f64 = 1.0 / 9_007_199_254_740_992.0;
         let high = f64::from(self.bits() >> 5);
@@ -96,7 +96,7 @@ impl SplitMix {
         Self { state: seed }
     }
 
-    /// The next 64 random bits.
+    /// Returns the next 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;
@@ -105,13 +105,13 @@ impl SplitMix {
         z ^ (z >> 31)
     }
 
-    /// The next number, uniform over [0, 1) with 53 random bits.
+    /// Returns the next number, uniform over [0, 1) with 53 random bits.
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
-    /// The next whole number below `limit`, with a bias below `limit / 2^64`.
+    /// Returns the next whole number below `limit`, with a bias below `limit / 2^64`.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the product's high half is below `limit`"

@@ -158,7 +158,7 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     slower_clock(flow, h, dt / flow.time_step, text)
 }
 
-/// The lattice takes pressure for density: dp/(rho c_s²) must stay small.
+/// Checks dp/(rho c_s²), which must stay small because the lattice takes pressure for density.
 fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let units = flow.units(&scene.grid);
     let most = scene.guards.max_compression;

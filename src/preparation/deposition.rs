@@ -431,7 +431,7 @@ impl<'a, S: Space> Falling<'a, S> {
         })
     }
 
-    /// A new rest of these grains, under the law of the present stage.
+    /// Starts a new relaxation of these grains, under the law of the present stage.
     fn start(&mut self, grains: Vec<Placed<S>>) -> Result<(), Error> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);

@@ -480,7 +480,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// The next stage of growth to the requested sizes, or until the packing jams.
+    /// Starts the next stage of growth to the requested sizes, or until the packing jams.
     fn grow(&mut self) {
         let next = self.progress.factor * (1.0 + STAGE_GROWTH);
         self.set_factor(next.min(self.full_size()));
@@ -560,7 +560,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// If the sizes are free, reduces the mean overlap in steps to the requested value.
+    /// Reduces the mean overlap in steps to the requested value, if the sizes are free.
     fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
         let target = match self.settings.stop {
             Stop::SolidFraction(_) => {

@@ -31,7 +31,7 @@ pub trait Requests {
     /// Steps until the next check for requests; the same on all ranks.
     fn steps(&self) -> u64;
 
-    /// The strongest request of any rank. Collective.
+    /// Returns the strongest request of any rank. Collective.
     fn ask(&mut self, communicator: &Communicator) -> Request;
 }
 

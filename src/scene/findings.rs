@@ -129,7 +129,7 @@ impl<'a> Findings<'a> {
         self.problems = kept;
     }
 
-    /// The case is refused.
+    /// Adds an error: the case is refused.
     pub(crate) fn error(
         &mut self,
         path: &str,
@@ -139,7 +139,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Error);
     }
 
-    /// The case runs, and the user should know.
+    /// Adds a warning: the case runs, and the user should know.
     pub(crate) fn warn(
         &mut self,
         path: &str,
@@ -149,7 +149,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Warning);
     }
 
-    /// The case runs, but runs like it were seen to fail.
+    /// Adds a finding of instability: the case runs, but similar runs have failed.
     pub(crate) fn unstable(
         &mut self,
         path: &str,

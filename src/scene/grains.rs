@@ -462,7 +462,7 @@ fn span(grid: &Grid, grains: &[Grain]) -> String {
         .join(", ")
 }
 
-/// A saved sample, or findings.
+/// Checks a saved sample and reports findings.
 fn sample(
     case: &Case,
     written: &Path,

@@ -221,7 +221,7 @@ fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) ->
     from.unwrap_or(0.5 * end)
 }
 
-/// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
+/// Checks that periodic events happen at least once, but for a run that was made shorter on purpose.
 pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
     // A run without a length is refused for that.
     if case.time.end > 0.0 && every > case.time.end * (1.0 + 1e-12) {

@@ -325,7 +325,7 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Names solids of the case that reach into something at rest, and counts those of a sample.
+    /// Reports solids of the case that reach into something at rest, and counts those of a sample.
     fn report(
         &self,
         reaching: &[(&Standing<'_>, f64)],

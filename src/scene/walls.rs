@@ -65,7 +65,7 @@ impl Wall {
     }
 }
 
-/// Grains that nothing stops where they fall.
+/// Reports grains that nothing stops where they fall.
 fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
     let Some(gravity) = case
         .gravity
@@ -280,7 +280,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// Grains that are too large for facets in a domain that repeats so soon.
+/// Reports grains that are too large for facets in a domain that repeats so soon.
 fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
@@ -298,7 +298,7 @@ fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) 
     }
 }
 
-/// The times at which a wall comes and goes.
+/// Checks the times at which a wall comes and goes.
 fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
     let stated = [("from", wall.from), ("until", wall.until)];
     let end = case.time.end;
@@ -342,8 +342,8 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
     }
 }
 
-/// A wall of the preparation needs one in which grains move: a deposition, or the rest of bonded grains. A sample from
-/// a file may have been held by such a wall when it was made: there it is only said.
+/// Checks that a case with a wall of the preparation has a preparation in which grains move: a deposition, or the
+/// relaxation of bonded grains. A sample from a file may have been held by such a wall when it was made: there it is only said.
 fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     let source = case.grains.as_ref().map(|grains| &grains.initial);
     let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);

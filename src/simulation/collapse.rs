@@ -213,7 +213,7 @@ impl CollapseRecorder {
         agree(domain.communicator(), dropped)
     }
 
-    /// One line for each stage that began since the last call; on rank 0 only.
+    /// Returns one line for each stage that began since the last call; on rank 0 only.
     pub fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }

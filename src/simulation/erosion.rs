@@ -373,7 +373,7 @@ impl ErosionRecorder {
         agree(domain.communicator(), append(&mut self.bonds, &lines))
     }
 
-    /// The state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
+    /// Returns the state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -492,7 +492,7 @@ impl ErosionRecorder {
             && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
     }
 
-    /// The largest speed over C in a row written since the last call.
+    /// Returns the largest speed over C in a row written since the last call.
     pub fn take_speed(&mut self) -> Option<f64> {
         self.speed.take()
     }

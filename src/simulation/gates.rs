@@ -107,7 +107,7 @@ fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
     }
 }
 
-/// No grain may stand in these walls, which come now. Collective.
+/// Checks that no grain stands in these walls, which come now. Collective.
 ///
 /// # Errors
 /// The wall and the grain, the same on all ranks.

@@ -229,7 +229,7 @@ impl Guards {
         self.openings.flows(&mean).then(|| mean.imbalance())
     }
 
-    /// The part about the fluid in a line of the log.
+    /// Returns the part about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
             [Some(now), Some(most)] => format!(
@@ -380,7 +380,7 @@ impl Guards {
         within(self.every).min(balanced)
     }
 
-    /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
+    /// Takes the totals before a fluid step that is to be balanced. Collective.
     pub fn before<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -406,7 +406,7 @@ impl Guards {
         }
     }
 
-    /// After the fluid step, before anything moved: closes the balance. Collective.
+    /// Closes the balance after the fluid step, before any body moves. Collective.
     pub fn after<Sp: Space, S: Stored>(
         &mut self,
         flow: Option<&dyn LatticeFlow<Sp, S>>,

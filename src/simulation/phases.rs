@@ -125,7 +125,7 @@ impl Phases {
         }
     }
 
-    /// The time since the last call belongs to `phase`.
+    /// Adds the time since the last call to `phase`.
     pub fn done(&mut self, phase: Phase) {
         let (now, now_waited) = (Instant::now(), waited());
         if let Some(k) = PHASES.iter().position(|&p| p == phase) {

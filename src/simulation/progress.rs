@@ -112,7 +112,7 @@ impl Progress {
         self.last_step = moment.step;
     }
 
-    /// A sentence that stays.
+    /// Prints a sentence that stays.
     pub fn note(&self, text: &str) {
         if self.speaks && !text.is_empty() {
             let before = if self.terminal { "\r\x1b[2K" } else { "" };
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// A process in a made-up `/proc`.
+    /// Makes a process in a made-up `/proc`.
     fn process(proc: &Path, id: u32, name: &str, parent: u32, output: &str) {
         let folder = proc.join(id.to_string());
         std::fs::create_dir_all(folder.join("fd")).unwrap();

@@ -359,7 +359,7 @@ impl Removal {
         Ok(())
     }
 
-    /// The first id above all present ones, once, while all grains are still there.
+    /// Sets the first id above all present ones, once, while all grains are still there.
     fn set_first_free_id<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
         if self.generates && self.state.next_id.is_none() {
             let mine = particles.body[..particles.owned()]

@@ -488,7 +488,7 @@ fn refusal(path: &str, value: String, reason: impl Into<String>, remedy: &str) -
     }
 }
 
-/// The state must count in the cells and steps of the plan, and lie before its end.
+/// Checks that the state counts in the cells and steps of the plan, and is before its end.
 fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<(), Error> {
     let mut problems = Vec::new();
     let (theirs, ours) = (&attributes["scales"], scales(plan));
@@ -596,7 +596,7 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     dem.drive_walls(&velocities);
 }
 
-/// No grain may stand in a wall that a restart adds. Collective.
+/// Checks that no grain stands in a wall that a restart adds. Collective.
 pub(super) fn clear_of_new_walls<S: Space>(
     plan: &Plan,
     (origins, gates, step): (&[Option<usize>], &Gates, u64),

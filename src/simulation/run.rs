@@ -255,7 +255,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     Ok(threads)
 }
 
-/// Runs, and writes down how it ended where the run itself could not. Collective.
+/// Runs, and records the outcome if the run itself could not. Collective.
 fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
     let summary = start.folder.path().join("summary.json");
     let folder = start.folder.path().display().to_string();

@@ -256,7 +256,7 @@ impl Watch {
         mine
     }
 
-    /// A checkpoint was written and took `cost`.
+    /// Notes that a checkpoint was written and took `cost`.
     pub fn wrote(&mut self, cost: Duration) {
         self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();

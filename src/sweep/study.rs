@@ -468,7 +468,7 @@ impl Output {
     }
 }
 
-/// A formula that no names could make readable is a problem.
+/// Reports a formula that no names could make readable.
 fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";

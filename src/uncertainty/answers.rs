@@ -95,7 +95,7 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
     Ok(found)
 }
 
-/// Numbers below an entry of the summary.
+/// Collects numbers below an entry of the summary.
 fn walk(path: &str, value: &Value, found: &mut Answers) {
     match value {
         Value::Number(number) => {
@@ -125,7 +125,7 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
     }
 }
 
-/// The components of a vector below a path have one scale.
+/// Gives the components of a vector below a path one scale.
 fn share_scale(path: &str, found: &mut Answers) {
     let ends = ["x", "y", "z"].map(|axis| format!("{path}.{axis}"));
     let places = (0..3).map(|n| format!("{path}[{n}]"));
@@ -205,7 +205,7 @@ impl Samples {
         (0..self.names.len()).filter(known)
     }
 
-    /// Each column at the last time and in the mean.
+    /// Adds each column at the last time and in the mean.
     fn columns(&self, probe: &str, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
@@ -233,7 +233,7 @@ impl Samples {
         }
     }
 
-    /// Each point at the last time and in the mean.
+    /// Adds each point at the last time and in the mean.
     fn line(&self, probe: &str, points: usize, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;

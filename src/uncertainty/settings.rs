@@ -118,7 +118,7 @@ fn scale(value: &mut Value) -> usize {
     children.map(scale).sum()
 }
 
-/// Half the solid time step of the plan; couplings happen at the same times.
+/// Halves the solid time step of the plan; couplings happen at the same times.
 fn halve_solid_step(case: &mut Value, plan: &Plan) {
     case["time"]["solid_time_step"] = (0.5 * plan.clock.solid_time_step).into();
     if let Some(interval) = case.pointer_mut("/fluid/darcy/coupling_interval")

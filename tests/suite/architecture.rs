@@ -400,7 +400,7 @@ fn complaints(path: &str, text: &str) -> Vec<String> {
     wrong
 }
 
-/// All sources below a folder, tests left out.
+/// Collects all sources below a folder, tests left out.
 pub(crate) fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
     for entry in std::fs::read_dir(root.join(folder)).unwrap() {
         let entry = entry.unwrap();

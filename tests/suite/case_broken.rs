@@ -1635,7 +1635,7 @@ fn broken_cases_are_refused_by_the_binary() {
     });
 }
 
-/// Each of these cases is refused by two commands.
+/// Checks that each of these cases is refused by two commands.
 fn are_refused(cases: &[(&str, &str, Break, &str)]) {
     let _cores = Cores::of(1);
     let folder = tempfile::tempdir().unwrap();

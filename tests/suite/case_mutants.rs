@@ -19,8 +19,8 @@ pub(crate) fn processor_time() -> Duration {
     Duration::from_nanos(nanoseconds.unwrap_or(0))
 }
 
-/// JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the rest are
-/// like them.
+/// Collects JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the
+/// rest are like them.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map

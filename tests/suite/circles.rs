@@ -34,7 +34,7 @@ struct File {
     used: Vec<Vec<String>>,
 }
 
-/// The paths of a tree of `use`: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
+/// Collects the paths of a tree of `use`: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
 fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     let tree = tree.trim();
     let (head, list) = match tree.find('{') {

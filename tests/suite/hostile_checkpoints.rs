@@ -402,7 +402,7 @@ fn a_table_that_was_changed_is_told() {
     );
 }
 
-/// JSON pointers of everything below a node; of long lists a few.
+/// Collects JSON pointers of everything below a node; of long lists a few.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map.iter().map(|(k, v)| (k.replace('/', "~1"), v)).collect(),

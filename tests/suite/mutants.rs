@@ -156,7 +156,7 @@ fn with_meshes() -> Vec<Seed> {
     all
 }
 
-/// JSON pointers of everything below a node; of long lists the first four and the last.
+/// Collects JSON pointers of everything below a node; of long lists the first four and the last.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -475,7 +475,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
     note
 }
 
-/// Every problem says where, why and what to do.
+/// Checks that every problem says where, why and what to do.
 fn complete(problems: &[Problem]) -> Result<(), String> {
     match problems
         .iter()

@@ -312,7 +312,7 @@ impl Running {
         }
     }
 
-    /// The process of mpirun.
+    /// Returns the process of mpirun.
     #[track_caller]
     pub(crate) fn mpirun(&mut self) -> i32 {
         let timer = self.child.id();
@@ -324,7 +324,7 @@ impl Running {
         .0
     }
 
-    /// The processes of the ranks, or the one without mpirun.
+    /// Returns the processes of the ranks, or the one without mpirun.
     #[track_caller]
     pub(crate) fn ranks(&mut self, ranks: usize) -> Vec<i32> {
         let parent = if ranks == 0 {

@@ -78,7 +78,8 @@ fn goes_on(study: &Study, name: &str, ranks: usize) {
     study.same("straight", name);
 }
 
-/// A request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the user.
+/// Checks a request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the
+/// user.
 #[track_caller]
 fn stops(study: &Study, name: &str, done: Done, code: i32) {
     let done = done.expect(code);
@@ -216,7 +217,7 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     assert!(!folder.join("preparation").exists());
 }
 
-/// A job of which a rank was killed: it ends soon, and what it left is enough.
+/// Checks a job of which a rank was killed: it ends soon, and its files are enough to continue.
 #[track_caller]
 fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
     let done = running.wait();

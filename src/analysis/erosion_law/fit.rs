@@ -669,7 +669,7 @@ pub(crate) mod tests {
         pub(crate) fn new(seed: u64) -> Self {
             Self(SplitMix::new(seed))
         }
-        /// In (0, 1).
+        /// Returns a random number in (0, 1).
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
         pub(crate) fn uniform(&mut self) -> f64 {
             ((self.0.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64

@@ -10,7 +10,7 @@ fn parameters() -> Vec<Parameter> {
 
 #[test]
 fn every_property_of_the_schema_appears() {
-    /// The keys of every object in the schema.
+    /// Collects the keys of every object in the schema.
     fn objects(node: &Value, found: &mut Vec<BTreeSet<String>>) {
         match node {
             Value::Object(map) => {

@@ -105,7 +105,7 @@ impl Network {
         }
     }
 
-    /// The contacts within half their length of a section, in its axes.
+    /// Selects the contacts within half their length of a section, in its axes.
     pub(super) fn cut(&mut self, section: Section) {
         let [right, up] = section.plane();
         let away = |p: &[f64; 3]| p[section.axis] - section.at;

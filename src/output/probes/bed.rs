@@ -87,7 +87,7 @@ impl Bed {
         }
     }
 
-    /// The columns of this step without the time. Collective.
+    /// Returns the columns of this step without the time. Collective.
     pub(super) fn sample<S: Space>(&mut self, view: &View<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);

@@ -62,7 +62,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Returns the fluid.
     fn fluid(&self) -> &Fluid<S>;
 
-    /// The fluid, to set its state.
+    /// Returns the fluid, to set its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
 
     /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).

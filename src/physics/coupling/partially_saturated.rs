@@ -150,7 +150,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         self.fluid.renew_velocities();
     }
 
-    /// The load of owned grain `k` from that of this step and what it kept from the step before.
+    /// Computes the load of owned grain `k` as the mean of that of this step and the one kept from the step before.
     fn average(&self, particles: &mut Particles<Sp>, k: usize) {
         let (motion, body) = (particles.motion[k], particles.body[k]);
         let water = if self.settings.without_inner_water {
@@ -294,7 +294,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.fresh = false;
     }
 
-    /// A GPU may have found the cells of the bodies by itself.
+    /// Fetches the cells of the bodies if a GPU has found them.
     fn fetch(&mut self) -> Result<(), Error> {
         self.cover_cells();
         self.fluid.fetch().map_err(Error::Internal)

@@ -232,7 +232,7 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pressure
     }
 
-    /// The pressure, to change what is imposed.
+    /// Returns the pressure, to change imposed values.
     pub fn pressure_mut(&mut self) -> &mut Pressure {
         &mut self.pressure
     }

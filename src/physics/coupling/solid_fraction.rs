@@ -40,7 +40,8 @@ pub enum Method {
     Linear,
 }
 
-/// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+/// Computes the faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres
+/// a cell.
 pub fn faces(
     shape: &Polyhedron,
     rotation: &Matrix3<f64>,

@@ -348,7 +348,7 @@ impl StructureMap {
         best
     }
 
-    /// The links that surfaces cut, each once; notes those between two cells of water.
+    /// Finds the links that surfaces cut, each once; notes those between two cells of water.
     fn cuts<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) -> Vec<Cut> {
         let velocities = populations.velocities();
         let mut found = Vec::new();

@@ -33,7 +33,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The lattice, to set its state.
+    /// Returns the lattice, to set its state.
     #[inline(never)]
     pub fn lattice_mut(&mut self) -> Option<&mut dyn LatticeFlow<Sp, S>> {
         match self {
@@ -90,7 +90,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The seepage, to set its state.
+    /// Returns the seepage, to set its state.
     #[inline(never)]
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {

@@ -74,7 +74,7 @@ impl Division<'_> {
         })
     }
 
-    /// The parts of a way along an axis that are solid, in m from its start.
+    /// Finds the solid parts of a line along an axis, in m from its start.
     fn solid_parts(&self, from: [f64; 3], axis: usize, length: f64, found: &mut Vec<[f64; 2]>) {
         found.clear();
         let mut along = [0.0; 3];

@@ -339,7 +339,7 @@ impl Multigrid {
         }
     }
 
-    /// The right side of the finest level, to be filled over the part.
+    /// Returns the right side of the finest level, to be filled over the part.
     pub(super) fn right_side(&mut self) -> &mut [f32] {
         &mut self.levels[0].b
     }
@@ -349,7 +349,7 @@ impl Multigrid {
         &self.levels[0].x
     }
 
-    /// One V-cycle from zero. Collective.
+    /// Makes one V-cycle from zero. Collective.
     pub(super) fn cycle(&mut self) {
         let last = self.levels.len() - 1;
         if last == 0

@@ -67,7 +67,7 @@ pub trait Law: Sync {
         true
     }
 
-    /// K \[m2\] of every cell.
+    /// Computes K \[m2\] of every cell.
     fn fill(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &mut [f64]) {
         for (cell, permeability) in permeability.iter_mut().enumerate() {
             *permeability = self.permeability(

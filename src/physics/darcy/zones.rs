@@ -253,7 +253,7 @@ impl Zones {
         all
     }
 
-    /// The medium of a point.
+    /// Returns the medium of a point.
     fn medium(
         &mut self,
         zones: &[Zone],
@@ -382,7 +382,7 @@ fn planes(grid: &Grid, zones: &[Zone], axis: usize) -> Vec<f64> {
 /// Part of the edge of a cell by which a plane misses the edge and still lies on it.
 const ON_THE_EDGE: f64 = 1e-9;
 
-/// The edges of a cell along an axis with the planes between them.
+/// Collects the edges of a cell along an axis with the planes between them.
 fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
     let edge = |n: usize| grid.origin[axis] + crate::number::real(n) * grid.spacing[axis];
     let (low, high) = (edge(cell), edge(cell + 1));
@@ -555,8 +555,8 @@ impl Conduct {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
     }
 
-    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed,
-    /// weighted as in [`Law::change`].
+    /// Computes the largest relative change, along any axis, from the permeabilities that are given to those of the
+    /// bed, weighted as in [`Law::change`].
     pub fn change(
         &mut self,
         zones: &Zones,

@@ -107,7 +107,7 @@ impl Body {
 }
 
 impl<S: Space> Particles<S> {
-    /// The scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
+    /// Sets the scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
     /// [`Self::add_block`], and after [`Self::from_table`] where the rows hold blocks.
     ///
     /// # Errors
@@ -176,7 +176,7 @@ impl<S: Space> Particles<S> {
         self.view().volume(k)
     }
 
-    /// An error that names the first owned entry whose shape is not in the table.
+    /// Returns an error that names the first owned entry whose shape is not in the table.
     pub(super) fn check_shapes(&self) -> Result<(), Error> {
         let count = self.shapes.len();
         let unknown = |shape: u32| shape != SPHERE && shape as usize >= count;

@@ -56,7 +56,7 @@ pub(super) trait Array {
     fn push(&mut self, value: Self::Item);
     /// Drops all elements beyond the first `entries`.
     fn truncate(&mut self, entries: usize);
-    /// Element `k` of the result is element `order[k]` of the array.
+    /// Rearranges the array: element `k` of the result is element `order[k]`.
     fn arrange(&mut self, order: &[usize]);
     /// Reads the array from a table, where the table holds it.
     fn load<S: Space>(&mut self, name: &str, from: &Table) -> Result<(), Error>
@@ -118,7 +118,7 @@ impl<T: Copy> Optional<T> {
         self.is_present = true;
     }
 
-    /// The scene has the array no more.
+    /// Frees the array: the scene has it no more.
     pub(super) fn free(&mut self) {
         *self = Self::default();
     }
@@ -267,7 +267,7 @@ macro_rules! grain_arrays {
                 $( Array::truncate(&mut self.$derived, entries); )*
             }
 
-            /// Entry `k` of the result is entry `order[k]`.
+            /// Rearranges the arrays: entry `k` of the result is entry `order[k]`.
             fn arrange_arrays(&mut self, order: &[usize]) {
                 $( Array::arrange(&mut self.$given, order); )*
                 $( Array::arrange(&mut self.$held, order); )*
@@ -377,7 +377,7 @@ macro_rules! grain_arrays {
                 } )*
             }
 
-            /// The arrays from the columns of a table.
+            /// Loads the arrays from the columns of a table.
             fn load_columns(&mut self, from: &Table) -> Result<(), Error> {
                 $( Array::load::<S>(
                     &mut self.$given,

@@ -236,7 +236,7 @@ pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     tangent
 }
 
-/// A tangent behind `numbers`.
+/// Appends a tangent behind `numbers`.
 pub(super) fn save_tangent<T: Components>(tangent: &T, numbers: &mut Vec<f64>) {
     for k in 0..T::COUNT {
         numbers.push(tangent.get(k));

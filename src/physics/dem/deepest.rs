@@ -58,7 +58,7 @@ impl Record {
         }
     }
 
-    /// A contact of entry `first`, whose smaller radius is `smaller` \[m\].
+    /// Notes a contact of entry `first`, whose smaller radius is `smaller` \[m\].
     #[inline(always)]
     pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
         if overlap > self.filter * smaller {

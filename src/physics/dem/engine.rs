@@ -238,7 +238,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// `steps` solid steps. Collective.
+    /// Makes `steps` solid steps. Collective.
     pub(super) fn advance(
         &mut self,
         particles: &mut Particles<S>,
@@ -385,7 +385,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
+    /// Computes the contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
     fn all_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -405,8 +405,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\].
-    /// Where several threads do it, the spheres then move in `phase`: the fastest.
+    /// Computes the contact loads of all owned spheres at the present positions and velocities; histories advance by
+    /// `dt` \[s\]. With several threads the spheres then also move in `phase`; in that case returns the fastest.
     fn sphere_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -436,7 +436,7 @@ fn largest(domain: &Domain, value: f64) -> f64 {
     domain.communicator().all_reduce_max_f64(value)
 }
 
-/// An error that names the first own grain whose numbers went bad.
+/// Returns an error that names the first own grain whose numbers went bad.
 fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {

@@ -109,7 +109,7 @@ pub(super) fn index(k: usize) -> u32 {
     k as u32
 }
 
-/// The shifts of all images of grain `k` whose centre lies within `reach` of the box `bounds`.
+/// Finds the shifts of all images of grain `k` whose centre lies within `reach` of the box `bounds`.
 fn image_shifts<S: Space>(
     particles: &Particles<S>,
     k: usize,

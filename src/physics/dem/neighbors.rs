@@ -455,7 +455,7 @@ impl Search {
         self.found = found;
     }
 
-    /// The pairs of some entries with the large.
+    /// Finds the pairs of some entries with the large bodies.
     fn find_large<S: Space>(
         &self,
         particles: &View<'_, S>,

@@ -444,7 +444,7 @@ impl<S: Space> Particles<S> {
         self.arrange(&order);
     }
 
-    /// Owned grains in rising order of id; call without ghosts.
+    /// Sorts owned grains in rising order of id; call without ghosts.
     pub(super) fn sort(&mut self) {
         if !self.body.is_sorted_by_key(|body| body.id) {
             let mut order: Vec<usize> = (0..self.owned).collect();

@@ -384,8 +384,8 @@ impl Surface {
         })
     }
 
-    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach:
-    /// by rising number of the facet. `found` is emptied first.
+    /// Finds the contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within
+    /// reach: by rising number of the facet. `found` is emptied first.
     pub fn contacts(
         &self,
         near: &[u32],

@@ -385,7 +385,7 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every
+    /// Makes one step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every
     /// incoming population of the slab is in place, except those at moving bodies, which the coupling sets.
     #[inline(never)]
     pub fn advance(&mut self) {
@@ -654,7 +654,7 @@ impl<S: Stored> Fluid<S> {
         self.cover.as_ref()
     }
 
-    /// The cover of the cells, for the coupling.
+    /// Returns the cover of the cells, for the coupling.
     pub fn cover_mut(&mut self) -> Option<&mut Cover> {
         self.cover.as_mut()
     }
@@ -665,7 +665,7 @@ impl<S: Stored> Fluid<S> {
         &self.populations
     }
 
-    /// The lattice array, for the coupling and for restarts.
+    /// Returns the lattice array, for the coupling and for restarts.
     pub fn populations_mut(&mut self) -> &mut Populations<S> {
         self.shared_with_gpu = false;
         &mut self.populations

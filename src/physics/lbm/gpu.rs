@@ -416,7 +416,7 @@ impl Gpu {
             .collect())
     }
 
-    /// Density deviation and momenta of the cells of a row, of populations of a parity.
+    /// Computes the density deviation and momenta of the cells of a row, of populations of a parity.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -556,7 +556,7 @@ impl Gpu {
         }
     }
 
-    /// The fractions of the cells of a row of the cover that was given last, from a position on.
+    /// Reads the fractions of the cells of a row of the cover that was given last, from a position on.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -615,7 +615,7 @@ impl Gpu {
 }
 
 impl Drop for Gpu {
-    /// No work may use memory that goes.
+    /// Waits for the end of all work before memory is freed.
     fn drop(&mut self) {
         let streams = [
             Some(&self.stream),

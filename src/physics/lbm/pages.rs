@@ -42,7 +42,7 @@ impl<S: Stored> Pages<S> {
         })
     }
 
-    /// The first number.
+    /// Returns the address of the first number.
     pub(super) fn start(&mut self) -> *mut S {
         self.start
     }

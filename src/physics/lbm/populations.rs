@@ -331,7 +331,7 @@ impl<S: Stored> Populations<S> {
         &self.memory
     }
 
-    /// The whole array, to write.
+    /// Returns the whole array, to write.
     ///
     /// # Panics
     /// As [`Self::numbers`].
@@ -394,7 +394,7 @@ impl<S: Stored> Populations<S> {
         self.away
     }
 
-    /// The numbers go elsewhere, or come back.
+    /// Marks the numbers as held by the GPU, or as current again.
     pub(crate) fn set_away(&mut self, away: bool) {
         self.away = away;
     }
@@ -584,7 +584,7 @@ fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
 /// Bytes ahead that are asked for where rows are summed.
 const AHEAD: usize = 256;
 
-/// Density deviation and momenta of the cells of a row from where it has each population.
+/// Adds the density deviation and momenta of the cells of a row from where it has each population.
 ///
 /// # Safety
 /// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the

@@ -26,7 +26,7 @@ pub trait Solid: Debug + Send + Sync {
     /// Returns the smallest box that holds it, infinite if it has no end.
     fn extent(&self) -> [Point; 2];
 
-    /// The parts of the way from `from` by `along` that lie inside, as parts of its length between 0 and 1, apart and
+    /// Finds the parts inside of the line from `from` by `along`, as parts of its length between 0 and 1, apart and
     /// rising. They are added to `found`, which is empty.
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         trace(self, from, along, found);
@@ -60,8 +60,8 @@ const GRAZING: u32 = 16;
 /// The longest of them.
 const LONGEST: f64 = 1e-2;
 
-/// [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length passes
-/// over nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
+/// Finds [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length
+/// passes over nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
 pub(super) fn trace<S: Solid + ?Sized>(
     solid: &S,
     from: Point,

@@ -28,7 +28,7 @@ struct Judged<'a> {
     error: Result<(f64, &'static Bound), String>,
 }
 
-/// The promise for the cells of a scene, chosen or stated.
+/// Computes the promise for the cells of a scene, chosen or stated.
 pub(crate) fn judge(
     scene: &mut Scene,
     case: &Case,

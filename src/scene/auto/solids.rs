@@ -75,7 +75,7 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Touching discs leave no path for the fluid in 2-D.
+/// Warns that touching discs leave no path for the fluid in 2-D.
 pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(

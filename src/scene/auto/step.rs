@@ -396,7 +396,7 @@ fn smallest(scene: &Scene) -> f64 {
     }
 }
 
-/// The eddies that the cells are too wide for, unless the case says otherwise.
+/// Chooses a model for the eddies that the cells are too wide for, unless the case says otherwise.
 fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Option<f64>) {
     if lbm.turbulence.is_some() {
         return;
@@ -427,7 +427,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     scene.chosen.note("turbulence", text);
 }
 
-/// The cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
+/// Chooses the operator of lowest cost that is stable at the relaxation time, and the velocity set that it needs.
 fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     let speed = fastest(scene, flow).map_or(0.0, |speed| speed.value);
     let tau = flow.relaxation_time;
@@ -475,7 +475,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
 }
 
-/// f32 halves the memory and the traffic of a draft in 3-D.
+/// Chooses the storage: f32 halves the memory and the traffic of a draft in 3-D.
 fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
     if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;

@@ -360,7 +360,7 @@ fn half(plan: &Plan, n: u64) -> u64 {
     every.step(n / 2) + (n % 2) * every.step(1) / 2
 }
 
-/// Half intervals `from..=to`, each with a grain gone through either region and a broken bond.
+/// Runs half intervals `from..=to`, each with a grain gone through either region and a broken bond.
 fn run(recorder: &mut ErosionRecorder, plan: &Plan, from: u64, to: u64) {
     let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(0.7e-4));
     for step in from..=to {

@@ -151,13 +151,13 @@ impl Nearest {
         self.reach = 0.0;
     }
 
-    /// A cell that is not watched.
+    /// Handles a cell that is not watched.
     #[inline(always)]
     fn pass(&mut self, beyond: f64) {
         self.others = self.others.min(beyond.abs());
     }
 
-    /// A cell that is watched unless others are nearer.
+    /// Adds a cell that is watched unless others are nearer.
     #[inline(always)]
     fn watch(&mut self, cell: [i32; 3], beyond: f64) {
         if beyond.abs() >= self.others {
@@ -376,7 +376,8 @@ mod tests {
     use crate::lbm::populations::Populations;
     use crate::random::Stream;
 
-    /// No cell centre is nearer to the surface than the slack, and none but those watched nearer than the reach.
+    /// Checks that no cell centre is nearer to the surface than the slack, and none but those watched nearer than the
+    /// reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();
         let grid = Grid {

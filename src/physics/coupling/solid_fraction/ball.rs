@@ -206,7 +206,7 @@ impl BallTable {
         self.fractions = fractions;
     }
 
-    /// The corners of a plane.
+    /// Finds the corners of a plane.
     #[inline(always)]
     fn plane<const FAST: usize>(&self, plane: usize, parts: &mut [f64]) {
         let [slow, middle, _] = self.order;
@@ -250,7 +250,7 @@ impl BallTable {
     }
 }
 
-/// The edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of
+/// Tabulates the edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of
 /// [`edge`](crate::ball::edge).
 #[inline(always)]
 fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges: &mut Vec<f64>) {
@@ -322,8 +322,8 @@ impl Work for Layer<'_> {
     }
 }
 
-/// The filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that along the
-/// middle one.
+/// Sums up the filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that
+/// along the middle one.
 #[inline(always)]
 fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     edges: [&[f64]; 4],

@@ -212,8 +212,8 @@ impl BlockTable {
         add(cell, &cut.row);
     }
 
-    /// The filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row has no
-    /// meaning: up to [`WIDEST`] numbers.
+    /// Computes the filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row
+    /// has no meaning: up to [`WIDEST`] numbers.
     pub fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         let length = self.cells[2] + 1;
         let within = &self.within[row * length..][..length];

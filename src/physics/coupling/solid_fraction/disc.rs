@@ -83,9 +83,9 @@ impl DiscTable {
         self.fractions.resize(self.along.size.len() + WIDEST, 0.0);
     }
 
-    /// The filled parts of `count` cells from number `first` on in a row, counted across the fast axis. Rows in rising
-    /// order share their corners. The value of a cell inside the disc and of one which it does not reach has no
-    /// meaning, nor has what is beyond the row: up to [`WIDEST`] numbers.
+    /// Computes the filled parts of `count` cells from number `first` on in a row, counted across the fast axis. Rows
+    /// in rising order share their corners. The value of a cell inside the disc and of one which it does not reach has
+    /// no meaning, nor has what is beyond the row: up to [`WIDEST`] numbers.
     #[inline(always)]
     pub(crate) fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         if self.fast == 0 {

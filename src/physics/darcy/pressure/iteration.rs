@@ -10,7 +10,7 @@ use crate::darcy::reproducible::{dot, power_above};
 use crate::number::single;
 
 impl Pressure {
-    /// Conjugate gradients: iterations and relative residual.
+    /// Iterates conjugate gradients; returns the number of iterations and the relative residual.
     pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
         if self.fresh {
             // So that water that nothing drives is at rest exactly.
@@ -160,7 +160,7 @@ impl Pressure {
         self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
     }
 
-    /// `residual = right - A phi`, and its largest size on any rank.
+    /// Computes `residual = right - A phi`, and its largest size on any rank.
     fn first_residual(&mut self) -> f64 {
         self.slab.halo.fill(&mut self.phi);
         let (layout, matrix, phi, right) = (

@@ -289,7 +289,7 @@ impl ContactModel for Blocks {
         self.parameters.get(a, b).stiffness(section)[0]
     }
 
-    /// The law of blocks prepares no grains but for their friction.
+    /// Changes the friction only: the law of blocks prepares no grains.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);

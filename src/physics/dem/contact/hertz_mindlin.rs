@@ -350,7 +350,7 @@ impl ContactModel for HertzMindlin {
         1e-2 * self.parameters.get(material, material).moduli[0]
     }
 
-    /// The springs of elastic spheres have no stiffness of their own: friction alone is changed.
+    /// Changes the friction only: the springs of elastic spheres have no stiffness of their own.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);

@@ -193,7 +193,7 @@ impl Parameters {
         self.normal_stiffness.at(diameter) * self.stiffness_ratio.max(1.0)
     }
 
-    /// Other springs and friction for the preparation of grains.
+    /// Sets other springs and friction for the preparation of grains.
     pub(super) fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         if let Some(stiffness) = normal_stiffness {
             self.normal_stiffness = Scaled::Absolute(stiffness);

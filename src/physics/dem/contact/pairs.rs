@@ -48,7 +48,7 @@ impl<P> PairTable<P> {
         self.rows.iter()
     }
 
-    /// Every row, each pair twice, to be changed.
+    /// Returns every row, each pair twice, for changes.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut P> {
         self.rows.iter_mut()
     }

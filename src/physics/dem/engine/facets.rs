@@ -69,8 +69,8 @@ impl<C, M> Default for Facets<C, M> {
 }
 
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
-    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The
-    /// loads are those from grain `first` on.
+    /// Computes the contacts of the sphere of pair `k` with its surface and adds them to its load; they are held for
+    /// the next step. The loads are those from grain `first` on.
     #[inline(always)]
     pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -142,8 +142,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         pair.held = (start, ghosts::index(self.next.len()));
     }
 
-    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from
-    /// grain `first` on.
+    /// Computes the contacts of all active pairs of spheres: found anew, each with the history it had. The loads are
+    /// those from grain `first` on.
     #[inline(always)]
     pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,

@@ -27,7 +27,7 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// The history of a pair among those of rising key, if it has one.
+    /// Returns the history of a pair among those of rising key, if it has one.
     #[inline]
     pub(super) fn find<H: Copy>(&mut self, histories: &[(Key, H)], key: &Key) -> Option<H> {
         if self.first != Some(key.first) {
@@ -116,7 +116,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
-    /// Key and history of each contact this rank reports, in no order: with grains, then with walls.
+    /// Visits key and history of each contact this rank reports, in no order: with grains, then with walls.
     pub(in crate::dem) fn each_history(
         &self,
         mut grains: impl FnMut(Key, &L::History),

@@ -216,7 +216,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         }
     }
 
-    /// The loads of the grains of a part.
+    /// Computes the loads of the grains of a part.
     fn load<const PERIODIC: bool>(&self, from: &Cut, part: &mut Part<S>, share: Share<'_, S, L>) {
         let Share {
             pairs,
@@ -286,8 +286,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.lists.parts.moved.resize(entries, Motion::default());
     }
 
-    /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains
-    /// in `phase`: whether this was done, and the fastest.
+    /// Computes the contact loads of all own grains; histories advance by `dt` \[s\]. If there are several parts, each
+    /// then also moves its grains in `phase`; in that case returns the fastest.
     pub(super) fn forces_by_parts<const PERIODIC: bool>(
         &mut self,
         particles: &mut Particles<S>,

@@ -71,7 +71,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         })
     }
 
-    /// Every contact this rank reports: those of pairs whose first it owns, and those with walls.
+    /// Visits every contact this rank reports: those of pairs whose first it owns, and those with walls.
     pub(in crate::dem) fn for_each_contact(
         &self,
         particles: &Particles<S>,
@@ -96,7 +96,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// A sphere at facets as contacts.
+    /// Visits a sphere at facets as contacts.
     pub(super) fn sphere_facet_contacts(
         &self,
         particles: &Particles<S>,

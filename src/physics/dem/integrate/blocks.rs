@@ -34,7 +34,7 @@ struct How<'a, S: Space> {
     damping: Damping,
 }
 
-/// A half kick of a free body.
+/// Makes a half kick of a free body.
 fn kick<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,

@@ -182,7 +182,8 @@ enum Other<'a> {
 }
 
 impl Narrow {
-    /// Two blocks: the lower id first. `separation` [m] leads from the first's centre to the second's.
+    /// Finds the contact of two blocks: the lower id first. `separation` [m] leads from the first's centre to the
+    /// second's.
     pub fn blocks(
         &mut self,
         first: &Placed,
@@ -242,8 +243,8 @@ impl Narrow {
         finish(found, first, history)
     }
 
-    /// A block (the first) and what fills the space behind a plane (the second): `normal` points out of that, and the
-    /// block's centre stands `height` [m] above it.
+    /// Finds the contact of a block (the first) and the solid that fills the space behind a plane (the second):
+    /// `normal` points out of that, and the block's centre stands `height` [m] above it.
     pub fn plane(
         &mut self,
         block: &Placed,
@@ -292,7 +293,7 @@ impl Narrow {
         finish(found, block, history)
     }
 
-    /// The contact of an overlap whose deepest point is known.
+    /// Condenses the contact of an overlap whose deepest point is known.
     fn condense(
         &mut self,
         first: &Polyhedron,

@@ -126,7 +126,7 @@ impl RotationState {
     }
 }
 
-/// A turn of the body about one of its axes: q times the turn, and the momentum as the turned body sees it.
+/// Turns the body about one of its axes: q times the turn, and the momentum in the turned body frame.
 #[inline(always)]
 fn turn(q: &mut Quaternion<f64>, momentum: &mut Vector3<f64>, axis: usize, angle: f64) {
     let (sin, cos) = (0.5 * angle).sin_cos();

@@ -126,7 +126,7 @@ fn rebound(zeta: f64, part: f64) -> f64 {
     (particles.motion[1].velocity[0] - particles.motion[0].velocity[0]) / speed
 }
 
-/// Two spheres of 2 mm that meet obliquely, one of them spinning, against LIGGGHTS.
+/// Compares two spheres of 2 mm that meet obliquely, one of them spinning, against LIGGGHTS.
 fn compare_collision(table: &str, friction: f64, gamma: f64) {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
     let normal_damping = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
@@ -268,7 +268,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
     }
 }
 
-/// A grain on a plane: final speed of a body that slides, then rolls (validation.md 4.3).
+/// Runs a grain on a plane: final speed of a body that slides, then rolls (validation.md 4.3).
 fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let (radius, g) = (0.05, 9.81);
     let body = Body::uniform::<S>(1, radius, 2600.0, 0);

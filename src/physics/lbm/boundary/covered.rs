@@ -34,7 +34,7 @@ pub(super) struct OpenCells {
 }
 
 impl OpenCells {
-    /// One more link; those of one cell come one after another.
+    /// Adds a link; those of one cell come one after another.
     pub(super) fn add(&mut self, (cell, local): (usize, [usize; 3]), link: Link) {
         match self.cells.last_mut() {
             Some(last) if last.cell == cell => last.count += 1,

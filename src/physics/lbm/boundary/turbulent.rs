@@ -125,7 +125,7 @@ impl Inlet {
         }
     }
 
-    /// A link of a cell of the whole domain along `c`; `strength` is I |U| where it crosses the face.
+    /// Adds a link of a cell of the whole domain along `c`; `strength` is I |U| where it crosses the face.
     pub(super) fn add(
         &mut self,
         cell: [usize; 3],

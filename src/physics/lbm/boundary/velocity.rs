@@ -82,7 +82,7 @@ impl Model for Velocity {
         self.profile.resolve((site, &path), read, report);
     }
 
-    /// Turbulence enters with the mean flow.
+    /// Checks that turbulence enters with the mean flow.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
         let mean =
             || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));

@@ -169,7 +169,7 @@ impl<const Q: usize> Matrix<Q> {
         all
     }
 
-    /// The largest number becomes 1; the logarithm of what it was.
+    /// Scales the largest number to 1; returns the logarithm of its former value.
     fn scale(&mut self) -> f64 {
         let numbers = || self.0.iter().flat_map(|part| part.as_flattened());
         let largest = numbers().fold(0.0, |most: f64, x| most.max(x.abs()));

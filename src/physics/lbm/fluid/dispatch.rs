@@ -20,7 +20,7 @@ use std::marker::PhantomData;
 
 /// Operator, force and eddies, chosen once: what a step does to some cells at a time.
 pub(super) trait Step<S: Stored>: Send + Sync {
-    /// One pass over the cells of a block by a worker; `force` is that of this step.
+    /// Makes one pass over the cells of a block by a worker; `force` is that of this step.
     ///
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
@@ -66,7 +66,7 @@ struct Chosen<S: Stored, C, T, F> {
 #[cfg(test)]
 type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
 
-/// The pass over all cells, one by one, by the functions of the kernels of GPUs.
+/// Makes the pass over all cells, one by one, by the functions of the kernels of GPUs.
 ///
 /// # Safety
 /// The numbers must be those of the slab of the program, and the view that of its cover.

@@ -520,7 +520,7 @@ fn two_steps_in_one_sweep_are_two_steps() {
     assert!(swept > 80, "{swept}");
 }
 
-/// The work of a GPU, done on the host by the functions that the kernels are made of.
+/// Does the work of a GPU, done on the host by the functions that the kernels are made of.
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
     let before = fluid.populations.parity();
@@ -667,7 +667,7 @@ fn a_gpu_makes_the_same_steps_with_solids() {
     assert!(touched > 300, "{touched}");
 }
 
-/// Three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
+/// Adds three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
 fn put_solids(fluid: &mut Fluid<f64>) {
     let places: Vec<_> = fluid.populations.interior().collect();
     let cover = fluid.cover.as_mut().unwrap();

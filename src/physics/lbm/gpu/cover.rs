@@ -163,7 +163,7 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// The bytes of the host, at least so many.
+    /// Returns the bytes of the host, at least so many.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;
@@ -477,7 +477,7 @@ impl OnGpu {
         self.fractions[self.now].device_ptr(&self.stream).0
     }
 
-    /// The fractions of the cells of a row from a position on.
+    /// Reads the fractions of the cells of a row from a position on.
     pub(super) fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), DriverError> {
         let there = self.fractions[self.now].slice(first..first + fractions.len());
         self.stream.memcpy_dtoh(&there, fractions)?;

@@ -60,7 +60,8 @@ impl Level {
 /// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set
 /// ([`Level::run`]).
 pub(crate) trait Work {
-    /// The loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction set.
+    /// Runs the loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction
+    /// set.
     fn run(self);
 }
 

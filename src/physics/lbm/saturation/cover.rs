@@ -176,7 +176,7 @@ impl Cover {
         std::mem::take(self.changed.get_mut())
     }
 
-    /// A wall at rest fills these ghost cells.
+    /// Marks these ghost cells as filled by a wall at rest.
     pub fn wall_off(&mut self, ghosts: impl Iterator<Item = usize>) {
         for position in ghosts {
             self.fraction[position] = -1.0;
@@ -208,13 +208,13 @@ impl Cover {
         }
     }
 
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the
-    /// negative.
+    /// Sets the `fraction` of the cell at a position that body `slot` fills, or [`DEEP`]; 0 removes the body. For a
+    /// ghost cell the fraction is negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         self.whole().cover(position, slot, fraction);
     }
 
-    /// All cells, to be covered by one worker.
+    /// Returns all cells, to be covered by one worker.
     pub fn whole(&mut self) -> Part<'_> {
         Part {
             first: 0,
@@ -561,7 +561,7 @@ impl Part<'_> {
 }
 
 impl Lists {
-    /// Body `slot` fills a fraction of a cell, given by its owner and fraction, in which another body is.
+    /// Adds the fraction that body `slot` fills of a cell, given by its owner and fraction, in which another body is.
     fn add_share(
         &mut self,
         (owner, held): (&mut u32, &mut f32),

@@ -66,7 +66,7 @@ fn swirl(p: [f64; 3]) -> (f64, [f64; 3]) {
     )
 }
 
-/// Two overlapping bodies that move and turn.
+/// Covers cells by two overlapping bodies that move and turn.
 fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
     let plane = cells[2] == 1;
     let position =

@@ -85,7 +85,7 @@ impl History {
         self.shear = *shear;
     }
 
-    /// No contact any more: springs are gone, what speeds up the search stays.
+    /// Releases the contact: springs are dropped, data that accelerate the search stay.
     pub(super) fn release(&mut self) {
         self.normal = Vector3::zeros();
         self.shear = Vector3::zeros();

@@ -33,7 +33,7 @@ pub(super) struct Overlap {
 }
 
 impl Narrow {
-    /// The overlap of both solids, its volume summed up about `near`.
+    /// Computes the overlap of both solids, its volume summed up about `near`.
     pub(super) fn overlap(
         &mut self,
         first: &Polyhedron,
@@ -231,7 +231,7 @@ impl Narrow {
         sum
     }
 
-    /// Area and second moments of the section of all half-spaces across `normal` at `point`.
+    /// Computes area and second moments of the section of all half-spaces across `normal` at `point`.
     pub(super) fn section(
         &mut self,
         point: &Vector3<f64>,
@@ -257,7 +257,8 @@ impl Narrow {
     }
 }
 
-/// The planes that cut a set of vertices, those with most outside first, and how many they have outside.
+/// Finds the planes that cut a set of vertices, those with most outside first, and the number of vertices that they
+/// have outside.
 pub(super) fn cutters(
     planes: &[HalfSpace],
     vertices: &[Vector3<f64>],
@@ -291,7 +292,7 @@ pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()
 }
 
-/// A square across `normal`, counter-clockwise about it.
+/// Makes a square across `normal`, counter-clockwise about it.
 pub(super) fn square(
     polygon: &mut Vec<Vector3<f64>>,
     middle: &Vector3<f64>,

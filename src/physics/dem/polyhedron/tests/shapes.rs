@@ -20,7 +20,7 @@ fn triangles(solid: &Solid) -> Vec<[Vector3<f64>; 3]> {
     found
 }
 
-/// Euler's formula, planes through vertices, the centroid at the origin.
+/// Checks Euler's formula, planes through vertices, the centroid at the origin.
 fn check(shape: &Polyhedron) {
     let (v, e, f) = (
         shape.vertices().len(),

@@ -36,7 +36,7 @@ fn position(fluid: &Fluid<f64>, at: [usize; 3]) -> usize {
     fluid.populations().cell(at.map(usize::cast_signed))
 }
 
-/// A body with this motion fills parts of the cells of the lower layers.
+/// Covers parts of the cells of the lower layers by a body with this motion parts of the cells of the lower layers.
 fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
     let cells = fluid.populations().cells();
     let mut covered = Vec::new();
