@@ -77,7 +77,7 @@ fn report<S: Space>(
     Ok(())
 }
 
-/// About 2,000 discs of the piping paper.
+/// Returns about 2,000 discs of the piping paper.
 fn discs() -> PackingSettings<Plane> {
     PackingSettings {
         lower: Vector2::zeros(),
@@ -140,7 +140,7 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
     report(&name, &mut dem, &mut particles, 200)
 }
 
-/// Time this thread has been on a processor (s): what is left on a machine shared with others.
+/// Returns the time this thread has been on a processor (s): what is left on a machine shared with others.
 fn on_processor() -> f64 {
     let mut time = libc::timespec {
         tv_sec: 0,

@@ -444,7 +444,7 @@ fn ended(result: Result<(), Error>) -> i32 {
 /// Delay of the other ranks behind the first one, which reports the error.
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
-/// `solver case.json` is `solver run case.json`.
+/// Adds the default command: `solver case.json` is `solver run case.json`.
 ///
 /// # Errors
 /// [`Error::Usage`] where the first word is neither a command nor a file.

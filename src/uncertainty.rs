@@ -197,7 +197,7 @@ impl Members {
         self.grids.iter().filter(allowed).count()
     }
 
-    /// Why grids are refused.
+    /// Returns why grids are refused.
     fn refusals(&self) -> Vec<Problem> {
         let mut all = Vec::new();
         for (ratio, place) in &self.grids {
@@ -285,7 +285,7 @@ impl Members {
     }
 }
 
-/// Why a run is not possible: the first reason that is no warning.
+/// Returns why a run is not possible: the first reason that is no warning.
 fn refusal(member: &Member) -> String {
     let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
     let first = member.problems.iter().find(heavy);
@@ -390,7 +390,7 @@ fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     failed.collect()
 }
 
-/// The answers of a run, or why there are none.
+/// Returns the answers of a run, or why there are none.
 fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answers, String> {
     let folder = output.join(&member.name);
     let record = Record::read(&folder).filter(|_| member.prepared.is_some());

@@ -607,7 +607,7 @@ impl Communicator {
         })
     }
 
-    /// Cannot arise: no rank failed, so this rank has a value.
+    /// Returns the error of a case that cannot arise: no rank failed, so this rank has a value.
     fn no_value(&self) -> Disagreement {
         Disagreement {
             rank: self.rank(),

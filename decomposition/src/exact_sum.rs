@@ -237,7 +237,7 @@ const STEPS: f64 = 4_611_686_018_427_387_904.0;
 /// Twice 2^62: magnitudes from here on do not fit.
 const STEPS_LIMIT: f64 = 2.0 * STEPS;
 
-/// `value` in steps of 2^-62, rounded towards zero: 1.0 is 2^62. For |value| < 2.
+/// Returns `value` in steps of 2^-62, rounded towards zero: 1.0 is 2^62. For |value| < 2.
 ///
 /// Outside that range the result is `i64::MAX` or `-i64::MAX`, for NaN it is `i64::MIN`; no number in
 /// the range gives one of these, so a guard can see them, and [`Fixed`] does.

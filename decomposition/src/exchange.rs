@@ -106,7 +106,7 @@ impl FixedExchange {
         Ok((exchange, receives))
     }
 
-    /// Number of messages sent and received.
+    /// Returns the number of messages sent and received.
     #[must_use]
     pub fn lengths(&self) -> (usize, usize) {
         self.pattern.lengths()

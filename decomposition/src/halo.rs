@@ -38,7 +38,7 @@ impl HaloBytes {
         Self::crossing(bytes, bytes)
     }
 
-    /// `downwards` bytes cross every cut towards lower planes, `upwards` towards higher ones.
+    /// Returns sizes for which `downwards` bytes cross every cut towards lower planes, `upwards` towards higher ones.
     #[must_use]
     pub fn crossing(downwards: usize, upwards: usize) -> Self {
         Self {

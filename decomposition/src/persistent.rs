@@ -253,7 +253,7 @@ impl Persistent {
         }
     }
 
-    /// Number of messages sent and received.
+    /// Returns the number of messages sent and received.
     pub(crate) fn lengths(&self) -> (usize, usize) {
         (self.sends.len(), self.receives.len())
     }

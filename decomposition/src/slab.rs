@@ -241,7 +241,7 @@ impl Domain {
         &self.slabs
     }
 
-    /// My rank.
+    /// Returns the rank of this process.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.communicator.rank()
@@ -253,7 +253,7 @@ impl Domain {
         self.slabs.axis
     }
 
-    /// My planes.
+    /// Returns the planes of this rank.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
         self.slabs.range(self.rank())

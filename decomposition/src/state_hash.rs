@@ -130,7 +130,7 @@ fn mix(keys: &[u64; ROUNDS], index: u64, bits: u64) -> u128 {
     (u128::from(left) << 64) | u128::from(right)
 }
 
-/// High and low half of a product of 64 by 64 bits, joined; shifts feed its high bits downwards.
+/// Returns the high and low half of a product of 64 by 64 bits, joined; shifts feed its high bits downwards.
 #[inline]
 fn fold(word: u64) -> u64 {
     let word = word ^ (word >> 32);

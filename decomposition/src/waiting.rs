@@ -71,7 +71,7 @@ pub struct Waited {
 }
 
 impl Waited {
-    /// Both together.
+    /// Returns the sum of both.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.messages + self.collectives

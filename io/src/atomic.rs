@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// The name a file has until it is complete: the same with `.part` at the end.
+/// Returns the name that a file has until it is complete: the same with `.part` at the end.
 #[must_use]
 pub fn part_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -170,7 +170,7 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Bytes this user may still write on the disk that holds `path` (a file or folder that exists).
+/// Returns the bytes that this user may still write on the disk that holds `path` (a file or folder that exists).
 ///
 /// # Errors
 /// The system's error.

@@ -60,7 +60,7 @@ impl Kind {
         .find(|kind| kind.descriptor() == *descriptor)
     }
 
-    /// `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
+    /// Returns `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
     pub(crate) fn xdmf(self) -> Option<(&'static str, usize)> {
         match self {
             Self::F32 | Self::F64 => Some(("Float", self.size())),
@@ -183,8 +183,8 @@ pub struct Maker<T, F> {
 }
 
 impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
-    /// `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range each
-    /// time.
+    /// Makes `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range
+    /// each time.
     pub fn new(count: usize, append: F) -> Self {
         Self {
             count,

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 
 /// The ranks that write one file together. Every method but the first three is called by all of them together.
 pub trait Group {
-    /// My number, from 0.
+    /// Returns the number of this rank, from 0.
     fn rank(&self) -> usize;
     /// Returns the number of ranks.
     fn size(&self) -> usize;
@@ -19,7 +19,7 @@ pub trait Group {
     fn all_ok(&self, ok: bool) -> bool;
     /// Returns the sum of `n` over the ranks before this one, and over all.
     fn offset_and_total(&self, n: u64) -> (u64, u64);
-    /// Everyone's bytes, in order of rank, on every rank.
+    /// Returns the bytes of all ranks, in order of rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
     /// Waits for all.
     fn barrier(&self);
@@ -55,7 +55,7 @@ impl Group for Alone {
     fn barrier(&self) {}
 }
 
-/// My result if all ranks succeeded, else the first failing rank's error, the same on all.
+/// Returns the result of this rank if all ranks succeeded, else the first failing rank's error, the same on all.
 ///
 /// # Errors
 /// The first failing rank's error.

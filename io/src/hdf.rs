@@ -594,7 +594,7 @@ impl Pieces {
         (from, (from + self.rows).min(self.count[self.axis]))
     }
 
-    /// Which numbers of the box a piece has.
+    /// Returns the range of numbers of the box that a piece has.
     pub(crate) fn range(&self, round: usize) -> Range<usize> {
         let (from, to) = self.span(round);
         from * self.row..to * self.row

@@ -56,7 +56,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Go on with a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
+    /// Continues a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.

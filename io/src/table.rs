@@ -66,7 +66,7 @@ impl Table {
         Self::append(path, columns.len())
     }
 
-    /// Go on with a table after a restart: rows with a step after `step`, and a last row cut short by a crash, are
+    /// Continues a table after a restart: rows with a step after `step`, and a last row cut short by a crash, are
     /// dropped. A table that is not there is started.
     ///
     /// # Errors

@@ -72,7 +72,7 @@ pub fn run(runs: &[PathBuf], output: &Path, published: Option<Published>) -> Res
     Ok(report)
 }
 
-/// `solver erosion-law`: the report of [`run`] as text or JSON.
+/// Runs `solver erosion-law`: returns the report of [`run`] as text or JSON.
 ///
 /// # Errors
 /// As [`run`].

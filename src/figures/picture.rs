@@ -414,7 +414,7 @@ fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
     std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
 }
 
-/// White to deep blue.
+/// Returns a colour from white to deep blue.
 fn water_colour(share: f64) -> [f64; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [247.0, 251.0, 255.0],

@@ -415,7 +415,7 @@ impl Mapping {
         }
     }
 
-    /// 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
+    /// Returns 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
     fn fraction(&self, value: f64) -> Option<f64> {
         let share = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),

@@ -14,7 +14,7 @@ use io::{Column, Data, Element, Image};
 
 /// A number type of a field in a file.
 pub(crate) trait Number: Element {
-    /// Rounded to the nearest.
+    /// Returns the value, rounded to the nearest.
     fn from_value(value: f64) -> Self;
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct Grains {
 const NUMBERS: usize = 3 + 6 * 3;
 
 impl Grains {
-    /// Nothing yet; with the displacements where `displaced`.
+    /// Makes an empty record; with the displacements if `displaced`.
     pub(crate) fn new(displaced: bool) -> Self {
         Self {
             displaced,
@@ -185,7 +185,7 @@ pub(crate) fn spin_vector<C: Components>(value: &C) -> [f64; 3] {
     }
 }
 
-/// In the plane forces are per metre of depth.
+/// Returns the unit of forces: in the plane they are per metre of depth.
 pub(crate) fn force_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N/m" } else { "N" }
 }

@@ -10,7 +10,7 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// From nothing: due at step 0, then at every step of the interval; without an interval never.
+    /// Starts a schedule: due at step 0, then at every step of the interval; without an interval never.
     pub(crate) fn new(every: Option<Interval>) -> Self {
         Self {
             every,
@@ -18,7 +18,7 @@ impl Schedule {
         }
     }
 
-    /// After a restart at `step`; `written`: what was due at that very step is there already.
+    /// Continues a schedule after a restart at `step`; `written`: what was due at that very step is there already.
     pub(crate) fn resumed(every: Option<Interval>, step: u64, written: bool) -> Self {
         let mut schedule = Self::new(every);
         if written {

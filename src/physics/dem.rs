@@ -99,7 +99,7 @@ pub struct Settings<S: Space> {
 }
 
 impl<S: Space> Settings<S> {
-    /// No gravity, no damping, no margin.
+    /// Returns settings without gravity, damping and margin.
     #[must_use]
     pub fn new(region: Region<S>, time_step: f64, skin: f64) -> Self {
         Self {

@@ -170,7 +170,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// 0, 1 or 2.
+    /// Returns 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -180,7 +180,7 @@ impl Axis {
         }
     }
 
-    /// `x`, `y` or `z`.
+    /// Returns `x`, `y` or `z`.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x", "y", "z"][self.index()]

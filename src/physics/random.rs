@@ -24,7 +24,7 @@ pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// High and low word.
+/// Returns the high and the low word.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the two halves of 64 bits are 32 bits each"

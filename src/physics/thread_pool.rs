@@ -503,7 +503,7 @@ fn wait(turns: &mut u32, yields: u32) -> bool {
 }
 
 impl Helper {
-    /// None where the system gives no more threads.
+    /// Starts a helper; none if the system gives no more threads.
     fn start(board: &Arc<Board>, thread: usize) -> Option<Self> {
         let sleeps = Arc::new(AtomicBool::new(false));
         let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));

@@ -24,7 +24,7 @@ impl LatticeUnits {
     /// Speed of sound squared on the lattice.
     pub const SOUND_SPEED_SQUARED: f64 = 1.0 / 3.0;
 
-    /// C = h/dt [m/s]: the scale of velocity.
+    /// Returns C = h/dt [m/s]: the scale of velocity.
     #[must_use]
     pub fn velocity_scale(&self) -> f64 {
         self.spacing / self.time_step
@@ -60,13 +60,13 @@ impl LatticeUnits {
         time / self.time_step
     }
 
-    /// Rotation rate [rad/s] to rad per fluid step.
+    /// Converts a rotation rate [rad/s] to rad per fluid step.
     #[must_use]
     pub fn angular_velocity_to_lattice(&self, rate: f64) -> f64 {
         rate * self.time_step
     }
 
-    /// Rad per fluid step to rad/s.
+    /// Converts rad per fluid step to rad/s.
     #[must_use]
     pub fn angular_velocity_to_si(&self, rate: f64) -> f64 {
         rate / self.time_step
@@ -96,7 +96,7 @@ impl LatticeUnits {
         (tau - 0.5) * Self::SOUND_SPEED_SQUARED * spacing * spacing / viscosity
     }
 
-    /// rho_0 C² \[Pa\]: the scale of pressure and stress.
+    /// Returns rho_0 C² \[Pa\]: the scale of pressure and stress.
     #[must_use]
     pub fn pressure_scale(&self) -> f64 {
         self.density * self.velocity_scale().powi(2)
@@ -181,7 +181,7 @@ impl LatticeUnits {
         self.density * self.area_scale() * self.spacing
     }
 
-    /// h² in 3-D, h in 2-D.
+    /// Returns h² in 3-D, h in 2-D.
     fn area_scale(&self) -> f64 {
         if self.dimension == 2 {
             self.spacing
@@ -196,7 +196,7 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// Piping paper: h = 2e-5 m, tau = 1.1, water.
+    /// Returns the units of the piping paper: h = 2e-5 m, tau = 1.1, water.
     fn piping() -> LatticeUnits {
         LatticeUnits {
             spacing: 2e-5,

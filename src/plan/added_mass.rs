@@ -82,7 +82,7 @@ const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// Between the points of a table, and on along its last stretch.
+/// Interpolates between the points of a table, and on along its last stretch.
 fn between(table: &[(f64, f64)], x: f64) -> f64 {
     let next = table.iter().position(|p| p.0 > x).unwrap_or(table.len());
     let [(x0, y0), (x1, y1)] = [
@@ -241,7 +241,7 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// 2 where the plan refuses for the density, 1 where it warns.
+    /// Returns 2 where the plan refuses for the density, 1 where it warns.
     fn verdict(coupling: &str, density: f64) -> u8 {
         let text = format!(
             r#"{{

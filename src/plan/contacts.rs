@@ -48,7 +48,7 @@ fn limit(stiffness: f64, dashpot: f64) -> f64 {
     4.0 / (dashpot + (dashpot * dashpot + 4.0 * stiffness).sqrt())
 }
 
-/// m r²/I of a disc or sphere.
+/// Returns m r²/I of a disc or sphere.
 fn turning(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }

@@ -59,8 +59,8 @@ pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
         .map(|(_, grain)| grain)
 }
 
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as
-/// well; of a block with all its faces in touch.
+/// Returns 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time
+/// as well; of a block with all its faces in touch.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let law = scene.contact.as_ref()?.model();
     let of_spheres = moving(scene)

@@ -316,7 +316,7 @@ pub(crate) fn size(bytes: f64) -> String {
     }
 }
 
-/// Memory of this machine \[bytes\], if the system reports it.
+/// Returns the memory of this machine \[bytes\], if the system reports it.
 fn machine_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;

@@ -12,7 +12,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// `interval` seconds in steps of `time_step` seconds.
+    /// Returns the interval of `interval` seconds in steps of `time_step` seconds.
     #[must_use]
     pub fn new(interval: f64, time_step: f64) -> Self {
         let steps = interval / time_step;

@@ -409,7 +409,7 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(falling)
     }
 
-    /// From what an earlier attempt saved.
+    /// Continues from the saved state of an earlier attempt.
     fn resume(
         deposition: &'a Deposition<S>,
         supervision: &'a Supervision<'a, S>,

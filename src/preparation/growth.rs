@@ -136,7 +136,7 @@ const STAGE_GROWTH: f64 = 2e-3;
 const STAGE_STEPS: u64 = 50;
 
 impl<S: Space> PackingSettings<S> {
-    /// Packs.
+    /// Packs the grains.
     ///
     /// # Errors
     /// Where the request makes no sense, or the packing does not come about within the steps allowed;
@@ -292,7 +292,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(growth)
     }
 
-    /// From what an earlier attempt saved.
+    /// Continues from the saved state of an earlier attempt.
     fn resume(
         settings: &'a PackingSettings<S>,
         radii: Vec<f64>,

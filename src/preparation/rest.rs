@@ -122,7 +122,7 @@ impl Rest {
         }
     }
 
-    /// From [`Self::state`].
+    /// Restores the state from [`Self::state`].
     #[must_use]
     pub fn restore(state: SavedRest) -> Self {
         Self {

@@ -113,7 +113,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         }
     }
 
-    /// Without a supervisor.
+    /// Returns a supervisor that does nothing.
     #[must_use]
     pub fn none() -> Self {
         Self::new(&Unsupervised, None)

@@ -83,7 +83,7 @@ pub struct Limit {
 }
 
 impl Chosen {
-    /// Why something was chosen; none where it was not.
+    /// Returns why something was chosen; none where it was not.
     #[must_use]
     pub fn why(&self, what: &str) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);

@@ -178,7 +178,7 @@ fn jointed(
     }
 }
 
-/// The rock before it is cut, with its joints, or findings.
+/// Returns the rock before it is cut, with its joints, or findings.
 fn rock_mass(
     case: &Case,
     grid: &Grid,

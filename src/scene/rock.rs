@@ -37,7 +37,7 @@ pub struct RockMass {
 type Part = (Piece, u64);
 
 impl RockMass {
-    /// About how many blocks the joints make, from above.
+    /// Returns an estimate of the number of blocks that the joints make, from above.
     #[must_use]
     pub fn expected(&self) -> f64 {
         let whole = Piece::of(&self.solid);

@@ -84,7 +84,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
 /// The name of the speed of what settles or rises.
 pub(crate) const SETTLING: &str = "settling (estimate)";
 
-/// That of what settles or rises.
+/// Returns the speed of bodies that settle or rise.
 fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
     let what = SETTLING.into();
@@ -200,7 +200,7 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
         .max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// That of a pressure difference.
+/// Returns the speed that a pressure difference drives.
 fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
     let what = "the pressure difference (estimate)".into();

@@ -53,7 +53,7 @@ pub fn machine(plan: &Plan) -> Machine {
     }
 }
 
-/// Time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
+/// Returns the time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
 fn file() -> std::io::Result<f64> {
     let folder = tempfile::tempdir()?;
     let mut fastest = f64::INFINITY;

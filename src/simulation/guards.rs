@@ -222,7 +222,7 @@ impl Guards {
         Some([mean.inflow, mean.outflow])
     }
 
-    /// (inflow - outflow) / max(inflow, outflow); none where nothing flows.
+    /// Returns (inflow - outflow) / max(inflow, outflow); none where nothing flows.
     #[must_use]
     pub fn imbalance(&self) -> Option<f64> {
         let mean = self.openings.mean()?;
@@ -674,7 +674,7 @@ fn lost_grain<Sp: Space>(particles: &Particles<Sp>) -> Option<u64> {
     lost.map(|k| particles.body[k].id).min()
 }
 
-/// Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
+/// Returns the Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
 pub(super) fn mach(lattice_velocity: f64) -> f64 {
     3.0_f64.sqrt() * lattice_velocity
 }

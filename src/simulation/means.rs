@@ -100,7 +100,7 @@ fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
 /// Relative difference of the two shear stresses of a bed from which they are not those of a steady stream over it.
 const ALIKE: f64 = 0.2;
 
-/// Why the shear stresses of a bed may not be what the bed bears.
+/// Returns reasons why the shear stresses of a bed may not be what the bed bears.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mean = |name: &str| values.iter().find(|v| v.quantity == name)?.mean;
     let (balance, profile) = (mean("shear_stress_balance"), mean("shear_stress_profile"));

@@ -60,7 +60,7 @@ pub(super) enum Stage {
 }
 
 impl Resumed {
-    /// With the case of the checkpoint itself.
+    /// Returns a continued run with the case of the checkpoint itself.
     pub(super) fn unchanged(found: Found) -> Self {
         Self {
             found,
@@ -550,7 +550,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     problems
 }
 
-/// Which of the old walls each new one is: of the same name, or on the same face of the domain.
+/// Returns for each new wall the old one that it is: of the same name, or on the same face of the domain.
 fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
@@ -560,7 +560,7 @@ fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// Which of the old regions each new one is: of the same name.
+/// Returns for each new region the old one that it is: of the same name.
 fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
     let generates = |plan: &Plan| {
         let regions = plan.scene.regions.iter();

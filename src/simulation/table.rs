@@ -22,7 +22,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A new table, or the one there is without the rows after `resumed_at` and without a last line that was cut off.
+    /// Opens a new table, or the present one without the rows after `resumed_at` and without a last line that was cut
+    /// off.
     pub(super) fn open(
         path: PathBuf,
         header: &str,

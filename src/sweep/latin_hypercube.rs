@@ -135,7 +135,7 @@ impl LatinHypercube {
 /// The use of the random numbers, as of the streams of a run.
 const DRAWS: u32 = 0x4c48;
 
-/// Which of `count` equally probable values lies at a place from 0 to 1.
+/// Returns which of `count` equally probable values lies at a place from 0 to 1.
 #[must_use]
 pub fn choice(place: f64, count: usize) -> usize {
     whole((place * real(count)).floor()).min(count.saturating_sub(1))

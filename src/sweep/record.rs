@@ -91,7 +91,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Before the first attempt.
+    /// Returns the record before the first attempt.
     #[must_use]
     pub fn new(case_hash: &str, solver: &str, time_limit: Option<f64>) -> Self {
         Self {

@@ -360,7 +360,7 @@ mod tests {
         }
     }
 
-    /// 3 + a h^p on three grids whose ratios differ.
+    /// Returns 3 + a h^p on three grids whose ratios differ.
     fn power(a: f64, p: f64) -> Vec<(f64, f64)> {
         let grids: [f64; 3] = [0.1, 0.16, 0.3];
         grids.iter().map(|h| (*h, 3.0 + a * h.powf(p))).collect()

@@ -169,7 +169,7 @@ pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     other(common, wanted, allowed, usable, failed)
 }
 
-/// [`another`] of cells of `common` along the common divisor of the edges.
+/// Returns [`another`] of cells of `common` along the common divisor of the edges.
 fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let apart = |a: f64, b: f64| (a / b).max(b / a);
     let new = |ratio: f64| {
@@ -201,8 +201,8 @@ fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64
     coarser.or_else(finer)
 }
 
-/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are
-/// at most `allowed` times as large.
+/// Returns up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells
+/// that are at most `allowed` times as large.
 fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
     let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);

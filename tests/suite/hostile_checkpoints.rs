@@ -83,7 +83,7 @@ impl Copy {
         self.manifest.with_file_name(name)
     }
 
-    /// Restarts; exit code and words.
+    /// Restarts; returns exit code and words.
     fn restart(&self, ranks: usize) -> (Option<i32>, String) {
         let mut words = vec!["--kill-after=5".to_owned(), "60".into()];
         if ranks > 0 {

@@ -486,7 +486,7 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
     }
 }
 
-/// In this process: whether it was accepted, with its plan.
+/// Reads a case in this process; returns its plan if it was accepted.
 fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
         if mutant.study {
@@ -519,7 +519,7 @@ fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     }
 }
 
-/// Through the binary: its exit code, or what is wrong with how it ended.
+/// Runs a case through the binary; returns its exit code, or the fault of its end.
 fn through_binary(arguments: &[String]) -> Result<i32, String> {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &(HANG.as_secs() * 6).to_string()]);

@@ -59,7 +59,7 @@ fn patience() -> f64 {
     number.unwrap_or(1.0).max(0.01)
 }
 
-/// [`LIMIT`] on this machine [s].
+/// Returns [`LIMIT`] on this machine [s].
 fn limit() -> String {
     format!("{:.0}", LIMIT * patience())
 }

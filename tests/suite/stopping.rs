@@ -17,7 +17,7 @@ const INTERVAL: u64 = 100;
 /// Steps of the whole run.
 const STEPS: u64 = 1000;
 
-/// Long enough to be interrupted: 1000 steps, a checkpoint every 100.
+/// Returns a study that is long enough to be interrupted: 1000 steps, a checkpoint every 100.
 fn study(more: &[(&str, &str)]) -> Study {
     let mut set = vec![
         ("time.end", "0.08"),
@@ -49,7 +49,7 @@ fn newest(folder: &Path) -> u64 {
         .step
 }
 
-/// The last step a table holds.
+/// Returns the last step a table holds.
 fn last_row(folder: &Path, table: &str) -> Option<u64> {
     let text = std::fs::read_to_string(folder.join(table)).ok()?;
     // The last line may be cut off.
@@ -293,7 +293,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
 struct Disk<'a>(&'a Path);
 
 impl<'a> Disk<'a> {
-    /// None, with the reason printed, where mounting is forbidden.
+    /// Mounts the file system; none, with the reason printed, if mounting is forbidden.
     fn mount(at: &'a Path, options: &str) -> Option<Self> {
         std::fs::create_dir(at).unwrap();
         let done = Command::new("mount")

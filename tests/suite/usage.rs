@@ -19,7 +19,7 @@ fn solver(arguments: &[&str]) -> Output {
     command.args(arguments).output().unwrap()
 }
 
-/// Exit code and what was written to the standard error.
+/// Returns the exit code and the text written to the standard error.
 fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     let output = solver(arguments);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -550,7 +550,7 @@ fn percentiles(values: &mut [f64]) -> Option<Interval> {
     })
 }
 
-/// Theil and Sen: median slope over all pairs, and the threshold of the median intercept.
+/// Fits by Theil and Sen: median slope over all pairs, and the threshold of the median intercept.
 fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     let mut slopes: Vec<f64> = points
         .iter()

@@ -256,7 +256,7 @@ fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
     (variance / n).sqrt() * super::statistics::student(batches - 1) / 1.960
 }
 
-/// Theil and Sen's slope of M_e(t), kg/(m s), over at most sixty-four records spread over the window.
+/// Returns Theil and Sen's slope of M_e(t), kg/(m s), over at most sixty-four records spread over the window.
 fn median_slope(records: &[&ErosionRecord]) -> f64 {
     let points = records.len().min(64);
     let pick = |k: usize| records[k * (records.len() - 1) / (points - 1)];

@@ -145,7 +145,7 @@ fn index_along(x: f64, size: f64, count: usize) -> usize {
 }
 
 impl Cells {
-    /// `count` cells that fill a box with edges `domain` \[m\].
+    /// Returns `count` cells that fill a box with edges `domain` \[m\].
     #[must_use]
     pub fn new(domain: [f64; 3], count: [usize; 3]) -> Self {
         Self {

@@ -8,7 +8,7 @@ use crate::figures::plot::{
 };
 use std::fmt::Write as _;
 
-/// At most 400 of the records, first and last among them: what a figure can show.
+/// Returns at most 400 of the records, first and last among them: what a figure can show.
 pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
     let count = records.len().min(400);
     (0..count)

@@ -96,7 +96,7 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// White paper, `most` pixels wide, or twice as high where the frame is narrower than that.
+    /// Returns white paper, `most` pixels wide, or twice as high where the frame is narrower than that.
     pub(super) fn new(frame: &Frame, most: usize) -> Self {
         let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
         let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));

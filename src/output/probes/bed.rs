@@ -135,7 +135,7 @@ struct Grains {
 }
 
 impl Grains {
-    /// Collective.
+    /// Measures the bed by the grains. Collective.
     fn measure<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
@@ -345,7 +345,7 @@ impl Planes {
         real(self.counts[row * COUNTS + which])
     }
 
-    /// Collective.
+    /// Measures the planes of cells. Collective.
     fn measure<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
         let grid = &view.plan.scene.grid;
         let [along, across, aside] = bed.axes;

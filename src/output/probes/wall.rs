@@ -31,8 +31,8 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved
-    /// since.
+    /// Makes the probe. `first`: the step at which the fluid was made or read back, with fluxes of no step; none where
+    /// it has moved since.
     pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
         let velocities = flow.lattice.velocities();
         Self {

@@ -99,7 +99,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         self
     }
 
-    /// Which cells lie inside which body.
+    /// Returns the map of the cells inside bodies.
     #[must_use]
     pub fn map(&self) -> &BodyMap {
         &self.map
@@ -335,7 +335,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// Cells inside the shells are left out of the balance of the fluid.
+    /// Leaves cells inside the shells out of the balance of the fluid.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: Some(&self.map),

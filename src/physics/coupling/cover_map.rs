@@ -129,7 +129,7 @@ struct Piece {
 }
 
 impl CoverMap {
-    /// No bodies over the slab of `populations`.
+    /// Returns a map without bodies over the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
         let origin = populations.cell([0; 3]);
         let stride = |axis: usize| {

@@ -304,7 +304,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// The bodies received what all cells lost; what is inside structures is not the water's.
+    /// Leaves out structures only: bodies receive the momentum that their cells lose.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: None,

@@ -137,7 +137,7 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    /// Collective.
+    /// Makes the exchange of a layout. Collective.
     pub(super) fn new<T>(layout: Layout, domain: &Domain, tag: u8) -> Result<Self, Disagreement> {
         let axis = domain.axis().index();
         let bytes = layout.plane_size(axis) * size_of::<T>();
@@ -187,7 +187,7 @@ pub(super) struct Gather {
 }
 
 impl Gather {
-    /// `planes`: those of every rank, none in two.
+    /// Makes the gathering of a layout. `planes`: those of every rank, none in two.
     pub(super) fn new<T>(
         layout: Layout,
         axis: usize,

@@ -25,7 +25,7 @@ pub enum MeanDiameter {
 }
 
 impl MeanDiameter {
-    /// The mean is sum w d^(k+1) / sum w d^k with this k.
+    /// Returns k: the mean is sum w d^(k+1) / sum w d^k.
     #[must_use]
     pub fn power(self) -> i32 {
         match self {

@@ -181,7 +181,7 @@ pub struct OpenWater {
 }
 
 impl OpenWater {
-    /// Open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
+    /// Returns open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
     #[must_use]
     pub fn new(grid: Grid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();

@@ -41,8 +41,8 @@ pub trait Law: Sync {
     /// Returns the law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
-    /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced
-    /// pressure \[Pa/m\].
+    /// Returns K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the
+    /// reduced pressure \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
 
     /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed

@@ -77,7 +77,7 @@ pub struct Pores {
 }
 
 impl Pores {
-    /// No grains.
+    /// Returns pores without grains.
     #[must_use]
     pub fn new(grid: Grid, method: PorosityMethod, mean: MeanDiameter) -> Self {
         let n = grid.count();

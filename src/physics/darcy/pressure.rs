@@ -666,7 +666,7 @@ impl Pressure {
         }
     }
 
-    /// Open area of the face below a cell \[m2\].
+    /// Returns the open area of the face below a cell \[m2\].
     fn area(&self, axis: usize, at: usize) -> f64 {
         0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
     }
@@ -801,7 +801,7 @@ impl Pressure {
         })
     }
 
-    /// rho g in the water \[N/m3\]; 0 in the equations as printed.
+    /// Returns rho g in the water \[N/m3\]; 0 in the equations as printed.
     #[must_use]
     pub fn weight(&self) -> [f64; 3] {
         match self.settings.equations {

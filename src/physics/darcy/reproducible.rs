@@ -12,7 +12,7 @@ use decomposition::Communicator;
 
 const LANES: usize = 8;
 
-/// Sum of `a[i] b[i]` over the cells of all ranks' parts, the same bits however they are cut. Collective.
+/// Returns the sum of `a[i] b[i]` over the cells of all ranks' parts, the same bits however they are cut. Collective.
 pub(super) fn dot<B: Copy + Into<f64>>(
     (layout, part): (&Layout, &Part),
     a: &[f64],

@@ -36,7 +36,7 @@ fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
     [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
 }
 
-/// Back from [`numbers`]. The quaternion is not normalised: the bits stay the same.
+/// Returns the state from [`numbers`]. The quaternion is not normalised: the bits stay the same.
 fn from_numbers(n: [f64; NUMBERS]) -> RotationState {
     RotationState {
         orientation: UnitQuaternion::new_unchecked(Quaternion::new(n[3], n[0], n[1], n[2])),
@@ -80,7 +80,7 @@ pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
 }
 
-/// Back from space; what has fewer components takes the first.
+/// Converts back from space; a type with fewer components takes the first.
 #[inline(always)]
 pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
     let mut spin = C::default();

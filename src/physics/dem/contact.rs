@@ -204,7 +204,7 @@ impl Law {
         })
     }
 
-    /// `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials`
+    /// Returns `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials`
     /// materials: the explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to
     /// 0.2 of the limit is usual).
     #[must_use]

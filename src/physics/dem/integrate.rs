@@ -105,7 +105,7 @@ fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
     }
 }
 
-/// `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
+/// Moves all grains. `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
 fn move_all<
     S: Space,
     const IN_PLACE: bool,

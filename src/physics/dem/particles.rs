@@ -230,7 +230,7 @@ grain_arrays! {
 }
 
 impl<S: Space> Particles<S> {
-    /// No grains.
+    /// Returns a list without grains.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

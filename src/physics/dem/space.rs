@@ -132,7 +132,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
     /// Returns the vector as a point of space: the plane is z = 0.
     fn to_volume(vector: &Self::Vector) -> Vector3<f64>;
-    /// Back from space; the plane drops z.
+    /// Converts back from space; the plane drops z.
     fn from_volume(vector: &Vector3<f64>) -> Self::Vector;
 }
 

@@ -58,7 +58,7 @@ impl Line {
         self.row + k * u32::from(self.down)
     }
 
-    /// Which of them are in some rows.
+    /// Returns the range of items in some rows.
     pub(crate) fn within(&self, rows: &Range<usize>) -> Range<usize> {
         let (first, count) = (self.row as usize, self.count as usize);
         if self.down {

@@ -113,7 +113,7 @@ pub trait Model {
         None
     }
 
-    /// Up to where runs like it were seen to hold; none where no map judges this operator.
+    /// Returns the limit up to which similar runs held; none if no map judges this operator.
     fn border(&self, situation: &Situation) -> Option<Border>;
 
     /// Returns the border for a body that moves through the fluid; none where no map judges this operator.
@@ -146,11 +146,11 @@ pub trait Kernels: Copy + Send + Sync + 'static {
     /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;
 
-    /// See [`Kernels::Uniform`].
+    /// Returns the kernel: see [`Kernels::Uniform`].
     fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> Self::Uniform<FORCED>;
-    /// See [`Kernels::Local`].
+    /// Returns the kernel: see [`Kernels::Local`].
     fn local(&self, omega: f64, force: [f64; 3]) -> Self::Local;
-    /// See [`Kernels::Covered`].
+    /// Returns the kernel: see [`Kernels::Covered`].
     fn covered(&self, omega: f64, force: [f64; 3]) -> Self::Covered;
 }
 

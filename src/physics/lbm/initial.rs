@@ -14,7 +14,7 @@ const MOST: usize = 27;
 
 /// Density deviation and velocity (lattice units) at a position in cells of the whole domain.
 pub trait Field: Sync {
-    /// State at a position; the first cell's centre is (½, ½, ½).
+    /// Returns the state at a position; the first cell's centre is (½, ½, ½).
     fn at(&self, position: [f64; 3]) -> (f64, [f64; 3]);
 }
 

@@ -117,7 +117,7 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Some planes as a whole.
+    /// Returns some whole planes.
     pub(crate) fn planes(&self, planes: Range<usize>) -> Block {
         Block {
             planes,

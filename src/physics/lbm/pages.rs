@@ -22,7 +22,7 @@ unsafe impl<S: Send> Send for Pages<S> {}
 unsafe impl<S: Sync> Sync for Pages<S> {}
 
 impl<S: Stored> Pages<S> {
-    /// `len` zeros.
+    /// Allocates `len` zeros.
     ///
     /// # Errors
     /// If the memory cannot be allocated.

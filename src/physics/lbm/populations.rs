@@ -384,7 +384,8 @@ impl<S: Stored> Populations<S> {
         };
     }
 
-    /// For each population, where a row of cells starting at `cell` reads it; the opposite is written there.
+    /// Returns, for each population, the position from which a row of cells starting at `cell` reads it; the opposite
+    /// is written there.
     pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
         std::array::from_fn(|i| self.incoming(cell, i))
     }
@@ -569,7 +570,7 @@ pub(super) const ACROSS: [[i8; 2]; 9] = [
     [-1, 1],
 ];
 
-/// Which of the arrays is that of a velocity.
+/// Returns the index of the array of a velocity.
 fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
     let across = ACROSS.iter().position(|a| *a == [c[1], c[2]]).unwrap_or(0);
     let all = if velocities.dimension == 2 { 3 } else { 9 };

@@ -50,7 +50,7 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// ν_t of a cell in lattice units.
+            /// Returns ν_t of a cell in lattice units.
             #[must_use]
             pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
                 match self {
@@ -92,7 +92,7 @@ pub trait Model {
     /// gradient g_ab = ∂u_a/∂x_b.
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// ν_t in lattice units.
+    /// Returns ν_t in lattice units.
     fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
         numerator / denominator
@@ -113,7 +113,7 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     /// Returns the fraction of the model: see [`Model::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
+    /// Returns ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
     #[inline(always)]
     fn rate<N: Lanes>(&self, viscosity: f64, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
@@ -154,7 +154,7 @@ impl Eddies for Option<EddyViscosity> {
     }
 }
 
-/// S:S of the rate of strain S = (g + gᵀ)/2.
+/// Returns S:S of the rate of strain S = (g + gᵀ)/2.
 #[inline(always)]
 fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let half = N::splat(0.5);

@@ -17,8 +17,8 @@ fn plan(case: &Value) -> Result<Plan, Vec<crate::error::Problem>> {
 
 const STIFFNESS: f64 = 1e5;
 
-/// Equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the normal
-/// one.
+/// Returns equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the
+/// normal one.
 fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Value {
     let axes = &["x", "y", "z"][..size.len()];
     let list = places
@@ -36,7 +36,7 @@ fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Val
     })
 }
 
-/// w² m/k that a limit 2/w stands for.
+/// Returns w² m/k that a limit 2/w stands for.
 fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
     4.0 * scene.mass(0, 0.01) / STIFFNESS / (limit * limit)
 }

@@ -50,7 +50,7 @@ impl Seconds {
     }
 }
 
-/// Million updates per second of one core in cells without solids.
+/// Returns the updates per second of one core in cells without solids, in millions.
 pub(super) fn mlups(lattice: VelocitySet, storage: Precision, eddies: bool) -> f64 {
     let nanoseconds = match (lattice, storage) {
         (VelocitySet::D2Q9, Precision::F64) => 5.3,

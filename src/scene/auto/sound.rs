@@ -47,7 +47,7 @@ const PASSAGES: f64 = 4.0;
 /// Time constants until the pressure before a narrow way is built up to a per cent.
 const TIME_CONSTANTS: f64 = 4.6;
 
-/// From when on values matter \[s\]: averages begin, or the run ends.
+/// Returns the time from which on values matter \[s\]: averages begin, or the run ends.
 fn when(scene: &Scene) -> f64 {
     let averages = scene.output.averages.iter().map(|averages| averages.from);
     averages
@@ -256,7 +256,7 @@ pub enum Beside {
     Flat(f64),
 }
 
-/// I of a way [1/m2].
+/// Returns I of a way [1/m2].
 #[must_use]
 pub fn resistance(way: &Way) -> f64 {
     let Way { width, beside } = *way;

@@ -24,7 +24,7 @@ pub(crate) struct Spacing {
 }
 
 impl Spacing {
-    /// That of another scene, which needs no reason.
+    /// Returns the spacing of another scene, which needs no reason.
     pub(crate) fn like(scene: &Scene) -> Self {
         Self {
             value: scene.grid.spacing,

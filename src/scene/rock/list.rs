@@ -89,7 +89,7 @@ pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     collected(made)
 }
 
-/// Our own form.
+/// Reads the program's own form.
 fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<String>> {
     let whole = values.into_iter().next().unwrap_or_default();
     let mut file: File = serde_path_to_error::deserialize(whole)
@@ -184,7 +184,7 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
     }
 }
 
-/// `[a, b, c, d]` as written.
+/// Returns `[a, b, c, d]` as written.
 pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     HalfSpace {
         normal: Vector3::new(row[0], row[1], row[2]),

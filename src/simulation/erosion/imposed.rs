@@ -4,7 +4,7 @@ use crate::dem::contact::Scaled;
 use crate::number::to_u32;
 use crate::plan::Plan;
 
-/// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
+/// Returns start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
     patches.filter_map(|patch| {
@@ -24,7 +24,7 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
     if n < 2 { f64::NAN } else { high - low }
 }
 
-/// C/d [N/m] of a pair of grains of mean size.
+/// Returns C/d [N/m] of a pair of grains of mean size.
 pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
         return 0.0;

@@ -44,12 +44,12 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    /// (inflow - outflow) / max(inflow, outflow).
+    /// Returns (inflow - outflow) / max(inflow, outflow).
     pub(super) fn imbalance(&self) -> f64 {
         (self.inflow - self.outflow) / self.inflow.max(self.outflow)
     }
 
-    /// In m3/s, or m2/s per metre of depth in 2-D.
+    /// Converts to m3/s, or m2/s per metre of depth in 2-D.
     pub(super) fn to_si(self, units: &LatticeUnits) -> Self {
         let cell = units.spacing.powi(if units.dimension == 2 { 2 } else { 3 });
         let scale = cell / units.time_step;

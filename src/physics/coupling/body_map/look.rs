@@ -182,7 +182,7 @@ impl Nearest {
     }
 }
 
-/// `d² - R²` of a cell centre at distance d from the centre of a disc or sphere of radius R: negative inside.
+/// Returns `d² - R²` of a cell centre at distance d from the centre of a disc or sphere of radius R: negative inside.
 #[inline(always)]
 fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     let square = |a: usize| {

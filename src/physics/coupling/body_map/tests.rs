@@ -37,8 +37,8 @@ fn follow<Sp: Space>(
     loads
 }
 
-/// Every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is one that
-/// was made anew.
+/// Checks that every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is
+/// one that was made anew.
 fn is_true<Sp: Space>(
     map: &BodyMap,
     particles: &Particles<Sp>,

@@ -490,7 +490,7 @@ impl<Sp: Space> Seepage<Sp> {
         change
     }
 
-    /// The flux to go on with in the drag of a cell; returns the relative change of its coefficient.
+    /// Computes the flux for the next iteration of the drag of a cell; returns the relative change of its coefficient.
     fn follow_grains(&self, cell: usize, ground: &mut Ground, found: [f64; 3]) -> f64 {
         if self.pores.solid_volume(cell) <= 0.0 || !self.settings.moves() {
             return 0.0;

@@ -260,7 +260,7 @@ fn a_source_leaves_through_the_outlet() {
     assert!((report.outflow / (0.01 * 30.0 * 1e-4) - 1.0).abs() < 1e-10);
 }
 
-/// Dense elimination of the same equations, assembled anew cell by cell.
+/// Solves the same equations by dense elimination, assembled anew cell by cell.
 fn dense(grid: &Grid, k: &[f64], low: f64, high: f64) -> Vec<f64> {
     let n = grid.count();
     let mut a = vec![vec![0.0; n + 1]; n];

@@ -21,7 +21,7 @@ pub(in crate::dem) trait Entry<S: Space>: Copy {
     fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error>;
 }
 
-/// `prefix_field`, or the field alone without a prefix.
+/// Returns `prefix_field`, or the field alone without a prefix.
 pub(in crate::dem) fn joined(prefix: &str, field: &str) -> String {
     if prefix.is_empty() {
         field.to_owned()

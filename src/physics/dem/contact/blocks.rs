@@ -282,7 +282,8 @@ impl ContactModel for Blocks {
         self.parameters.get(a, b).friction
     }
 
-    /// For stiffness per area over the section of a sphere of that diameter: no patch of what is inside it is larger.
+    /// Returns the normal stiffness; if it is per area, that over the section of a sphere of that diameter: no patch
+    /// inside it is larger.
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
         let radius = 0.5 * diameter;
         let section = std::f64::consts::PI * radius * radius;
@@ -365,8 +366,8 @@ pub struct Constants {
 }
 
 impl Blocks {
-    /// `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls of
-    /// `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
+    /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls
+    /// of `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
     /// below: 0.1 is usual.
     #[must_use]
     pub fn critical_time_step<'a>(
@@ -461,7 +462,7 @@ impl<S: Space> ContactLaw<S> for Blocks {
         out_of_space(&history.spring())
     }
 
-    /// Over the section of the sphere: no patch of what is inside it is larger.
+    /// Returns the stiffness over the section of the sphere: no patch inside it is larger.
     fn stiffness(constants: &Constants) -> [f64; 2] {
         let radius = constants.scale.radius;
         constants

@@ -276,7 +276,7 @@ pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
     friction_angle_degrees.to_radians().tan()
 }
 
-/// Default of k_s/k_n.
+/// Returns the default of k_s/k_n.
 pub(super) fn default_ratio() -> f64 {
     0.4
 }

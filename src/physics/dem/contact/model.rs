@@ -87,7 +87,7 @@ pub struct TimeLimits {
 }
 
 impl TimeLimits {
-    /// 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
+    /// Returns 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
     #[must_use]
     pub fn of_spring(mass: f64, stiffness: f64) -> Self {
         Self {

@@ -19,7 +19,7 @@ pub(super) fn effective_mass<S: Space>(particles: &View<'_, S>, i: usize, j: usi
     }
 }
 
-/// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+/// Returns `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
 pub(super) fn rolling_inertia<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
     let about = [i, j].map(|k| rolled(&particles.body[k]));
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
@@ -110,7 +110,8 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     })
 }
 
-/// From the first centre to the second, and the square of its length: the one place where it is computed.
+/// Returns the vector from the first centre to the second, and the square of its length: the one place where it is
+/// computed.
 #[inline(always)]
 pub(super) fn separation<S: Space>(
     motion: &[Motion<S>],

@@ -64,7 +64,7 @@ fn kick<S: Space>(
     motion.spin = out_of_space(&spin);
 }
 
-/// Free turn over a step; returns how far \[m\] any point of the block may have gone about its centre.
+/// Makes a free turn over a step; returns how far \[m\] any point of the block may have gone about its centre.
 fn turn<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,

@@ -153,7 +153,7 @@ impl Cut {
         None
     }
 
-    /// Without the corners that no face has.
+    /// Returns the piece without the corners that no face has.
     pub(super) fn compact(mut self) -> Self {
         let mut new = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();

@@ -148,7 +148,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// For each facet whether it meets an image of another facet back to back.
+    /// Returns `true` for each facet that meets an image of another facet back to back.
     fn inner(&self, places: &[Place]) -> Vec<bool> {
         let mut known: HashMap<Vec<Place>, Vec<(usize, [i32; 3])>> = HashMap::new();
         let mut inner = vec![false; self.len()];

@@ -665,7 +665,7 @@ impl Saved {
     }
 }
 
-/// `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
+/// Makes `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
 fn run(
     pile: Pile,
     (axis, bounds, threads): (Axis, &[usize], usize),

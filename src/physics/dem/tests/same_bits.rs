@@ -182,7 +182,7 @@ impl Saved {
     }
 }
 
-/// `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
+/// Makes `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
 fn run(
     scene: Scene,
     axis: Axis,

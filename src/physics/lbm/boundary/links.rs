@@ -32,13 +32,13 @@ pub struct Crossing<'a, S: Stored> {
 }
 
 impl<S: Stored> Crossing<'_, S> {
-    /// c_i of the direction.
+    /// Returns c_i of the direction.
     #[must_use]
     pub fn velocity(&self) -> [i8; 3] {
         self.populations.velocities().c[self.direction]
     }
 
-    /// w_i of the direction.
+    /// Returns w_i of the direction.
     #[must_use]
     pub fn weight(&self) -> f64 {
         self.populations.velocities().w[self.direction]
@@ -189,7 +189,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Some of those that start at two positions.
+    /// Returns some of those that start at two positions.
     pub(super) fn new((from, to): (usize, usize), stride: u32, some: Range<usize>) -> Self {
         let stride = stride as usize;
         let skipped = some.start * stride;

@@ -185,7 +185,7 @@ impl Inlet {
         });
     }
 
-    /// u' where the waves of the first axis begin at `a` and those of the second at `b`.
+    /// Returns u' where the waves of the first axis begin at `a` and those of the second at `b`.
     fn velocity(&self, a: usize, b: usize) -> [f64; 3] {
         let waves = self.time.len();
         let mut u = [0.0; 3];

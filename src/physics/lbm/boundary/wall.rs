@@ -223,7 +223,7 @@ impl Run {
     }
 }
 
-/// 6 w_i c_i·u
+/// Returns 6 w_i c_i·u.
 pub(crate) fn term(weight: f64, c: [i8; 3], u: [f64; 3]) -> f64 {
     6.0 * weight * (f64::from(c[0]) * u[0] + f64::from(c[1]) * u[1] + f64::from(c[2]) * u[2])
 }

@@ -75,7 +75,7 @@ impl Model for Parameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// With eddies the border lies beyond the map.
+    /// Returns the border; with eddies it lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.duct() {
             return Some(border::duct(DUCT));
@@ -163,14 +163,14 @@ struct Gaussian<N> {
 }
 
 impl<N: Lanes> Gaussian<N> {
-    /// κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
+    /// Returns κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
     #[inline(always)]
     fn fourth(self, a: N, b: N, square: N) -> N {
         let rest = square.mul_add(n::<N>(2.0), self.drho * n::<N>(-1.0 / 9.0));
         a.mul_add(b, (a + b).mul_add(n::<N>(1.0 / 3.0), rest)) * self.inverse
     }
 
-    /// κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
+    /// Returns κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
     #[inline(always)]
     fn mixed(self, a: N, straight: N, one: N, other: N) -> N {
         (a + n::<N>(1.0 / 3.0)).mul_add(straight, one * other * n::<N>(2.0)) * self.inverse
@@ -375,7 +375,7 @@ mod tests {
         g
     }
 
-    /// (c - u)^order of population i.
+    /// Returns (c - u)^order of population i.
     fn power(i: usize, u: [f64; 3], order: [i32; 3]) -> f64 {
         (0..3)
             .map(|a| (f64::from(D3Q27::C[i][a]) - u[a]).powi(order[a]))

@@ -140,7 +140,7 @@ impl<const Q: usize> Matrix<Q> {
         Self([(); 2].map(|()| Box::new([[0.0; Q]; Q])))
     }
 
-    /// D(k) C.
+    /// Returns D(k) C.
     fn new<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
         let mut all = Self::zeros();
         let [real, imaginary] = &mut all.0;

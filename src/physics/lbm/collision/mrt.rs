@@ -182,7 +182,7 @@ impl Model for Parameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// With eddies only flows under a lid are judged.
+    /// Returns the border; with eddies only flows under a lid are judged.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.eddies && !situation.lid_meets_wall {
             return None;

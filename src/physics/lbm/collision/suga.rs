@@ -133,8 +133,8 @@ impl Model for Parameters {
         Some(finding(severity, reason, remedy.into(), json!({"mrt": {}})))
     }
 
-    /// With eddies only flows under a lid are judged; with moments above the second at equilibrium the border then lies
-    /// beyond the map.
+    /// Returns the border: with eddies only flows under a lid are judged; with moments above the second at equilibrium
+    /// the border then lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
@@ -238,7 +238,7 @@ impl Basis for Polynomials {
     }
 }
 
-/// 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
+/// Returns 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
 const fn scale(a: usize, b: usize, c: usize) -> f64 {
     const NORM: [f64; 3] = [3.0, 2.0, 6.0];
     1.0 / (NORM[a] * NORM[b] * NORM[c])

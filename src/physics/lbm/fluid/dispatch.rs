@@ -184,7 +184,7 @@ impl Choice {
         }
     }
 
-    /// Without eddies, for any processor.
+    /// Returns the choice without eddies, for any processor.
     pub(super) fn plain(operator: Operator, forced: bool, covered: bool) -> Self {
         Self {
             operator,

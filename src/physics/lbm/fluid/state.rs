@@ -8,7 +8,8 @@ use crate::lbm::lanes::Stored;
 use std::ops::Range;
 
 impl<S: Stored> Fluid<S> {
-    /// F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al. 2002).
+    /// Returns F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al.
+    /// 2002).
     #[must_use]
     pub fn half_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]

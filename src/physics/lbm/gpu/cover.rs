@@ -30,7 +30,7 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    /// By names.
+    /// Loads the functions by their names.
     pub(super) fn new<E>(
         [deep, mixed]: [String; 2],
         function: impl Fn(&str) -> Result<CudaFunction, E>,

@@ -51,7 +51,7 @@ pub struct Cover {
 unsafe impl Sync for Cover {}
 
 impl Cover {
-    /// No body over the cells of `populations`, for passes by this many `workers`.
+    /// Returns a cover without bodies over the cells of `populations`, for passes by this many `workers`.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -97,7 +97,7 @@ impl Cover {
         self.balls = balls;
     }
 
-    /// If all bodies are balls that a GPU can map, how often they have moved.
+    /// Returns the number of moves of the bodies, if all are balls that a GPU can map.
     pub(crate) fn balls(&self) -> Option<u64> {
         self.balls.then_some(self.moves)
     }
@@ -288,7 +288,7 @@ impl Cover {
         self.solids.get(slot as usize).map(|solid| solid.name.id)
     }
 
-    /// B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
+    /// Returns B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
     #[must_use]
     pub fn weight(&self, position: usize) -> i64 {
         let fraction = self.fraction(position);

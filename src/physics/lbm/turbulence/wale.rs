@@ -35,7 +35,7 @@ fn one_half() -> f64 {
     0.5
 }
 
-/// S^d:S^d
+/// Returns S^d:S^d.
 #[inline(always)]
 fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let mut square = [[N::splat(0.0); 3]; 3];

@@ -58,7 +58,8 @@ pub(super) fn cut_once(plane: &Plane) -> f64 {
     if alpha <= 0.5 { part } else { 1.0 - part }
 }
 
-/// Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m = 1.
+/// Returns Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m
+/// = 1.
 fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
     const TINY: f64 = 1e-8;
     if m2 < TINY {

@@ -159,7 +159,7 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from
+    /// Does [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from
     /// `base` in `pairs`. Returns the calls of the narrow phase and the deepest contact.
     pub(super) fn act_on_pieces(
         &self,

@@ -55,7 +55,7 @@ impl History {
         ]
     }
 
-    /// From numbers.
+    /// Reads the history from numbers.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,

@@ -49,7 +49,7 @@ pub(super) struct Push {
 }
 
 impl Wrench {
-    /// It as a force at a point; none without a force.
+    /// Returns it as a force at a point; none without a force.
     pub(super) fn at(&self, point: &Vector3<f64>) -> Option<Push> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;

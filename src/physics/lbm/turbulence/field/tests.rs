@@ -77,7 +77,7 @@ fn stir(fluid: &mut Fluid<f64>, below: (usize, [f32; 3]), velocity: impl Fn([f64
     fluid.spread_velocities();
 }
 
-/// Some smooth flow by the height over a wall.
+/// Returns some smooth flow by the height over a wall.
 fn flow(at: [f64; 3], wall: f64) -> [f64; 3] {
     let y = at[1] - wall;
     [0.02 * y - 0.001 * y * y, 1e-4 * y * y, 0.003 * y]
