@@ -202,7 +202,7 @@ impl Outputs {
     /// series and the last row of each probe. Collective.
     ///
     /// # Errors
-    /// As [`Self::write_due`].
+    /// Those of [`Self::write_due`].
     pub fn write_all_now<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
         for probe in &mut self.probes {

@@ -855,7 +855,7 @@ impl<'g> Reader<'g> {
     /// Reads a box.
     ///
     /// # Errors
-    /// As [`Reader::read_into`].
+    /// Those of [`Reader::read_into`].
     pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
         // A box outside the array gets no capacity here, and its error below.
         let room = match self.shape(name) {
@@ -871,7 +871,7 @@ impl<'g> Reader<'g> {
     /// numbers.
     ///
     /// # Errors
-    /// As [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
+    /// Those of [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
     pub fn read_in_pieces<T: Element>(
         &self,
         name: &str,
@@ -900,7 +900,7 @@ impl<'g> Reader<'g> {
     /// Reads a whole array.
     ///
     /// # Errors
-    /// As [`Reader::read_into`].
+    /// Those of [`Reader::read_into`].
     pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
         let shape = self.shape(name)?.to_vec();
         self.read(name, &vec![0; shape.len()], &shape)

@@ -31,7 +31,7 @@ pub struct Image<'a> {
 /// Writes one output of a lattice. Called by all ranks.
 ///
 /// # Errors
-/// As [`hdf::write`].
+/// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
     when: Moment,

@@ -57,7 +57,7 @@ impl Cells<'_> {
 /// Writes one output of a mesh. Called by all ranks.
 ///
 /// # Errors
-/// As [`hdf::write`].
+/// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
     when: Moment,

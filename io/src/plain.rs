@@ -72,7 +72,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
 /// Returns all bytes of a plain file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open`].
+/// Those of [`open`].
 pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path, limit)?;
     let mut all = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
@@ -90,7 +90,7 @@ pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
 /// Returns the text of a plain file of at most `limit` bytes, without a byte order mark.
 ///
 /// # Errors
-/// As [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
+/// Those of [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
 pub fn text(path: &Path, limit: u64) -> Result<String> {
     let mut bytes = bytes(path, limit)?;
     if bytes.starts_with(b"\xef\xbb\xbf") {

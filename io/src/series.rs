@@ -118,7 +118,7 @@ impl Series {
     /// Writes one output of a lattice and the index. Called by all ranks; returns the heavy file.
     ///
     /// # Errors
-    /// As [`crate::hdf::write`]; the index is then as it was.
+    /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_image(
         &mut self,
         when: Moment,
@@ -135,7 +135,7 @@ impl Series {
     /// Writes one output of a mesh and the index. Called by all ranks; returns the heavy file.
     ///
     /// # Errors
-    /// As [`crate::hdf::write`]; the index is then as it was.
+    /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_mesh(
         &mut self,
         when: Moment,

@@ -75,7 +75,7 @@ pub fn run(runs: &[PathBuf], output: &Path, published: Option<Published>) -> Res
 /// Runs `solver erosion-law`: returns the report of [`run`] as text or JSON.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn command(
     runs: &[PathBuf],
     output: &Path,

@@ -248,7 +248,7 @@ impl<S: Space> Dem<S> {
     /// Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn advance_many(
         &mut self,
         particles: &mut Particles<S>,
@@ -262,7 +262,7 @@ impl<S: Space> Dem<S> {
     /// are known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.engine.prepare(particles, domain)
     }
@@ -271,7 +271,7 @@ impl<S: Space> Dem<S> {
     /// that break later do not heal. Returns the number of bonds that this rank reports. Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn bond_existing_contacts(
         &mut self,
         particles: &mut Particles<S>,

@@ -82,7 +82,7 @@ impl Rest {
     /// Bonds the contacts and stops all bodies; none if the case has no bonds. Collective.
     ///
     /// # Errors
-    /// As [`Dem::advance`].
+    /// Those of [`Dem::advance`].
     pub fn begin<S: Space>(
         scene: &Scene,
         dem: &mut Dem<S>,
@@ -141,7 +141,7 @@ impl Rest {
     /// error. Returns a line to print and the entry of the summary. Collective.
     ///
     /// # Errors
-    /// As [`Dem::advance`], and those of `save`.
+    /// Those of [`Dem::advance`], and those of `save`.
     pub fn run<S: Space, R: Requests>(
         mut self,
         dem: &mut Dem<S>,

@@ -135,7 +135,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     /// Runs a batch of the steps that are `left`, and subtracts it.
     ///
     /// # Errors
-    /// As [`Dem::advance_many`].
+    /// Those of [`Dem::advance_many`].
     pub fn advance(
         &self,
         dem: &mut Dem<S>,

@@ -476,7 +476,7 @@ impl Guards {
     /// Collective.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
         step: u64,

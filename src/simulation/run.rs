@@ -138,7 +138,7 @@ pub(crate) struct Bounds {
 /// Runs a plan on existing ranks, without messages; continues an earlier attempt that was stopped. Collective.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub(crate) fn trial(
     communicator: &Communicator,
     threads: usize,
@@ -350,7 +350,7 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
 /// tests and measurements. Outputs go to `folder`.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
     let communicator = Communicator::serial();
     let entry = Entry::Fresh {

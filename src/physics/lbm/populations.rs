@@ -334,7 +334,7 @@ impl<S: Stored> Populations<S> {
     /// Returns the whole array, to write.
     ///
     /// # Panics
-    /// As [`Self::numbers`].
+    /// On the conditions of [`Self::numbers`].
     pub fn numbers_mut(&mut self) -> &mut [S] {
         assert!(!self.away, "the populations are on the GPU");
         &mut self.memory
@@ -628,7 +628,7 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
 }
 
 /// # Safety
-/// As [`add_rows`].
+/// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn add_rows_avx2<S: Stored>(
@@ -641,7 +641,7 @@ unsafe fn add_rows_avx2<S: Stored>(
 }
 
 /// # Safety
-/// As [`add_rows`].
+/// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
 unsafe fn add_rows_avx512<S: Stored>(
