@@ -64,7 +64,7 @@ pub struct Trial {
     pub gradient: Option<f64>,
     /// Grains that left in the first half.
     pub early: u64,
-    /// In the second half.
+    /// Number in the second half.
     pub late: u64,
     /// Mean porosity where there are grains, at the end.
     pub porosity: f64,
@@ -77,7 +77,7 @@ pub struct Trial {
 pub struct Critical {
     /// The driving boundary.
     pub boundary: String,
-    /// Its quantity, with unit.
+    /// Quantity, with unit.
     pub quantity: String,
     /// The highest drive that did not erode.
     pub holds: f64,

@@ -97,7 +97,7 @@ impl Clock {
     }
 }
 
-/// More steps than this never end.
+/// Maximum number of steps: more never end.
 const MOST_STEPS: f64 = 1e13;
 
 impl Plan {

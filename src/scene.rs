@@ -106,7 +106,7 @@ pub struct Scene {
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Density [kg/m3]; required for free motion.
     pub density: Option<f64>,

@@ -60,7 +60,7 @@ pub enum StartError {
 pub struct Disagreement {
     /// The lowest rank that failed.
     pub rank: usize,
-    /// Its error, as text.
+    /// Error, as text.
     pub message: String,
 }
 
@@ -865,7 +865,7 @@ fn reduce_on_threads<T: Reducible>(post: &Post, values: &mut [T], reduction: Red
     }
 }
 
-/// Which way a persistent message goes.
+/// Direction of a persistent message.
 #[derive(Clone, Copy)]
 pub(crate) enum Direction {
     Send,

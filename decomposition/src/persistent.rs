@@ -28,7 +28,7 @@ pub enum PatternError {
     /// A rank expects from itself other data than it sends to itself.
     #[error("rank {rank} sends itself {sent:?} bytes but expects {expected:?}")]
     SelfMismatch {
-        /// This rank.
+        /// Number of this rank.
         rank: usize,
         /// Sizes of the messages sent, in bytes.
         sent: Vec<usize>,

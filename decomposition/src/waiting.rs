@@ -64,9 +64,9 @@ pub(crate) enum Wait {
 /// Time spent waiting since the process started.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Waited {
-    /// For messages from one rank to another: halos, ghosts, migration.
+    /// Time of messages from one rank to another: halos, ghosts, migration.
     pub messages: Duration,
-    /// In calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    /// Time of calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
     pub collectives: Duration,
 }
 
@@ -109,7 +109,7 @@ pub fn waited() -> Waited {
 pub struct Traffic {
     /// Messages from one rank to another.
     pub messages: u64,
-    /// Their bytes.
+    /// Bytes of the messages.
     pub bytes: u64,
     /// Calls in which all ranks take part.
     pub collectives: u64,

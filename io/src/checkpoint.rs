@@ -58,11 +58,11 @@ pub struct Manifest {
     pub time: f64,
     /// Name of the HDF5 file, in the same folder as the manifest.
     pub file: String,
-    /// Its size in bytes.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Its BLAKE3 hash.
+    /// BLAKE3 hash.
     pub blake3: String,
-    /// Its arrays.
+    /// Arrays.
     pub arrays: Vec<ArrayInfo>,
     /// Attributes given by the caller.
     pub attributes: Value,
@@ -71,11 +71,11 @@ pub struct Manifest {
 /// One array of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayInfo {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its number type.
+    /// Number type.
     pub kind: Kind,
-    /// Its shape.
+    /// Shape.
     pub shape: Vec<usize>,
     /// The boxes the ranks wrote, empty ones left out.
     pub blocks: Vec<Block>,

@@ -213,7 +213,7 @@ impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
 /// One rank's part of an array in C order: numbers in memory, or numbers made while they are written.
 #[derive(Clone, Copy)]
 pub enum Numbers<'a> {
-    /// In memory.
+    /// Numbers in memory.
     Held(Data<'a>),
     /// Made in pieces.
     Made(&'a dyn Make),
@@ -291,7 +291,7 @@ pub struct Column<'a> {
     pub units: &'a str,
     /// 1, 3 (vector) or 9 (tensor, row by row).
     pub components: usize,
-    /// This rank's part, the component fastest.
+    /// Part of this rank, the component fastest.
     pub data: Data<'a>,
 }
 

@@ -18,13 +18,13 @@ use crate::hdf::{self, Transfer, product};
 /// One dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DatasetInfo {
-    /// From the root: `/VTKHDF/CellData/velocity`.
+    /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
-    /// Its shape.
+    /// Shape.
     pub shape: Vec<usize>,
-    /// Its number type; none for a type this crate does not write.
+    /// Number type; none for a type this crate does not write.
     pub kind: Option<Kind>,
-    /// Its unit, where it has one.
+    /// Unit, if it has one.
     pub units: Option<String>,
     /// All its attributes.
     pub attributes: Vec<(String, Value)>,
@@ -195,7 +195,7 @@ pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) ->
 pub struct Values {
     /// Shape, slowest axis first.
     pub shape: Vec<usize>,
-    /// Its unit, where it has one.
+    /// Unit, if it has one.
     pub units: Option<String>,
     /// The numbers, C order.
     pub values: Vec<f64>,

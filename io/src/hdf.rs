@@ -89,16 +89,16 @@ pub const LONGEST_TEXT: usize = 32_000;
 /// A group with its attributes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Folder {
-    /// From the root: `/VTKHDF/CellData`.
+    /// Path from the root: `/VTKHDF/CellData`.
     pub path: String,
-    /// Its attributes.
+    /// Attributes.
     pub attributes: Vec<(String, Attribute)>,
 }
 
 /// A dataset, and the box of it that this rank holds.
 #[derive(Clone, Debug)]
 pub struct Part<'a> {
-    /// From the root: `/VTKHDF/CellData/velocity`.
+    /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
     /// Shape of the whole dataset, the same on all ranks.
     pub shape: Vec<usize>,
@@ -108,7 +108,7 @@ pub struct Part<'a> {
     pub count: Vec<usize>,
     /// My box, C order.
     pub data: Numbers<'a>,
-    /// Its attributes, the same on all ranks.
+    /// Attributes, the same on all ranks.
     pub attributes: Vec<(String, Attribute)>,
 }
 

@@ -101,7 +101,7 @@ impl Image<'_> {
 /// Contents of a lattice file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageInfo {
-    /// When it was written.
+    /// Step and time of the output.
     pub when: Moment,
     /// Lower corner of the first cell, x y z, m.
     pub origin: [f64; 3],

@@ -16,7 +16,7 @@ use crate::plain;
 /// A table at the moment of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
-    /// Its length in bytes.
+    /// Length in bytes.
     pub bytes: u64,
     /// BLAKE3 hash of these bytes.
     pub blake3: String,

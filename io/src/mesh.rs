@@ -171,7 +171,7 @@ fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
     }
 }
 
-/// This rank's rows among all rows.
+/// Rows of this rank among all rows.
 struct Span {
     mine: usize,
     offset: usize,

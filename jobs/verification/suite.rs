@@ -20,7 +20,7 @@ struct Expected {
     /// The problem and its equations, for a reader.
     #[serde(rename = "about")]
     _about: String,
-    /// Why the case is run although its verdict is `unstable`.
+    /// Reason for a run although the verdict is `unstable`.
     #[serde(default)]
     allow_unstable: Option<String>,
     /// Quantities of every form.
@@ -73,7 +73,7 @@ struct Check {
     reference: String,
     source: String,
     tolerance: Tolerance,
-    /// Why the tolerance is what it is.
+    /// Reason for the tolerance.
     reason: String,
 }
 

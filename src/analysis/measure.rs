@@ -44,7 +44,7 @@ pub enum Take {
     Max,
     /// The smallest.
     Min,
-    /// Their mean.
+    /// Mean of the values.
     Mean,
     /// Number of rows.
     Count,

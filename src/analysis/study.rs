@@ -23,7 +23,7 @@ const MOVED: f64 = 1.0;
 /// One run as read.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
-    /// Its folder.
+    /// Folder.
     pub folder: PathBuf,
     /// `outcome` of its summary; `unfinished` without one.
     pub outcome: String,
@@ -56,7 +56,7 @@ pub struct RunReport {
 pub struct CohesionReport {
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Its runs, by pressure.
+    /// Runs, by pressure.
     pub runs: Vec<RunReport>,
     /// Points that the law is fitted to.
     pub points: Points,
@@ -80,11 +80,11 @@ pub enum Points {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stress {
-    /// From the gradient of the velocity at the faces (the paper's equation 10).
+    /// Stress from the gradient of the velocity at the faces (the paper's equation 10).
     Gradient,
-    /// From the balance of forces on the hole.
+    /// Stress from the balance of forces on the hole.
     Balance,
-    /// From the summed traction on the grains of the faces.
+    /// Stress from the summed traction on the grains of the faces.
     Traction,
 }
 
@@ -102,9 +102,9 @@ pub struct Reading {
 /// Results and files of `solver erosion-law`.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
-    /// By cohesion.
+    /// Reports by cohesion.
     pub cohesions: Vec<CohesionReport>,
-    /// Over the cohesions; `None` for fewer than two fits.
+    /// Trend over the cohesions; `None` for fewer than two fits.
     pub trend: Option<CohesionTrend>,
     /// Files written.
     pub files: Vec<PathBuf>,

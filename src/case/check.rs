@@ -28,10 +28,10 @@ const RENAMED: [(&str, &str); 5] = [
     ("rain", "deposition"),
 ];
 
-/// No quantity of a case is larger than this, in any unit of the SI.
+/// Maximum of any quantity of a case, in any unit of the SI.
 const LARGEST: f64 = 1e30;
 
-/// No quantity that must be above 0 is smaller than this, in any unit of the SI.
+/// Minimum of any quantity that must be above 0, in any unit of the SI.
 const SMALLEST: f64 = 1e-30;
 
 /// Returns the schema as it comes from the structs.
@@ -86,7 +86,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     }
 }
 
-/// From so many values on the values of a list are first compared with a template of their schema.
+/// Number of values of a list from which on they are first compared with a template of their schema.
 const MANY: usize = 16;
 
 /// Keywords by which a schema restricts a value; without one of them any value is valid.

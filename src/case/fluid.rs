@@ -132,7 +132,7 @@ pub struct Pilot {
 pub enum GravityOnFluid {
     /// Along all axes, or along none.
     All(bool),
-    /// By axis.
+    /// Choice by axis.
     Where(Where),
 }
 

@@ -118,7 +118,7 @@ pub const CHANGEABLE: [Changeable; 33] = [
     may("accuracy", "has no effect: the choices at the start remain"),
 ];
 
-/// Why the rest may not change, by the first part of the path that fits.
+/// Reason why the other fields may not change, by the first part of the path that fits.
 const KEPT: [(&str, &str); 12] = [
     ("domain", "the saved state has the cells of this domain"),
     (

@@ -94,7 +94,7 @@ pub fn covers(path: &str, known: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || rest.starts_with('['))
 }
 
-/// No path of a case has more steps; a tree that is deeper could not be walked.
+/// Maximum number of steps of a path; a tree that is deeper could not be walked.
 const MOST_STEPS: usize = 64;
 
 fn parse(path: &str) -> Option<Vec<Step>> {

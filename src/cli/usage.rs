@@ -5,7 +5,7 @@ use crate::error::Error;
 use std::ffi::OsStr;
 use std::path::Path;
 
-/// More threads in a rank than this are a slip: no machine has as many cores for one rank.
+/// Maximum number of threads in a rank; more are a slip: no machine has as many cores for one rank.
 pub(super) const MOST_THREADS: u16 = 1024;
 
 /// Checks that a first word that is no command can be a case: a file that is there, or a possible name of one.

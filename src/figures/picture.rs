@@ -103,7 +103,7 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
     )
 }
 
-/// From where a scene in space is seen.
+/// View of a scene in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum View {
     /// Along -x: y to the right, z up.

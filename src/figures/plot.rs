@@ -40,9 +40,9 @@ pub fn sequential(index: usize, count: usize) -> String {
 /// Mapping of values to an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// In proportion.
+    /// Linear scale.
     Linear,
-    /// By the logarithm; values that are not positive are not drawn.
+    /// Logarithmic scale; values that are not positive are not drawn.
     Log,
 }
 
@@ -51,7 +51,7 @@ pub enum Scale {
 pub struct Axis {
     /// The quantity, as `τ_{h}` or `eroded mass`.
     pub quantity: String,
-    /// Its unit; empty for none.
+    /// Unit; empty for none.
     pub unit: String,
     /// Mapping of values.
     pub scale: Scale,
@@ -193,18 +193,18 @@ impl Layer {
 pub enum Legend {
     /// Nowhere.
     None,
-    /// To the right of the panel.
+    /// Position to the right of the panel.
     Right,
-    /// In the upper left corner.
+    /// Position in the upper left corner.
     TopLeft,
-    /// In the lower right corner.
+    /// Position in the lower right corner.
     BottomRight,
 }
 
 /// Two axes and their layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Above the panel.
+    /// Title above the panel.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
@@ -214,14 +214,14 @@ pub struct Panel {
     pub layers: Vec<Layer>,
     /// Place of the legend.
     pub legend: Legend,
-    /// Above the entries of the legend.
+    /// Title above the entries of the legend.
     pub legend_title: String,
 }
 
 /// Panels side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// From left to right.
+    /// Panels from left to right.
     pub panels: Vec<Panel>,
 }
 

@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 /// Sums of a cell: samples, density deviation, u v w, uu vv ww uv vw uw; lattice units.
 pub const SUMS: usize = 11;
 
-/// Which product stands for each component of the tensor, row by row.
+/// Index of the product for each component of the tensor, row by row.
 const TENSOR: [usize; 9] = [0, 3, 5, 3, 1, 4, 5, 4, 2];
 
 /// Columns of the profile, and their units.
@@ -54,7 +54,7 @@ pub struct Averages {
     first: u64,
     every: Interval,
     samples: u64,
-    /// In the order `[z][y][x][sum]`.
+    /// Sums in the order `[z][y][x][sum]`.
     sums: Vec<f64>,
     states: Scratch,
 }

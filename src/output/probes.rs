@@ -63,7 +63,7 @@ pub(crate) struct Probe {
     pub(crate) last: Option<u64>,
     path: PathBuf,
     headings: Vec<Heading>,
-    /// On rank 0.
+    /// Table of the probe, on rank 0.
     table: Option<Table>,
     /// The rows of one sample, on rank 0; reused.
     rows: Vec<Vec<f64>>,

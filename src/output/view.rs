@@ -17,7 +17,7 @@ pub struct View<'a, S: Space> {
     pub plan: &'a Plan,
     /// Ranks and slabs.
     pub domain: &'a Domain,
-    /// This rank's slab of fluid, if the scene has one.
+    /// Slab of fluid of this rank, if the scene has one.
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,

@@ -39,7 +39,7 @@ pub use zones::Zones;
 
 pub(crate) use reproducible::power_above;
 
-/// Why the water could not be computed.
+/// Reason why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.

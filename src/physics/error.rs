@@ -170,7 +170,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Why a run ended before its end.
+/// Reason why a run ended before its end.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The case cannot be run; every problem found is listed.

@@ -32,7 +32,7 @@ use serde_json::Value;
 pub struct Description {
     /// The model with its parameters.
     pub model: String,
-    /// Why this model is used, or what it does.
+    /// Reason for this model, or its effect.
     pub reason: String,
 }
 

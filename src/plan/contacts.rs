@@ -212,11 +212,11 @@ impl Limits {
 
 /// Stable time steps of bodies \[s\].
 struct Limits {
-    /// With the contacts of the start as they slip; infinite where they are not known or far from it.
+    /// Limit with the contacts at the start as they slip; infinite if they are not known or far from it.
     slipping: f64,
-    /// With the same contacts as they stick and are pressed.
+    /// Limit with the same contacts as they stick and are pressed.
     sticking: f64,
-    /// In a packing.
+    /// Limit in a packing.
     packing: f64,
     /// `true` if contacts at the start hold all bodies, so that they do not form a packing at once.
     held: bool,

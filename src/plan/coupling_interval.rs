@@ -51,13 +51,13 @@ const PATH: &str = "fluid.darcy.coupling_interval";
 /// The limits of the interval \[s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Limits {
-    /// By the period of the contacts.
+    /// Limit by the period of the contacts.
     pub(crate) contact: f64,
-    /// By the time in which drag stops a bed.
+    /// Limit by the time in which drag stops a bed.
     pub(crate) drag: f64,
-    /// By what the dashpots of the contacts take out.
+    /// Limit by the energy that the dashpots of the contacts take out.
     pub(crate) damping: f64,
-    /// By the slowest oscillation and the consolidation of the bed.
+    /// Limit by the slowest oscillation and the consolidation of the bed.
     pub(crate) bed: f64,
 }
 

@@ -18,7 +18,7 @@ use serde_json::json;
 
 /// The largest G without a finding.
 const QUIET: f64 = 7.0;
-/// From this gain in a step on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7
+/// Gain in a step from which on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7
 /// (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
 const FAILS: f64 = 0.024;
 

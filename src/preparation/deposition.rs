@@ -347,7 +347,7 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
 /// Progress of the deposition: all that the next steps depend on in addition to the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Which law, from the softest on.
+    /// Index of the law, from the softest on.
     stage: usize,
     trimmed: bool,
     landed: bool,

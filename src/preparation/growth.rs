@@ -26,7 +26,7 @@ use crate::error::Error;
 use crate::number::{real, to_usize};
 use crate::random::Stream;
 
-/// Which diameters (m) the grains have.
+/// Diameters (m) of the grains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sizes {
@@ -37,11 +37,11 @@ pub enum Sizes {
         /// Greatest diameter (m).
         largest: f64,
     },
-    /// These radii, one grain each; the requested solid fraction only scales them.
+    /// Listed radii, one grain each; the requested solid fraction only scales them.
     List(Vec<f64>),
 }
 
-/// When the growth is over.
+/// Condition at which the growth is over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Stop {
@@ -66,7 +66,7 @@ pub struct PackingSettings<S: Space> {
     pub sizes: Sizes,
     /// Solid fraction that sets the number of grains; with [`Stop::SolidFraction`] that one does.
     pub solid_fraction: f64,
-    /// When to stop.
+    /// Condition at which to stop.
     pub stop: Stop,
     /// Seed of sizes and places.
     pub seed: u64,
@@ -230,7 +230,7 @@ enum Stage {
         taken: u64,
         limit: u64,
     },
-    /// It is packed.
+    /// Packing that is done.
     Done,
 }
 
@@ -240,7 +240,7 @@ enum Stage {
 enum Purpose {
     /// The sizes are the requested ones: this is the last relaxation.
     Last,
-    /// To see what overlaps there are.
+    /// Test of the overlaps.
     Coarse,
     /// Test that the overlaps are the requested ones.
     Fine,
@@ -636,7 +636,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 }
 
-/// Below this many contacts per grain nothing is held.
+/// Number of contacts per grain below which nothing is held.
 const JAMMED: f64 = 3.0;
 /// Unbalanced force below which a packing is at rest between changes of size.
 const COARSE: f64 = 1e-2;

@@ -213,7 +213,7 @@ mod tests {
     use decomposition::Communicator;
     use nalgebra::Vector3;
 
-    /// No requests.
+    /// Supervisor without requests.
     struct Quiet;
 
     impl Requests for Quiet {

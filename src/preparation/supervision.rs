@@ -40,7 +40,7 @@ pub trait Requests {
 pub struct Saved<S: Space> {
     /// The grains.
     pub particles: Particles<S>,
-    /// Their contacts, and the solid steps done.
+    /// Contacts of the grains, and the solid steps done.
     pub contacts: Contacts,
     /// The counters of the method that makes the sample.
     pub progress: Value,
@@ -72,7 +72,7 @@ pub trait Supervisor<S: Space> {
     ) -> Result<(), Error>;
 }
 
-/// No supervisor: nothing is reported, saved or interrupted.
+/// Absent supervisor: nothing is reported, saved or interrupted.
 #[derive(Clone, Copy, Debug)]
 pub struct Unsupervised;
 
@@ -93,8 +93,8 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<Saved<S>>>,
     reported: Cell<Instant>,
-    /// None before the first question, which comes after the first batch: a stop asked for before the start is heard at
-    /// once.
+    /// Time of the last request; none before the first, which comes after the first batch: a stop requested before the
+    /// start is noticed at once.
     asked: Cell<Option<Instant>>,
     /// Steps of a batch, which takes less time than passes between two questions.
     batch: Cell<u64>,

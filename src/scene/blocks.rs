@@ -18,9 +18,10 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// No rock mass is cut into more: every rank makes them all before the run starts. Larger ones come from a file.
+/// Maximum number of blocks of a rock mass: every rank makes them all before the run starts. Larger ones come from a
+/// file.
 const MOST_BLOCKS: f64 = 2e4;
-/// No set has more planes.
+/// Maximum number of planes of a set.
 const MOST_PLANES: f64 = 1e5;
 
 /// Blocks and where they go.
@@ -53,7 +54,7 @@ impl Blocks {
 /// A block as it starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RockBlock {
-    /// Its shape, and where that stands.
+    /// Shape and position.
     pub solid: Solid,
     /// Velocity [m/s].
     pub velocity: [f64; 3],

@@ -15,7 +15,7 @@ use serde::Serialize;
 /// A named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Body {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
     pub radius: f64,
@@ -48,11 +48,11 @@ impl Body {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mobility {
-    /// Not at all.
+    /// Fixed body.
     Fixed,
-    /// With a prescribed velocity.
+    /// Body with a prescribed velocity.
     Driven,
-    /// By the forces on it.
+    /// Body that moves by the forces on it.
     Free,
 }
 

@@ -24,10 +24,10 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Its lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may
-    /// end within a cell.
+    /// Lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may end
+    /// within a cell.
     pub ends: [[f64; 2]; 3],
-    /// Which faces of the domain are walls, by axis, the lower one first.
+    /// `true` for the faces of the domain that are walls, by axis, the lower one first.
     pub walls: [[bool; 2]; 3],
     /// Condition imposed there.
     pub condition: Condition,

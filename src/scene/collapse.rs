@@ -13,7 +13,7 @@ use crate::number::whole;
 use serde::Serialize;
 use serde_json::json;
 
-/// More cells than this are a slip of a unit; the state of the analysis holds a number for each.
+/// Maximum number of cells: more are a slip of a unit; the state of the analysis holds a number for each.
 pub const MOST_CELLS: f64 = 1e6;
 
 /// Analysis of ground collapse.
@@ -42,9 +42,9 @@ pub struct GroundCollapse {
 /// A place through which grains leave the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeepagePoint {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its box.
+    /// Box.
     pub block: Block,
     /// The region of this name, whose removals count; where there is none, all removals within the box do.
     pub region: Option<usize>,

@@ -27,7 +27,7 @@ pub(crate) struct Findings<'a> {
     /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it
     /// lists.
     tree: OnceCell<Value>,
-    /// In the order found.
+    /// Problems in the order found.
     pub(crate) problems: Vec<Problem>,
     /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
     unlisted: Vec<(Severity, usize, usize)>,

@@ -45,7 +45,7 @@ pub struct Flow {
     pub time_step: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
-    /// Which field of the case fixed the time step; `accuracy` where it was chosen.
+    /// Field of the case that fixed the time step; `accuracy` if it was chosen.
     pub fixed_by: &'static str,
     /// Force per volume in addition to gravity.
     pub body_force: BodyForce,

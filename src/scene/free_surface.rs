@@ -41,11 +41,11 @@ pub struct FreeSurface {
 /// A part of the water at the start.
 #[derive(Clone, Debug, Serialize)]
 pub enum Part {
-    /// Below a height \[m\].
+    /// Water below a height \[m\].
     Level(f64),
     /// Inside a solid.
     Solid(#[serde(skip)] Arc<Images>),
-    /// Below a wave.
+    /// Water below a wave.
     Wave(WaveForm),
 }
 

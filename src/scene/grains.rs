@@ -114,7 +114,7 @@ pub enum GrainSource {
     File {
         /// The file.
         path: PathBuf,
-        /// Its grains.
+        /// Grains.
         #[serde(skip)]
         grains: Vec<Grain>,
     },
@@ -125,7 +125,7 @@ pub enum GrainSource {
 /// A region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct Zone {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Lower corner \[m\]; infinite where it has no end.
     pub from: [f64; 3],

@@ -25,7 +25,7 @@ pub struct Grid {
     pub slab_bounds: Option<Vec<usize>>,
 }
 
-/// More cells than this along an axis are a slip of a unit, not a problem to solve.
+/// Maximum number of cells along an axis: more are a slip of a unit, not a problem to solve.
 const MOST_CELLS: f64 = 1e9;
 
 impl Grid {

@@ -54,7 +54,7 @@ pub enum Initial {
         /// Fluctuations about it.
         fluctuations: Option<Fluctuations>,
     },
-    /// From a file.
+    /// State from a file.
     File(PathBuf),
 }
 

@@ -21,7 +21,7 @@ use serde::Serialize;
 /// A box in which something happens to grains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Region {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Box of the region.
     pub block: Block,
@@ -49,7 +49,7 @@ pub enum Action {
         seed: u64,
         /// Index of the material.
         material: usize,
-        /// At most this many.
+        /// Maximum number, if any.
         at_most: Option<u32>,
     },
     /// Entries and exits are logged.
@@ -85,7 +85,7 @@ pub enum ProbeAt {
     Plane {
         /// Axis normal to it: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate \[m\].
+        /// Coordinate \[m\].
         position: f64,
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
@@ -96,7 +96,7 @@ pub enum ProbeAt {
     Section {
         /// Axis normal to it: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate \[m\].
+        /// Coordinate \[m\].
         position: f64,
         /// The part.
         part: Option<Block>,

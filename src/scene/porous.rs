@@ -23,7 +23,7 @@ pub struct PorousZone {
     pub name: String,
     /// JSON path of the zone.
     pub path: String,
-    /// Its place, with periodic images.
+    /// Place, with periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
     /// Coefficients of its resistance.

@@ -90,7 +90,7 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     Ok(rows)
 }
 
-/// No coordinate and no velocity is larger, as anywhere in a case.
+/// Maximum coordinate and velocity, as anywhere in a case.
 const LARGEST: f64 = 1e30;
 
 #[cfg(test)]

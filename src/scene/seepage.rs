@@ -39,7 +39,7 @@ pub struct Seepage {
     pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
-    /// Its lower corner \[m\].
+    /// Lower corner \[m\].
     pub origin: [f64; 3],
     /// Edges of a cell \[m\]; 1 along z in 2-D.
     pub spacing: [f64; 3],
@@ -60,7 +60,7 @@ pub struct Seepage {
 /// A condition on a part of a face of the coarse grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Patch {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The face.
     pub face: Face,

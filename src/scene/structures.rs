@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// A solid at rest.
 #[derive(Clone, Debug, Serialize)]
 pub struct Structure {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The solid with its periodic images.
     #[serde(skip)]

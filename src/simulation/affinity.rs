@@ -10,11 +10,11 @@ use std::env::var;
 /// Result of the choice of cores of a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cores {
-    /// There are enough.
+    /// Sufficient cores.
     Enough,
-    /// There were this many, and now there are enough.
+    /// Sufficient cores after a change from this number.
     Widened(usize),
-    /// There are this many and no more.
+    /// Insufficient cores: this number and no more.
     TooFew(usize),
 }
 

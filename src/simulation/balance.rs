@@ -130,7 +130,7 @@ impl Costs {
 struct Solid {
     centre: f64,
     radius: f64,
-    /// In cells, and that of its surface in faces of cells.
+    /// Volume in cells, and that of its surface in faces of cells.
     volume: f64,
     surface: f64,
     block: bool,

@@ -41,7 +41,7 @@ use std::path::Path;
 struct Start {
     /// Mass of all grains \[kg\].
     mass: f64,
-    /// Their mean diameter \[m\].
+    /// Mean diameter of the grains \[m\].
     diameter: f64,
 }
 

@@ -32,7 +32,7 @@ pub const PREPARATION: &str = "preparation";
 const BEAT_EVERY: Duration = Duration::from_secs(20);
 /// A lock of another host that has not been touched for so long belongs to a job that is gone.
 const STALE_AFTER: Duration = Duration::from_secs(600);
-/// No file of a lock is larger \[bytes\].
+/// Maximum size of the file of a lock \[bytes\].
 const LOCK_BYTES: u64 = 4096;
 
 /// Tables and pictures that runs write in addition to series and probes.
@@ -70,14 +70,14 @@ pub fn is_of_a_run(name: &str) -> bool {
 /// Way in which a run enters its folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// It begins.
+    /// New run.
     Fresh {
         /// `true` if an earlier run there is replaced.
         overwrite: bool,
         /// The file that the case was read from.
         case: Option<PathBuf>,
     },
-    /// It continues the run that is there.
+    /// Continuation of the run that is there.
     Resume,
 }
 
@@ -150,7 +150,7 @@ fn job() -> Option<[String; 2]> {
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    /// On the first rank.
+    /// Lock, held by the first rank.
     lock: Option<File>,
     beaten: Instant,
 }
@@ -372,7 +372,7 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
 
 /// Files of an earlier run in a folder.
 struct Found {
-    /// Its files, but for checkpoints and the lock.
+    /// Files, but for checkpoints and the lock.
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,

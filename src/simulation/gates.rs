@@ -21,7 +21,7 @@ struct Change {
 /// The walls that come or go.
 #[derive(Debug, Default)]
 pub(super) struct Gates {
-    /// By rising step.
+    /// Changes by rising step.
     changes: Vec<Change>,
     /// Number of changes made.
     made: usize,

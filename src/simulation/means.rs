@@ -21,7 +21,7 @@ pub(super) struct Means {
     pub(super) to: f64,
     /// Samples between them.
     pub(super) samples: usize,
-    /// Its columns.
+    /// Columns.
     pub(super) values: Vec<Mean>,
     /// Reasons why they may not be valid as means.
     pub(super) doubts: Vec<String>,
@@ -32,7 +32,7 @@ pub(super) struct Means {
 pub(super) struct Mean {
     /// Name of the column.
     pub(super) quantity: String,
-    /// Its unit.
+    /// Unit.
     pub(super) unit: String,
     /// Mean over the samples that have a value; none where no sample has one.
     pub(super) mean: Option<f64>,

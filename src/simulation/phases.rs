@@ -82,9 +82,9 @@ pub struct Spent {
 pub struct Waiting {
     /// All of it.
     pub total: Spread,
-    /// For messages from one rank to another: halos, ghosts, migration.
+    /// Time of messages from one rank to another: halos, ghosts, migration.
     pub messages: Spread,
-    /// In calls in which all ranks take part: reductions, broadcasts.
+    /// Time of calls in which all ranks take part: reductions, broadcasts.
     pub collectives: Spread,
 }
 
@@ -93,7 +93,7 @@ pub struct Waiting {
 pub struct Traffic {
     /// Messages from one rank to another, of all ranks together.
     pub messages: u64,
-    /// Their bytes.
+    /// Bytes of the messages.
     pub bytes: u64,
     /// Calls in which all ranks take part: reductions, broadcasts.
     pub collectives: u64,

@@ -19,7 +19,7 @@ pub struct Moment {
     pub grains: u64,
     /// Solid steps per step.
     pub solid_steps: u64,
-    /// More, such as `lattice velocity 0.03, eroded 12 %`.
+    /// Further text, such as `lattice velocity 0.03, eroded 12 %`.
     pub more: String,
 }
 

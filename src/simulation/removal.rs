@@ -43,7 +43,7 @@ pub struct Departed {
 pub struct Taken {
     /// Grains.
     pub grains: u64,
-    /// Their mass [kg; in 2-D kg/m].
+    /// Mass of the grains [kg; in 2-D kg/m].
     pub mass: f64,
 }
 

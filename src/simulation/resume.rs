@@ -38,9 +38,9 @@ pub(super) struct Resumed {
     pub(super) found: Found,
     /// `true` if the case in the folder is to be written anew.
     pub(super) changed: bool,
-    /// Which of the run's walls each wall is; none where they are the same.
+    /// Index among the run's walls of each wall; none if they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
-    /// Which of the run's regions each region is.
+    /// Index among the run's regions of each region.
     pub(super) regions: Option<Vec<Option<usize>>>,
     /// `true` if the sums over time go on from those of the checkpoint.
     pub(super) sums_go_on: bool,

@@ -47,7 +47,7 @@ pub struct RunOptions {
     pub overwrite: bool,
     /// `true` if the end of the run is kept as a checkpoint.
     pub final_checkpoint: bool,
-    /// When the program was started: the walltime counts from here.
+    /// Start of the program: the walltime counts from here.
     pub begun: Instant,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
@@ -125,12 +125,12 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
     })
 }
 
-/// Until when work of several runs may go on.
+/// Time until which work of several runs may continue.
 #[derive(Clone, Debug)]
 pub(crate) struct Bounds {
     /// Folder in which a file STOP ends it.
     pub(crate) folder: PathBuf,
-    /// When it began, and the wall time that it may take.
+    /// Start of the work, and the wall time that it may take.
     pub(crate) begun: Instant,
     pub(crate) limit: Option<Duration>,
 }
@@ -284,10 +284,10 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
     }
 }
 
-/// When a run ended with an error.
+/// Time at which a run ended with an error.
 enum Ended {
-    /// Before its first step, or between this step and the next as its slabs changed: nothing has been written about
-    /// it.
+    /// Error before its first step, or between this step and the next as its slabs changed: nothing has been written
+    /// about it.
     BetweenSteps(Error, u64),
     /// Later: the run has reported it.
     Later(Error),

@@ -35,7 +35,7 @@ pub(super) struct Settled {
     pub(super) probe: String,
     /// Quantity that it measures.
     pub(super) quantity: &'static str,
-    /// Its unit.
+    /// Unit.
     pub(super) unit: String,
     /// Part of the run that the means are taken over: a tenth, or more where the probe has few samples.
     pub(super) window: f64,

@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 
 /// Steps between two questions, where steps are fast.
 const MOST_STEPS: u64 = 10;
-/// Between two questions that take longer than the first the steps are halved, below the second doubled \[ms\].
+/// Time between two requests \[ms\] above which the steps are halved, and below which they are doubled.
 const PACE: [u64; 2] = [1000, 250];
 /// The first rank has done what it did alone.
 const DONE: u64 = 3;

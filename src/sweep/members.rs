@@ -21,11 +21,11 @@ const LIMITS: &str = "guards.limits";
 /// A member of a study.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Its name and that of its folder.
+    /// Name and that of its folder.
     pub name: String,
-    /// Its value of each varied thing, in their order; none for listed members that do not have the field.
+    /// Value of each varied field, in their order; none for listed members that do not have the field.
     pub labels: Vec<Option<String>>,
-    /// Its case as a tree.
+    /// Case as a tree.
     pub case: Value,
     /// The verdict of the plan on the case.
     pub verdict: Verdict,

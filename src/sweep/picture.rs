@@ -220,7 +220,7 @@ struct Place {
     outcome: Outcome,
 }
 
-/// Which members finish, over two varied fields.
+/// Members that finish, over two varied fields.
 #[derive(Clone, Debug)]
 pub struct Map {
     axes: [String; 2],

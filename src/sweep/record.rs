@@ -9,9 +9,9 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It got to its end.
+    /// Run that reached its end.
     Finished,
-    /// It got to its end with numbers that cannot be right: not what the study calls sound.
+    /// Run that reached its end with numbers that cannot be right: not what the study calls sound.
     Unsound,
     /// The plan, or the run itself, refused the case (exit code 3).
     Refused,
@@ -19,13 +19,13 @@ pub enum Outcome {
     NumericalRefusal,
     /// Anything else, such as a full disk or a signal.
     Failed,
-    /// It was given up.
+    /// Run that was given up.
     TimeLimit,
-    /// It was stopped from outside and is to go on.
+    /// Run that was stopped from outside and is to be continued.
     Stopped,
-    /// It is under way, or whoever ran it was ended by force.
+    /// Run that is under way, or whose program was ended by force.
     Running,
-    /// It has not been run.
+    /// Member that has not been run.
     Missing,
 }
 
@@ -72,7 +72,7 @@ impl Outcome {
 pub struct Record {
     /// Outcome of the member.
     pub outcome: Outcome,
-    /// Its last message, if it did not finish.
+    /// Last message, if it did not finish.
     pub message: String,
     /// Hash of its case.
     pub case_hash: String,
@@ -138,5 +138,5 @@ impl Record {
     }
 }
 
-/// Its name in the folder of the member.
+/// Name of the record in the folder of the member.
 pub const FILE: &str = "member.json";

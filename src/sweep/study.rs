@@ -21,7 +21,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// More members than this are a slip.
+/// Maximum number of members; more are a slip.
 pub(super) const MOST_MEMBERS: usize = 10_000;
 
 /// A parameter study: members of one base case, with error and cost of each.

@@ -25,9 +25,9 @@ pub struct Table {
 pub struct Row {
     /// Outcome of the member.
     pub outcome: Outcome,
-    /// Its outputs, in the order of the study; none for profiles and what could not be read.
+    /// Outputs, in the order of the study; none for profiles and values that could not be read.
     pub outputs: Vec<Option<f64>>,
-    /// By the names of the references: value and error. A member has no error against itself.
+    /// Value and error by the names of the references. A member has no error against itself.
     pub errors: BTreeMap<String, (Option<f64>, Option<f64>)>,
     /// The error of the picture.
     pub error: Option<f64>,

@@ -46,9 +46,9 @@ const LONGEST_LIST: usize = 20;
 /// A number that a run gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// Its unit; empty where the file states none.
+    /// Unit; empty if the file states none.
     pub unit: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
     /// The size that differences are compared with: that of the value, or of the vector that it is a component of.
     pub scale: f64,
@@ -160,7 +160,7 @@ type OfSeries = fn(&[f64], &[f64]) -> Option<f64>;
 struct Samples {
     names: Vec<String>,
     units: Vec<String>,
-    /// By column.
+    /// Values by column.
     columns: Vec<Vec<f64>>,
 }
 

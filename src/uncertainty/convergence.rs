@@ -61,9 +61,9 @@ pub enum Behaviour {
     Oscillating,
     /// The differences do not shrink.
     Diverging,
-    /// There are two grids.
+    /// Series of two grids.
     TwoGrids,
-    /// There is one grid, or the value is missing on others.
+    /// Series of one grid, or with values missing on others.
     OneGrid,
 }
 
@@ -114,7 +114,7 @@ impl Behaviour {
 pub struct Series {
     /// Spacing and value, from fine to coarse.
     pub values: Vec<(f64, f64)>,
-    /// Which of them the uncertainty is that of.
+    /// Index of the value that the uncertainty belongs to.
     pub at: usize,
     /// Order of the method.
     pub formal: f64,

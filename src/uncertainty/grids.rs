@@ -42,11 +42,11 @@ const LEAST_CELLS: f64 = 4.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaling {
-    /// With h²: the relaxation time stays.
+    /// Time step with h²: the relaxation time stays.
     Diffusive,
-    /// With h: the lattice velocity stays.
+    /// Time step with h: the lattice velocity stays.
     Acoustic,
-    /// Not at all: a steady seepage.
+    /// No time step: a steady seepage.
     Steady,
 }
 

@@ -24,11 +24,11 @@ use serde_json::{Value, json};
 /// A setting and the case under its next better value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// In words.
+    /// Name in words.
     pub name: &'static str,
     /// Name as part of a folder's name.
     pub folder: &'static str,
-    /// From what to what.
+    /// Change in words: old value to new value.
     pub change: String,
     /// The case.
     pub case: Value,

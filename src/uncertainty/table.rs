@@ -57,15 +57,15 @@ impl Noise {
 /// Data of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Grid {
-    /// Its folder.
+    /// Folder.
     pub folder: String,
-    /// Its spacing \[m\].
+    /// Spacing \[m\].
     pub spacing: f64,
-    /// Over that of the case.
+    /// Spacing over that of the case.
     pub ratio: f64,
     /// Processor time of its run \[s\].
     pub core_seconds: f64,
-    /// Why it has no answers; none where it has.
+    /// Reason why it has no answers; none if it has.
     pub failure: Option<String>,
     /// Answers of its run; none if it failed.
     #[serde(skip)]
@@ -77,11 +77,11 @@ pub struct Grid {
 pub struct Row {
     /// The answer.
     pub answer: String,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
-    /// Its value in the run of the case.
+    /// Value in the run of the case.
     pub value: f64,
-    /// Its values on all grids, from fine to coarse.
+    /// Values on all grids, from fine to coarse.
     pub values: Vec<f64>,
     /// Estimate from the grids.
     #[serde(flatten)]
@@ -99,13 +99,13 @@ pub struct Row {
 pub struct Sensitivity {
     /// The setting.
     pub setting: String,
-    /// From what to what.
+    /// Change in words: old value to new value.
     pub change: String,
     /// The folder of the run.
     pub folder: String,
     /// The folder of the run that it is compared with.
     pub beside: String,
-    /// Why there are no changes; empty where there are.
+    /// Reason why there are no changes; empty if there are.
     pub missing: String,
     /// Answer, value before and after, relative change.
     pub changes: Vec<Change>,
@@ -116,9 +116,9 @@ pub struct Sensitivity {
 pub struct Change {
     /// The answer.
     pub answer: String,
-    /// Under the setting of the case.
+    /// Value under the setting of the case.
     pub before: f64,
-    /// Under the next better one.
+    /// Value under the next better setting.
     pub after: f64,
     /// Difference over the size of the answer.
     pub relative: f64,

@@ -135,12 +135,12 @@ const LB: &str = "fluid.lattice_boltzmann";
 
 /// Required end of a scene.
 enum End {
-    /// With 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON pointer,
-    /// between bounds.
+    /// Exit code 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON
+    /// pointer, between bounds.
     Result(&'static [(&'static str, f64, f64)]),
-    /// With 3: a path, and words of the reason.
+    /// Exit code 3: a path, and words of the reason.
     Refused(&'static str, &'static str),
-    /// With 4: words of the reason.
+    /// Exit code 4: words of the reason.
     Fails(&'static str),
 }
 use End::{Fails, Refused, Result};

@@ -379,7 +379,7 @@ pub(crate) struct Study {
     folder: tempfile::TempDir,
     case: PathBuf,
     set: Vec<String>,
-    /// More words of every command.
+    /// Additional words of every command.
     flags: Vec<String>,
 }
 

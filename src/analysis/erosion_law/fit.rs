@@ -55,7 +55,7 @@ impl Interval {
 /// One measured pair of stress and rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RatePoint {
-    /// Which run it is from; the bootstrap draws runs.
+    /// Run that it is from; the bootstrap draws runs.
     pub run: usize,
     /// Hydraulic shear stress, Pa.
     pub shear: f64,
@@ -104,7 +104,7 @@ impl RatePoint {
 pub struct FitOptions {
     /// Samples of the bootstrap.
     pub replicates: usize,
-    /// Its seed.
+    /// Seed.
     pub seed: u64,
 }
 
@@ -142,11 +142,11 @@ pub enum Law {
 pub struct LinearLaw {
     /// Critical shear stress tau_c, Pa.
     pub critical_shear: f64,
-    /// Its interval, Pa.
+    /// Interval, Pa.
     pub critical_shear_interval: Interval,
     /// Erosion coefficient k_d, s/m.
     pub coefficient: f64,
-    /// Its interval, s/m.
+    /// Interval, s/m.
     pub coefficient_interval: Interval,
     /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a
     /// line always joins.
@@ -572,7 +572,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.
     pub coefficient_exponent: Option<f64>,
-    /// Its interval.
+    /// Interval.
     pub coefficient_exponent_interval: Option<Interval>,
     /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,

@@ -55,9 +55,9 @@ impl HoleFaces {
 /// Shear stress on the two faces, both positive where the fluid pulls along +x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallShear {
-    /// On the lower face, Pa.
+    /// Stress on the lower face, Pa.
     pub lower: f64,
-    /// On the upper face, Pa.
+    /// Stress on the upper face, Pa.
     pub upper: f64,
 }
 

@@ -81,7 +81,7 @@ pub struct RateWindow {
     pub length: f64,
     /// Erosion rate, kg/(m^2 s).
     pub rate: f64,
-    /// Its standard error, kg/(m^2 s).
+    /// Standard error, kg/(m^2 s).
     pub rate_error: f64,
     /// Rate that one mean grain makes in the window, kg/(m^2 s): the resolution of the measurement.
     pub quantum: f64,

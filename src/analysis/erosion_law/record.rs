@@ -155,15 +155,15 @@ pub struct RemovedGrain {
     time: f64 = "time [s]",
     /// The grain.
     id: u64 = "id",
-    /// Its mass, kg; in 2-D kg/m.
+    /// Mass, kg; in 2-D kg/m.
     mass: f64 = "mass [kg; 2-D kg/m]",
-    /// Its radius, m.
+    /// Radius, m.
     radius: f64 = "radius [m]",
-    /// Its position, m.
+    /// Position, m.
     x: f64 = "x [m]",
-    /// Its position, m.
+    /// Position, m.
     y: f64 = "y [m]",
-    /// Its position, m; 0 in 2-D.
+    /// Position, m; 0 in 2-D.
     z: f64 = "z [m]",
 }
 }
@@ -182,9 +182,9 @@ pub enum BreakMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakPlace {
-    /// In the bulk of the packing, where only a pressure wave reaches.
+    /// Bulk of the packing, where only a pressure wave reaches.
     Inside,
-    /// At the wall of the hole.
+    /// Wall of the hole.
     HoleWall,
 }
 

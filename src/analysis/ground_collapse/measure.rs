@@ -23,13 +23,13 @@ pub const SKIN: usize = 3;
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
-    /// Its name.
+    /// Name.
     pub id: u64,
-    /// Its centre \[m\].
+    /// Centre \[m\].
     pub at: [f64; 3],
     /// Displacement from its position at time 0 \[m\].
     pub moved: [f64; 3],
-    /// Its radius \[m\].
+    /// Radius \[m\].
     pub radius: f64,
 }
 
@@ -114,9 +114,9 @@ pub struct Depression {
 pub struct Sample {
     /// Voids connected with points, each counted once.
     pub voids: u64,
-    /// Their volume \[m3\].
+    /// Volume of these cells \[m3\].
     pub void_volume: f64,
-    /// Over each point.
+    /// Quantities over each point.
     pub points: Vec<Above>,
     /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,

@@ -47,7 +47,7 @@ pub struct CollapseRecord {
     settlement_percentile: f64 = "settlement_percentile [m]",
     /// Length along the long axis that has settled, m.
     extension: f64 = "extension [m]",
-    /// Its growth since the last row, m/s.
+    /// Growth since the last row, m/s.
     extension_rate: f64 = "extension_rate [m/s]",
     /// Mean displacement of the soil at the sides of the points towards them, m.
     inward: f64 = "inward [m]",
@@ -63,7 +63,7 @@ pub struct PointRecord {
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// Which point, in the order of `summary.json`, from 0.
+    /// Number of the point, in the order of `summary.json`, from 0.
     point: u64 = "point",
     /// Mass that left through it so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
@@ -82,7 +82,7 @@ pub struct PointRecord {
 }
 }
 
-/// Which grains a cluster is made of.
+/// Kind of grains that a cluster is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClusterKind {
@@ -139,7 +139,7 @@ pub struct SurfaceRecord {
 }
 }
 
-/// When each stage began, s; none where it did not.
+/// Start of each stage, s; none if it did not begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// t1.
@@ -161,24 +161,24 @@ pub struct StageTimes {
 /// Grains and mass that left through one point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointSummary {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Grains.
     pub eroded_grains: u64,
-    /// Their mass, kg.
+    /// Mass of these grains, kg.
     pub eroded_mass: f64,
 }
 
 /// Data of a run that a study needs in addition to its record: the value of the key `collapse` of `summary.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CollapseSummary {
-    /// When each stage began.
+    /// Start of each stage.
     pub stages: StageTimes,
     /// The seepage points in the order of `collapse_points.csv`.
     pub points: Vec<PointSummary>,
     /// Mass of the grains at time 0, kg.
     pub initial_mass: f64,
-    /// Their mean diameter, m.
+    /// Mean diameter of the grains, m.
     pub mean_diameter: f64,
     /// Edges of a cell along the long axis, across and up, m.
     pub cell: [f64; 3],

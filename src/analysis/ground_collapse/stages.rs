@@ -26,7 +26,7 @@ pub struct Evidence {
     pub inward: f64,
 }
 
-/// From where on a sample shows a stage.
+/// Values from which on a sample shows a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
     /// Samples in a row.
@@ -63,7 +63,7 @@ struct Streak {
 /// The stages so far; a restart needs it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stages {
-    /// When each began \[s\].
+    /// Start of each stage \[s\].
     pub times: [Option<f64>; 4],
     streaks: [Streak; 4],
     /// Longer side of the sinkhole at t3 \[m\].

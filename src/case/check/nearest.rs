@@ -27,7 +27,7 @@ pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str
     }
 }
 
-/// No name of a case is longer than this [bytes].
+/// Maximum length of a name in a case [bytes].
 const LONGEST_NAME: usize = 200;
 
 /// Returns a name as it stands in a sentence.

@@ -26,7 +26,7 @@ pub(super) struct Wall {
     faces: Vec<Face>,
     reference: [i128; 3],
     cells: f64,
-    /// Without it nothing has crossed the face before the step after this one.
+    /// Step before which nothing has crossed the face; none if the fluid has moved since it was made or read.
     first: Option<u64>,
 }
 

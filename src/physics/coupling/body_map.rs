@@ -93,14 +93,14 @@ struct Mapped {
     radius: f64,
     /// Quaternion of a polyhedron when it was mapped.
     orientation: [f64; 4],
-    /// It cannot change cells until it has moved this far; negative: not mapped yet.
+    /// Displacement before which it cannot change cells; negative: not mapped yet.
     slack: f64,
     nearest: Nearest,
     /// `true` if it shares cells with another body: mapped again whenever any body is.
     shares: bool,
     /// `true` if it is to be mapped again in this update.
     again: bool,
-    /// Its cells in local coordinates, with those that a body of lower id or a structure holds.
+    /// Cells in local coordinates, with those that a body of lower id or a structure holds.
     rows: Rows,
     /// Buffer for the next search; after a search that found other cells, the previous cells.
     other: Rows,

@@ -36,7 +36,7 @@ struct Mapped {
     slot: u32,
     /// Pose at which it was mapped; none before the first time.
     at: Option<Pose>,
-    /// Its cells, and those that it has from the next update on.
+    /// Cells, and those that it has from the next update on.
     cells: Runs,
     next: Runs,
     /// Surface of a polyhedron; without faces that of a disc or sphere.
@@ -117,7 +117,7 @@ pub struct CoverMap {
     scratch: Vec<Scratch>,
 }
 
-/// Up to this many bodies are shared out to threads by their planes, more of them whole.
+/// Number of bodies up to which they are shared out to threads by their planes; more of them are shared as a whole.
 const FEW: usize = 16;
 
 /// Some planes of a body, and what it covers there.

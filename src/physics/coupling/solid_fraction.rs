@@ -34,9 +34,9 @@ use nalgebra::Matrix3;
 pub enum Method {
     /// Closed forms.
     Exact,
-    /// This many points along each edge of a cell.
+    /// Samples: this number of points along each edge of a cell.
     Samples(u32),
-    /// From the distance between the cell's centre and the surface.
+    /// Estimate from the distance between the cell's centre and the surface.
     Linear,
 }
 
@@ -64,25 +64,25 @@ pub fn faces(
 pub enum Form<'a> {
     /// A disc, in the plane.
     Disc {
-        /// Its centre.
+        /// Centre.
         centre: [f64; 3],
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
     /// A ball.
     Ball {
-        /// Its centre.
+        /// Centre.
         centre: [f64; 3],
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
     /// A convex polyhedron: what all planes have in common.
     Block {
-        /// Its faces.
+        /// Faces.
         surface: &'a Surface,
-        /// Its centroid.
+        /// Centroid.
         centre: [f64; 3],
-        /// From the centroid to the farthest corner.
+        /// Distance from the centroid to the farthest corner.
         radius: f64,
     },
 }
@@ -91,7 +91,7 @@ pub enum Form<'a> {
 /// empty if the first is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// No cell beyond it meets the body.
+    /// Interval outside which no cell meets the body.
     pub outer: [f64; 2],
     /// Every cell within it is full.
     pub inner: [f64; 2],

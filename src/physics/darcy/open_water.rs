@@ -67,7 +67,7 @@ pub enum Face {
     Reservoir,
     /// The pressure or the flux of the moving water is imposed.
     Stream,
-    /// Nothing is stated: impermeable.
+    /// Face without a condition: impermeable.
     #[default]
     Unstated,
 }

@@ -136,9 +136,9 @@ impl BedOfCells<'_> {
 /// A law of resistance with the limits of the porosity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Permeability {
-    /// Which law.
+    /// Law of the permeability.
     pub law: Resistance,
-    /// Which diameter.
+    /// Mean diameter that the law uses.
     pub diameter: MeanDiameter,
     /// Larger porosities count as this one.
     pub porosity_cap: f64,

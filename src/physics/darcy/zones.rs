@@ -28,11 +28,11 @@ use std::collections::BTreeMap;
 /// The permeability of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// This one \[m2\].
+    /// Stated permeability \[m2\].
     Value(f64),
-    /// That of the grains times a factor.
+    /// Permeability of the grains times a factor.
     Factor(f64),
-    /// That of the grains by another law.
+    /// Permeability of the grains by another law.
     Law(Resistance),
 }
 
@@ -83,9 +83,9 @@ pub struct Zone {
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
-    /// Its permeability; none where it remains that of the grains.
+    /// Permeability; none if it remains that of the grains.
     pub permeability: Option<Rule>,
-    /// Its porosity; none where it remains that of the grains.
+    /// Porosity; none if it remains that of the grains.
     pub porosity: Option<f64>,
     /// Values that vary.
     pub raster: Option<Raster>,

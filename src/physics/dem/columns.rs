@@ -14,23 +14,23 @@ use super::table::Table;
 use crate::error::Error;
 pub(super) use entry::{Entry, entry, joined};
 
-/// When an array crosses ranks. The later ones include the earlier.
+/// Occasion on which an array crosses ranks. The later ones include the earlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Crosses {
-    /// When a grain gets another owner; ghosts hold the value of a new grain.
+    /// Change of the owner of a grain; ghosts hold the value of a new grain.
     Migration,
-    /// Also when a ghost is made.
+    /// Creation of a ghost, too.
     Creation,
-    /// Also in every solid step, from the owner to the ghosts.
+    /// Every solid step, too, from the owner to the ghosts.
     EveryStep,
 }
 
 /// Column-name prefix of an array in checkpoints, "" for none; the variant says if the hash of the state covers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Saved {
-    /// In the checkpoint and in the hash of the state.
+    /// Array in the checkpoint and in the hash of the state.
     Hashed(&'static str),
-    /// In the checkpoint only.
+    /// Array in the checkpoint only.
     Unhashed(&'static str),
 }
 
@@ -48,7 +48,7 @@ impl Saved {
 
 /// A container with one element for each grain.
 pub(super) trait Array {
-    /// Its element.
+    /// Type of an element.
     type Item: Copy;
     /// Returns `true` if the scene has the array.
     fn is_present(&self) -> bool;

@@ -20,7 +20,7 @@ pub struct Deepest {
 /// The other side of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum With {
-    /// Nothing yet, or nothing known since a restart.
+    /// No contact yet, or none known since a restart.
     #[default]
     Unknown,
     /// The body of this id.

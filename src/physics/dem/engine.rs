@@ -62,7 +62,7 @@ use std::marker::PhantomData;
 struct WallFailure<S: Space> {
     grain: u32,
     wall: u32,
-    /// From the grain's centre to the contact \[m\].
+    /// Vector from the grain's centre to the contact \[m\].
     arm: S::Vector,
     mode: Failure,
 }
@@ -70,7 +70,7 @@ struct WallFailure<S: Space> {
 /// Effect of a pair in one step.
 #[derive(Clone, Copy, Debug)]
 struct Action<S: Space> {
-    /// On the second; the first feels the opposite.
+    /// Force on the second; the first is subject to the opposite.
     force: S::Vector,
     on_first: S::Spin,
     on_second: S::Spin,

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-/// Which grain, and through which face.
+/// Grain that left, and the face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Escape {
     /// Id of the grain.

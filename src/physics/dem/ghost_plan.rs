@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::error::Error;
 use decomposition::{Domain, FixedExchange};
 
-/// Which own grains are whose ghosts, and the messages that keep them up to date.
+/// Plan of the ghosts: own grains by the ranks that need them, and the messages that update them.
 #[derive(Default)]
 pub(super) struct GhostPlan {
     /// Per target rank the own entries it holds, in the order of its ghosts; never this rank.

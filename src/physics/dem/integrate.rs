@@ -39,7 +39,7 @@ impl Fastest {
     }
 }
 
-/// Beyond this squared speed [m²/s²] a grain counts as blown up.
+/// Squared speed [m²/s²] beyond which a grain counts as blown up.
 pub(super) const SPEED_LIMIT: f64 = 1e16;
 
 /// Returns a component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.

@@ -55,7 +55,7 @@ const PER_THREAD: usize = 1000;
 enum Astray {
     /// Very far away, or nowhere.
     Lost,
-    /// Beyond the box by more than its length.
+    /// Position beyond the box by more than its length.
     Out { axis: usize, upper: bool },
 }
 

@@ -83,7 +83,7 @@ struct Overlaps {
 /// The cells of a body along each axis, from and to.
 type Span = [[u32; 2]; 3];
 
-/// No cell.
+/// Span without a cell.
 const NOWHERE: Span = [[1, 0]; 3];
 
 /// Bodies from which a thread pays.

@@ -26,7 +26,7 @@ pub enum Kind {
     /// Forces move it.
     #[default]
     Free,
-    /// Nothing moves it.
+    /// Grain that nothing moves.
     Fixed,
     /// A prescribed velocity and spin move it.
     Driven,
@@ -178,8 +178,8 @@ grain_arrays! {
         given {
             /// Body of each entry.
             pub body: Vec<Body>, Creation, Hashed("");
-            /// Which image each entry stands for \[box lengths along each axis\]. It depends on when lists were made; a
-            /// checkpoint holds the shift that brings the grain into the box instead.
+            /// Image of each entry \[box lengths along each axis\]. It depends on when lists were made; a checkpoint
+            /// holds the shift that brings the grain into the box instead.
             pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
             /// Position, velocity and spin of each entry.
             pub motion: Vec<Motion<S>>, EveryStep, Hashed("");
@@ -514,7 +514,7 @@ pub struct View<'a, S: Space> {
     pub last_velocity: &'a [S::Vector],
     /// Response of each entry to forces.
     pub(super) mobility: &'a [Mobility],
-    /// Which image each entry stands for.
+    /// Image of each entry.
     pub shift: &'a [[i32; 3]],
     /// Length of the box along periodic axes, else 0 \[m\].
     pub lengths: [f64; 3],

@@ -9,7 +9,7 @@ pub struct Region<S: Space> {
     pub lower: S::Vector,
     /// Upper corner \[m\].
     pub upper: S::Vector,
-    /// Which axes are periodic.
+    /// `true` for periodic axes.
     pub periodic: [bool; 3],
     /// Thickness of one plane of the split axis \[m\], counted from the lower corner.
     pub spacing: f64,

@@ -5,7 +5,7 @@ use super::{Error, Problem, Severity};
 /// Verdict on a case from all findings. Every command that reads a case states exactly one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// There are no findings.
+    /// Verdict without findings.
     Valid,
     /// The case runs, with warnings.
     ValidWithWarnings,

@@ -138,12 +138,12 @@ pub trait Model {
 /// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ
 /// of the fluid.
 pub trait Kernels: Copy + Send + Sync + 'static {
-    /// For one viscosity and open cells, with a body force where `FORCED`.
+    /// Kernel for one viscosity and open cells, with a body force if `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
-    /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel
-    /// without a force saves is little compared with the velocity gradients.
+    /// Kernel for cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a
+    /// kernel without a force saves is little compared with the velocity gradients.
     type Local: Collision + 'static;
-    /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
+    /// Kernel for cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;
 
     /// Returns the kernel: see [`Kernels::Uniform`].

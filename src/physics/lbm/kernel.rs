@@ -44,7 +44,7 @@ pub struct Update<C, T> {
     pub eddies: T,
     /// Viscosity of the fluid itself, lattice units.
     pub viscosity: f64,
-    /// Which worker this is, from 0.
+    /// Number of the worker, from 0.
     pub worker: usize,
 }
 

@@ -40,7 +40,7 @@ use crate::thread_pool;
 pub enum Parity {
     /// Populations lie in their own cell: the state at start and after an odd pass.
     Home,
-    /// After an even pass: outgoing populations still lie, reversed, where they were read.
+    /// State after an even pass: outgoing populations still lie, reversed, where they were read.
     Reversed,
 }
 

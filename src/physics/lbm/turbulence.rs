@@ -99,7 +99,7 @@ pub trait Model {
     }
 }
 
-/// Why a model is used, in `plan`.
+/// Reason for a model, in `plan`.
 const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
 
 /// The eddy viscosity of a pass.
@@ -122,7 +122,7 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     }
 }
 
-/// No model.
+/// Flow without an eddy-viscosity model.
 #[derive(Clone, Copy, Debug)]
 pub struct Resolved;
 

@@ -148,7 +148,7 @@ impl Block<'_> {
     }
 }
 
-/// At this damping ratio dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that
+/// Damping ratio at which dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that
 /// a point of contact was seen to add.
 const DAMPS: f64 = 0.05;
 

@@ -26,7 +26,7 @@ struct Node {
 struct Spring {
     first: usize,
     second: Option<usize>,
-    /// From the first on.
+    /// Unit normal from the first on.
     normal: [f64; 3],
     /// Distances of the point of contact from both centres (m).
     arms: [f64; 2],

@@ -16,7 +16,7 @@ const CONFIDENCE: f64 = 0.95;
 /// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this
 /// margin, bounds without one of the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
 const MARGIN: f64 = 3.0;
-/// Up to this Reynolds number inertia changes forces and flows by less than the rows differ: rows of creeping flow
+/// Reynolds number up to which inertia changes forces and flows by less than the rows differ: rows of creeping flow
 /// count.
 const CREEPING: f64 = 1.0;
 /// Steps of p, from a fifth to 3.5, and of q, from 0 to 0.8.
@@ -125,7 +125,7 @@ impl Bound {
     }
 }
 
-/// Beyond this Reynolds number the layers are turbulent, and eddies are modelled where they are too small.
+/// Reynolds number beyond which the layers are turbulent, and eddies are modelled where they are too small.
 const MOST_REYNOLDS: f64 = 1000.0;
 
 /// Returns the constant of a bound with this order and inertia, and the loss of the quantile regression.

@@ -33,9 +33,9 @@ const VORTICES: &str = "vortices";
 /// Something that the water must resolve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Feature {
-    /// In words: `diameter of `cylinder``.
+    /// Name of the feature: `diameter of `cylinder``.
     pub(crate) what: String,
-    /// Its smallest width \[m\].
+    /// Smallest width \[m\].
     pub(crate) size: f64,
     /// Obstacle of the water there, as in the table of measured errors.
     pub(crate) obstacle: &'static str,

@@ -27,9 +27,9 @@ const WIDE: f64 = 1.0;
 /// A gap between two solids, or between a solid and a wall.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Gap {
-    /// In words: `gap between `rod` and its image`.
+    /// Name of the gap: `gap between `rod` and its image`.
     pub(crate) what: String,
-    /// Its width \[m\]; 0 or less where the solids touch.
+    /// Width \[m\]; 0 or less where the solids touch.
     pub(crate) width: f64,
     /// Smallest width of the adjacent solids \[m\].
     pub(crate) beside: f64,

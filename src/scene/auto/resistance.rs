@@ -35,11 +35,12 @@ const ARRAYS: [(f64, f64); 5] = [
     (0.45, 28.1),
     (FRAC_PI_6, 42.1),
 ];
-/// Beyond the 0.6 of the simulations the first term, which is that of Kozeny and Carman, is 99 % of the drag.
+/// Solid fraction up to which the law is used: beyond the 0.6 of the simulations the first term, which is that of
+/// Kozeny and Carman, is 99 % of the drag.
 const DENSEST: f64 = 0.65;
 /// Largest Reynolds number of the simulations.
 const MOST_REYNOLDS: f64 = 1000.0;
-/// Up to this Reynolds number the flow creeps.
+/// Reynolds number up to which the flow creeps.
 const CREEPING: f64 = 1.0;
 /// Errors of the formula: creeping, and with inertia.
 const OF_FORMULA: (f64, f64) = (0.03, 0.08);

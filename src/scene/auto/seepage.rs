@@ -46,7 +46,7 @@ const IMPACT: f64 = 0.1;
 pub(crate) struct Row {
     /// `overlap` or `interval`.
     what: String,
-    /// Up to this number.
+    /// Number up to which the row is valid.
     value: f64,
     /// Largest relative error of the flow.
     error: f64,

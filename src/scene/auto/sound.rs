@@ -226,7 +226,7 @@ impl Waves {
 /// A narrow way of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// Its width \[m\].
+    /// Width \[m\].
     pub width: f64,
     /// Kind of the adjacent solids.
     pub beside: Beside,

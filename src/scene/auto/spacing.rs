@@ -74,7 +74,7 @@ const SHARE: f64 = 0.75;
 const ASIDE: f64 = 1.05;
 /// Distance from a centre, face or corner of a cell that counts as on it [half cells].
 const ON_LATTICE: f64 = 0.1;
-/// In the plane finer cells keep a fast flow stable, up to this factor.
+/// Maximum factor by which finer cells keep a fast flow stable in the plane.
 const MOST_FINER: f64 = 4.0;
 
 /// Returns the stated spacing, or that for the features of the case, before velocities are known.

@@ -62,7 +62,7 @@ const TURBULENT: f64 = 1000.0;
 const KOLMOGOROV_LENGTHS: f64 = 4.0;
 /// Constant of WALE (Nicoud and Ducros 1999).
 const WALE: f64 = 0.5;
-/// From this target on f32 does.
+/// Target from which on f32 is accurate enough.
 const DRAFT: f64 = 0.1;
 
 /// Returns the smallest relaxation time at which two of them are stable at a lattice velocity.

@@ -52,7 +52,7 @@ pub(crate) enum Beside {
 pub(crate) struct Way {
     /// Text that names the gap and the adjacent solids.
     pub(crate) what: String,
-    /// Its width \[m\].
+    /// Width \[m\].
     pub(crate) width: f64,
     /// Kind of the adjacent solids.
     pub(crate) beside: Beside,

@@ -37,7 +37,7 @@ pub struct JointSet {
 pub enum Spacing {
     /// Always this one.
     Constant(f64),
-    /// Between two bounds, all equally likely.
+    /// Uniform distribution between two bounds.
     Uniform {
         /// The smallest.
         min: f64,

@@ -18,13 +18,13 @@ use serde_json::Value;
 
 use crate::dem::polyhedron::{HalfSpace, Polyhedron, ShapeError, Solid};
 
-/// No more sentences than this about one file.
+/// Maximum number of sentences about one file.
 const MOST: usize = 20;
 
 /// A block of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
-    /// Its shape and place.
+    /// Shape and place.
     pub solid: Solid,
     /// Name of its material, if it is not that of the others.
     pub material: Option<String>,

@@ -20,11 +20,11 @@ use decomposition::Communicator;
 /// Kind of failure of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Its numbers are not finite.
+    /// Numbers that are not finite.
     NotFinite,
-    /// It moves faster than `guards.max_lattice_velocity`.
+    /// Speed above `guards.max_lattice_velocity`.
     TooFast,
-    /// Its density is further from that at rest than `guards.max_compression`.
+    /// Density further from that at rest than `guards.max_compression`.
     TooDense,
 }
 
@@ -32,7 +32,7 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Failure {
     pub(super) kind: Kind,
-    /// Its place in the order of the lattice; the same on every rank.
+    /// Index of the cell in the order of the lattice; the same on every rank.
     pub(super) place: u64,
 }
 

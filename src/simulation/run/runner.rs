@@ -398,18 +398,18 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     }
 }
 
-/// Why the loop over the steps ended.
+/// Reason why the loop over the steps ended.
 enum Pause {
     /// The run is done.
     Done,
-    /// It continues with these slabs.
+    /// Restart with these slabs.
     NewSlabs(Slabs),
 }
 
-/// Why a checkpoint is written.
+/// Reason why a checkpoint is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Occasion {
-    /// It is due, or a signal requested it.
+    /// Checkpoint that is due, or that a signal requested.
     Asked,
     /// The run stops.
     Stop,

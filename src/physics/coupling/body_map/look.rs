@@ -135,7 +135,7 @@ const WATCHED: usize = 8;
 /// cases none has changed, and the others need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
-    /// In the raw frame, with the value of [`beyond`] when they were found, by rising size.
+    /// Cells in the raw frame, with the value of [`beyond`] when they were found, by rising size.
     cells: [([i32; 3], f64); WATCHED],
     count: usize,
     /// Lower bound of the size of [`beyond`] of all other cells.

@@ -13,7 +13,7 @@ use std::ops::Range;
 struct Run {
     /// Position in the lattice of cell 0 of the row.
     row: u32,
-    /// Its first cell.
+    /// First cell.
     first: i32,
     /// End of its fractions in [`Runs::parts`]; they begin at the end of the run before it.
     end: u32,
@@ -219,7 +219,7 @@ fn whole(n: i32) -> usize {
 pub(super) struct Walk<'a, 'f> {
     pub(super) rows: &'a Rows,
     pub(super) form: &'a Form<'f>,
-    /// From the raw frame of the body to the cells of the slab.
+    /// Offset from the raw frame of the body to the cells of the slab.
     pub(super) frame: [i32; 3],
     /// Planes of the slab to search; ghost planes are those before the first and behind the last.
     pub(super) planes: Range<i32>,

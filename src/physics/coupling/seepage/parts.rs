@@ -65,7 +65,7 @@ pub(super) struct GrainLoad {
 /// Parts of the grains of one thread.
 #[derive(Debug, Default)]
 pub(super) struct Share {
-    /// Its first grain.
+    /// First grain.
     first: usize,
     /// End of the parts of each grain.
     ends: Vec<usize>,

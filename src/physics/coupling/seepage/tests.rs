@@ -485,7 +485,7 @@ fn drift(particles: &mut Particles<Volume>, interval: f64, gravity: f64) {
     }
 }
 
-/// So slow that the velocity head of the water that leaves does not count.
+/// Velocity so low that the velocity head of the water that leaves does not count.
 const SLOW: f64 = 5e-4;
 
 /// Nothing stops a bed that moves with its water. In the frame of the laboratory, without `moves`, it stops.

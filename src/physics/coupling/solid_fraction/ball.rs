@@ -29,7 +29,7 @@ struct Coordinates {
 /// A plane of corners: the signed part of the ball between its centre and each corner, in units of the cubed radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Which plane along the slowest axis; none before the first.
+    /// Number of the plane along the slowest axis; none before the first.
     plane: Option<usize>,
     parts: Vec<f64>,
 }
@@ -61,7 +61,7 @@ pub struct BallTable {
     edges: [Vec<f64>; 3],
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// From the first corner to the centre, along each axis, and the radius, in cells.
+    /// Vector from the first corner to the centre, along each axis, and the radius, in cells.
     centre: [f64; 3],
     radius: f64,
     corners: [Corners; 2],

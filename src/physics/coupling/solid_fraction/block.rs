@@ -94,7 +94,7 @@ pub struct BlockTable {
     cells: [usize; 3],
     /// Cells of a row before the box.
     before: usize,
-    /// For each cell of the layer, what begins in it, and what begins for all cells from it on.
+    /// Volume for each cell of the layer that begins in it, and volume that begins for all cells from it on.
     within: Vec<f64>,
     from: Vec<f64>,
     /// Filled parts of the cells of a row.

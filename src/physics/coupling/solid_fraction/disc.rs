@@ -42,7 +42,7 @@ impl Coordinates {
 /// the squared radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Which line across the fast axis; none before the first.
+    /// Number of the line across the fast axis; none before the first.
     line: Option<usize>,
     parts: Vec<f64>,
 }

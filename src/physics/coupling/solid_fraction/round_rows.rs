@@ -10,11 +10,11 @@ use crate::ball::{Beside, around, chord, within};
 /// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RowCells {
-    /// Those that the body reaches.
+    /// Cells that the body reaches.
     pub(crate) outer: [i32; 2],
-    /// Those that it fills.
+    /// Cells that it fills.
     pub(crate) full: [i32; 2],
-    /// Those that it fills with all cells around them.
+    /// Cells that it fills with all cells around them.
     pub(crate) deep: [i32; 2],
 }
 

@@ -17,7 +17,7 @@ pub(super) struct Boundary {
     pub(super) upper: bool,
     /// Open area \[m2\].
     pub(super) area: f64,
-    /// Which patch.
+    /// Number of the patch.
     pub(super) patch: usize,
     /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
     pub(super) lift: f64,

@@ -10,7 +10,7 @@ use std::ops::Range;
 pub struct Through {
     /// Water and grains that cross it along the axis in a second \[m3/s; m2/s in 2-D\].
     pub discharge: f64,
-    /// Its open area \[m2; m in 2-D\].
+    /// Open area \[m2; m in 2-D\].
     pub area: f64,
     /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN where there are none.
     pub reduced: [f64; 2],

@@ -63,7 +63,7 @@ pub struct SceneFacts<'a> {
 /// Properties of a material that a law may need.
 #[derive(Clone, Debug, Default)]
 pub struct MaterialFacts {
-    /// Its name in the case.
+    /// Name in the case.
     pub name: String,
     /// Young's modulus [Pa].
     pub young_modulus: Option<f64>,
@@ -74,11 +74,11 @@ pub struct MaterialFacts {
 /// Method by which the grains of a scene are created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
-    /// They are listed, or there are none.
+    /// Listed grains, or none.
     Listed,
-    /// Their radii grow.
+    /// Grains whose radii grow.
     Growth,
-    /// They are deposited.
+    /// Grains that are deposited.
     Deposition {
         /// `true` if the normal stiffness is lower during the deposition.
         softened: bool,

@@ -117,16 +117,16 @@ pub struct StaticContact {
     pub mass: f64,
     /// Overlap \[m\]; none for the deepest that is expected.
     pub overlap: Option<f64>,
-    /// Which overlap decides.
+    /// Overlap that decides.
     pub depth: Depth,
     /// `true` if it is bonded.
     pub bonded: bool,
 }
 
-/// Which overlap decides the stiffness of a contact whose springs harden.
+/// Overlap that decides the stiffness of a contact whose springs harden.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Depth {
-    /// That of the start.
+    /// Overlap at the start.
     Start,
     /// The deepest that is expected, if that is deeper.
     Expected,

@@ -47,7 +47,7 @@ pub(in crate::dem) struct Facets<C, M> {
     pub(super) close: Vec<[u32; 3]>,
     /// Contacts of one grain with several walls, by pair.
     pub(super) together: Vec<(u32, Nearest)>,
-    /// Those of them that another wall has as well, by pair and facet.
+    /// Contacts that another wall has as well, by pair and facet.
     pub(super) doubled: Vec<[u32; 2]>,
 }
 

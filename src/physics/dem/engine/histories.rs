@@ -7,10 +7,10 @@ use super::*;
 use crate::dem::neighbors::threads_for;
 use std::ops::Range;
 
-/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+/// Key of a contact at a wall: id of the grain, wall, facet (0 for a plane).
 pub(in crate::dem) type WallKey = (u64, u32, u32);
 
-/// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
+/// Key of a contact: ids, and the offset in box lengths of the second's raw position from the first's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::dem) struct Key {
     pub(in crate::dem) first: u64,

@@ -29,7 +29,7 @@ struct Cut {
 /// Results of a part in a step.
 #[derive(Debug)]
 struct Part<S: Space> {
-    /// Its active pairs: places among all.
+    /// Range of active pairs among all.
     active: Range<usize>,
     /// The places of the pairs that come in: all of them.
     places: Vec<u32>,
@@ -61,9 +61,9 @@ pub(super) struct Parts<S: Space, C, M> {
     /// One more than there are parts.
     cuts: Vec<Cut>,
     parts: Vec<Part<S>>,
-    /// For each part, the active pairs whose second is in a later part.
+    /// Active pairs whose second is in a later part, for each part.
     going: Vec<Vec<u32>>,
-    /// For each part, copies of the active pairs that come in from earlier parts, in the order of the list.
+    /// Copies of the active pairs that come in from earlier parts, for each part, in the order of the list.
     coming: Vec<Vec<Pair<C, M>>>,
     /// New positions and velocities of the grains.
     moved: Vec<Motion<S>>,

@@ -83,7 +83,7 @@ pub use history::History;
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// Its shape.
+    /// Shape.
     pub shape: &'a Polyhedron,
     /// Turns its body frame into space.
     pub rotation: Matrix3<f64>,
@@ -111,7 +111,7 @@ pub enum Model {
 /// A contact now, in the axes of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// From the first's centre to the contact [m].
+    /// Vector from the first's centre to the contact [m].
     pub arm: Vector3<f64>,
     /// Unit normal from the first to the second.
     pub normal: Vector3<f64>,

@@ -17,7 +17,7 @@ const ON: f64 = 1e-10;
 pub(super) struct Cut {
     /// Corners \[m\].
     pub(super) vertices: Vec<Vector3<f64>>,
-    /// Which half-space, and its corners counter-clockwise seen from outside.
+    /// Number of the half-space, and the face's corners counter-clockwise seen from outside.
     pub(super) faces: Vec<(usize, Vec<u32>)>,
 }
 

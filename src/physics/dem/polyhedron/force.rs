@@ -50,7 +50,7 @@ pub enum Stiffness {
         /// Across it [N/m].
         shear: f64,
     },
-    /// In proportion to the area of contact.
+    /// Stiffness in proportion to the area of contact.
     PerArea {
         /// Along the normal [Pa/m].
         normal: f64,
@@ -79,7 +79,7 @@ pub struct Approach {
     pub velocity: Vector3<f64>,
     /// Spins (rad/s, in space).
     pub spins: [Vector3<f64>; 2],
-    /// From the first's centre to the second's \[m\].
+    /// Vector from the first's centre to the second's \[m\].
     pub separation: Vector3<f64>,
     /// Effective mass \[kg\]: `m1 m2/(m1 + m2)`, the block's own against what does not move.
     pub mass: f64,

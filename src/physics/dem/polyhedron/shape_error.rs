@@ -1,6 +1,6 @@
 //! Errors in the input of a block's shape.
 
-/// Why vertices, half-spaces or triangles make no block.
+/// Reason why vertices, half-spaces or triangles make no block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// Too few of what it is made from.
@@ -28,10 +28,10 @@ pub enum ShapeError {
     Unusable {
         /// Vertex, half-space, edge or triangle.
         what: &'static str,
-        /// Which one.
+        /// Index of the faulty item.
         index: usize,
     },
-    /// No volume.
+    /// Solid without a volume.
     #[error("the block is flat: {thickness:e} m thick over a width of {width:e} m")]
     Flat {
         /// Smallest extent \[m\].
@@ -58,7 +58,7 @@ pub enum ShapeError {
         "the surface is not convex: a corner stands {height:e} m outside the plane of triangle {triangle}"
     )]
     NotConvex {
-        /// Which triangle.
+        /// Number of the triangle.
         triangle: usize,
         /// Height of the corner above the face \[m\].
         height: f64,

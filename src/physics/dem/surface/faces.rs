@@ -21,11 +21,11 @@ const RATIO: f64 = 10.0;
 /// The plane faces of a surface.
 #[derive(Clone, Debug, Default)]
 pub(in crate::dem) struct Faces {
-    /// For each facet the first one of its face.
+    /// First facet of the face of each facet.
     first: Vec<u32>,
-    /// For each facet the first given one of its face and of the images of this face.
+    /// First given facet of the face of each facet and of the images of this face.
     name: Vec<u32>,
-    /// For each edge, in the order of the corners of all facets, the facet on its other side.
+    /// Facet on the other side of each edge, in the order of the corners of all facets.
     beside: Vec<u32>,
 }
 

@@ -28,9 +28,9 @@ pub(super) struct Repeated {
     lengths: [f64; 3],
     /// Number of given facets: they come first.
     given: u32,
-    /// For each facet the given one, and its offset from there in periods.
+    /// Given facet of each facet, and its offset from there in periods.
     images: Vec<(u32, [i32; 3])>,
-    /// For each vertex a number that it shares with its images.
+    /// Number of each vertex that it shares with its images.
     vertices: Vec<u32>,
     /// The images of given facet k are `of_given[starts[k]..starts[k + 1]]`.
     starts: Vec<u32>,

@@ -80,9 +80,9 @@ impl Model for ConvectiveOutflow {
 pub enum Carried {
     /// One velocity everywhere \[cells per step\].
     Given(f64),
-    /// That of the cell in the step before.
+    /// Velocity of the cell in the step before.
     Local,
-    /// Without bound: no gradient along the normal.
+    /// Whole state: no gradient along the normal.
     Whole,
 }
 
@@ -151,7 +151,7 @@ pub struct Links {
     outward: f64,
     speed: Carried,
     links: Vec<FaceLink>,
-    /// For each link.
+    /// Data of each link.
     leaving: Vec<Leaving>,
     held: Option<Held>,
 }

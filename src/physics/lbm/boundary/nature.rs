@@ -18,7 +18,7 @@ pub enum Surface {
 pub enum Inflow {
     /// Nothing.
     None,
-    /// This mean velocity over its cells [m/s]; negative out of the domain.
+    /// Mean velocity over its cells [m/s]; negative out of the domain.
     Mean(f64),
     /// Inflow that the flow determines, or that is not known before the run.
     Any,

@@ -241,7 +241,7 @@ pub struct Links {
     incline: [[f64; 3]; 2],
     cells: Vec<PressureCell>,
     links: Vec<FaceLink>,
-    /// For each link.
+    /// Data of each link.
     returned: Vec<Returned>,
     /// Populations that enter through each link: a buffer for a step.
     entering: Vec<f64>,

@@ -60,7 +60,7 @@ pub enum VelocityProfile {
         /// 3-D, `z` on a face across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are
         /// interpolated linearly between rows.
         path: PathBuf,
-        /// Its rows, once they are read.
+        /// Rows of the table, once they are read.
         #[serde(skip)]
         table: Option<Table>,
     },
@@ -292,7 +292,7 @@ fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     dimension: usize,
-    /// In rising order of the first coordinate.
+    /// Rows in rising order of the first coordinate.
     rows: Arc<Vec<Vec<f64>>>,
 }
 

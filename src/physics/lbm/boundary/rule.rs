@@ -19,7 +19,7 @@ pub enum Giver {
     Rule,
 }
 
-/// When a rule acts.
+/// Step and time at which a rule acts.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// The step.

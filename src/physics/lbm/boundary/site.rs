@@ -19,7 +19,7 @@ pub struct Site<'a> {
     pub cells: [usize; 3],
     /// Axes along which the domain repeats.
     pub periodic: [bool; 3],
-    /// Which faces of the domain are walls that hold the water, by axis, the lower one first.
+    /// `true` for the faces of the domain that are walls which hold the water, by axis, the lower one first.
     pub walls: [[bool; 2]; 3],
 }
 
@@ -32,7 +32,7 @@ pub struct Place<'a> {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Its lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
+    /// Lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
     pub ends: [[f64; 2]; 3],
     /// All openings of the domain, this one included; none where they are not known yet.
     pub openings: &'a [Opening],
@@ -83,7 +83,7 @@ impl Place<'_> {
 pub struct Sides {
     /// Lower and upper end along each axis, in cells.
     ends: [[f64; 2]; 3],
-    /// Which of them are walls.
+    /// `true` for the faces that are walls.
     walls: [[bool; 2]; 3],
 }
 
@@ -107,7 +107,7 @@ impl Sides {
 pub struct Opening {
     /// Strength of the condition that it imposes.
     pub strength: Strength,
-    /// Its area, in faces of cells.
+    /// Area, in faces of cells.
     pub area: f64,
     /// Inflow through it.
     pub inflow: Inflow,

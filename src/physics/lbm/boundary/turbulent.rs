@@ -37,7 +37,7 @@ struct InletLink {
     link: Link,
     /// 6 w_i c_i I |U|
     term: [f64; 3],
-    /// Which of the places.
+    /// Index of the place.
     place: usize,
 }
 

@@ -41,14 +41,14 @@ impl Bounds {
 pub struct Border {
     /// Folder of the map under `benches/stability`.
     pub map: &'static str,
-    /// Its bounds, by rising lattice velocity.
+    /// Bounds, by rising lattice velocity.
     pub bounds: &'static [Bounds],
 }
 
 /// Boundaries of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surroundings {
-    /// No walls and no openings.
+    /// Periodic domain without walls and openings.
     Periodic,
     /// Walls and no openings.
     Walls,

@@ -129,7 +129,7 @@ pub struct Cumulant<const FORCED: bool> {
 
 /// Weights of one dimension: rest, +, -.
 const WEIGHT: [f64; 3] = [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0];
-/// Their moments of order 0, 1, 2.
+/// Moments of the weights of order 0, 1, 2.
 const MOMENT: [f64; 3] = [1.0, 0.0, 1.0 / 3.0];
 
 /// Converts numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights;

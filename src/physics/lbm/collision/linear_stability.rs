@@ -20,7 +20,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Wave {
     /// |λ|: what its amplitude is multiplied by in a step; 1 or less where none grows.
     pub factor: f64,
-    /// Its wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
+    /// Wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
     pub vector: [i8; 3],
 }
 

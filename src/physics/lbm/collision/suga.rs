@@ -49,14 +49,14 @@ use serde_json::json;
 #[schemars(inline)]
 pub struct Parameters(pub mrt::Parameters);
 
-/// From this relaxation time on the operator with the rates of Suga lets waves of three cells along the diagonals grow
+/// Relaxation time from which on the operator with the rates of Suga lets waves of three cells along the diagonals grow
 /// in fluid at rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16
 /// in half a period).
 const GROWS: f64 = 0.556;
-/// From this relaxation time on runs failed of it: boxes without walls at 0.8, ducts at 0.75, under a lid at 0.7 and
-/// not at 0.65.
+/// Relaxation time from which on runs failed because of it: boxes without walls at 0.8, ducts at 0.75, under a lid at
+/// 0.7 and not at 0.65.
 const FAILS: f64 = 0.7;
-/// Below this relaxation time the operator with all moments above the second at their equilibrium lets waves grow at
+/// Relaxation time below which the operator with all moments above the second at their equilibrium lets waves grow at
 /// rest: by 0.9 % in a step at 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
 const SECOND_ORDER_GROWS: f64 = 0.52;
 

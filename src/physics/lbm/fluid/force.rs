@@ -3,7 +3,7 @@
 /// Uniform body force per volume in lattice units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Force {
-    /// No force: the cheaper kernel is used.
+    /// Zero force: a kernel of lower cost is used.
     None,
     /// Constant force.
     Constant([f64; 3]),

@@ -57,11 +57,11 @@ pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 /// bodies while the open cells collide.
 pub(super) struct OnGpu {
     pub(super) stream: Arc<CudaStream>,
-    /// On that stream: the cover was made; the covered cells have collided.
+    /// Events on that stream: the cover was made; the covered cells have collided.
     pub(super) made: CudaEvent,
     pub(super) passed: CudaEvent,
-    /// On the stream of the fluid: the populations are those before a pass; the open cells no longer need each of the
-    /// two covers.
+    /// Events on the stream of the fluid: the populations are those before a pass; the open cells no longer need each
+    /// of the two covers.
     pub(super) ready: CudaEvent,
     done: [CudaEvent; 2],
     pub(super) kernels: Kernels,

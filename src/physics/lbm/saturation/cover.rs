@@ -29,11 +29,11 @@ pub struct Cover {
     pub(super) owner: Vec<u32>,
     /// One for each worker.
     lists: Vec<Shelf>,
-    /// Those of the lists that are in use, for the pass.
+    /// Shares of the lists that are in use, for the pass.
     shares: Vec<Shares>,
     pub(super) solids: Vec<Solid>,
     pub(super) sums: Vec<Sums>,
-    /// From a cell to the next one along each axis.
+    /// Distance from a cell to the next one along each axis.
     pub(super) strides: [isize; 3],
     /// Something changed since this was last asked.
     changed: AtomicBool,
@@ -392,9 +392,9 @@ impl Cover {
 /// The bodies of the cells of several bodies.
 #[derive(Debug, Default)]
 struct Lists {
-    /// With their parts, in the order of their names.
+    /// Shared cells with their parts, in the order of their names.
     shared: Vec<Vec<Share>>,
-    /// Those of them that have the cell deep inside.
+    /// Bodies that have the cell deep inside.
     deep: Vec<Vec<u32>>,
     /// Places to use again.
     unused: Vec<usize>,
@@ -432,7 +432,7 @@ struct Place {
 /// Access of a worker to the lists, which belong to the cells of all: few cells have several bodies.
 #[derive(Debug)]
 enum Access<'a> {
-    /// There is no other worker.
+    /// Access without another worker.
     Alone(&'a mut [Shelf]),
     /// New places are taken from this list, seldom from that of another worker.
     Shared(&'a [Shelf], usize),

@@ -567,7 +567,7 @@ pub struct Wall {
     pub cell: usize,
     /// The axis along which the surface is, and whether at the upper side.
     pub side: (usize, bool),
-    /// From the cell \[cells\].
+    /// Distance from the cell \[cells\].
     pub distance: f64,
     /// Velocity of the surface \[cells per step\].
     pub velocity: [f64; 3],
@@ -582,7 +582,7 @@ fn position_from(from: usize, to: usize) -> isize {
 pub struct Field {
     /// Components of the step before and of this one, one after the other.
     numbers: [Pages<f32>; 2],
-    /// Which of the two is read.
+    /// Index of the field that is read.
     old: usize,
     /// Distance between components.
     array: usize,
