@@ -294,7 +294,7 @@ impl Estimate {
                     size(self.memory_bytes),
                     size(available)
                 ),
-                "leave room for the system",
+                "leave memory for the system",
             );
         }
     }

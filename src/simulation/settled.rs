@@ -266,7 +266,7 @@ pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
             .collect();
         lines.push(format!(
             "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the \
-             run; a shorter `every` tells",
+             run; a shorter `every` shows it",
             names.join(", "),
             if end.unknown.len() > NAMED { " and others" } else { "" }
         ));

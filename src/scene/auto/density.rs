@@ -276,7 +276,7 @@ impl<'a> Inlet<'a> {
         let normal = self.uniform_at_walls(flow)?[self.axis].abs();
         let friction = RIM_OF_FRICTION[scene.grid.dimension - 2];
         Some(Cause {
-            what: "a uniform profile beside a wall",
+            what: "a uniform profile next to a wall",
             path: self.path.clone(),
             pressure: friction * flow.density * flow.kinematic_viscosity * normal
                 / scene.grid.spacing,

@@ -54,7 +54,7 @@ pub(crate) fn judge(
     let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
     let wet = scene.structures.iter().any(|s| s.stops.water());
     if wet && !features.iter().any(beside) {
-        new.push("no error was measured for structures that stand beside no way".to_owned());
+        new.push("no error was measured for structures without an adjacent gap".to_owned());
     }
     for judged in &judged {
         new.extend(judged.error.as_ref().err().cloned());
@@ -206,7 +206,7 @@ fn of_feature<'a>(
 fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
-        new.push("no error was measured of flow beside porous zones".to_owned());
+        new.push("no error was measured of flow next to porous zones".to_owned());
     }
     if flow.turbulence.is_some() {
         new.push("eddies are modelled, and no error of that was measured".to_owned());

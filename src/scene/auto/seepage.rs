@@ -213,7 +213,7 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
     let (law, of_law) = match resistance::error(scene) {
         Ok(error) => error,
         Err(reason) => {
-            let text = format!("{of_numerics}; nothing is promised beside it: {reason}");
+            let text = format!("{of_numerics}; nothing further is promised: {reason}");
             scene.chosen.note("accuracy", text);
             findings.warn(
                 "accuracy",

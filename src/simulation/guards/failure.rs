@@ -67,7 +67,7 @@ impl Failure {
         if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
             let often = (plan.scene.guards.check_every_steps / 20).max(1);
             parts.push(format!(
-                "{lost} of {} cells are not finite by now, so that this cell does not tell where it began: --set \
+                "{lost} of {} cells are not finite by now, so that this cell does not show where it began: --set \
                  guards.check_every_steps={often} finds it sooner",
                 plan.scene.grid.cell_count()
             ));
