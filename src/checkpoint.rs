@@ -606,7 +606,7 @@ pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
 
-/// Sums over time of a slab from a checkpoint; they stay at nothing where it holds none.
+/// Sums over time of a slab from a checkpoint; they stay at nothing if it holds none.
 ///
 /// # Errors
 /// When they cannot be read.

@@ -216,7 +216,7 @@ impl Outputs {
     }
 
     /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is
-    /// about to go on, so that its files become those of a run that never ended there. Collective.
+    /// about to continue, so that its files become those of a run that never ended there. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.

@@ -279,7 +279,8 @@ fn manifest_path(folder: &Path, step: u64) -> PathBuf {
 ///
 /// # Errors
 /// The same on all ranks, and the checkpoints there were before are untouched: [`Error::Space`] before anything is
-/// written (the caller may go on without), [`Error::Broken`] where the caller must abort, else with nothing left open.
+/// written (the caller may continue without), [`Error::Broken`] where the caller must abort, else with nothing left
+/// open.
 #[expect(
     clippy::too_many_arguments,
     reason = "each is a different thing that a checkpoint is made of"

@@ -550,7 +550,7 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// Returns the pieces of a box of numbers of so many bytes.
+    /// Returns the pieces of a box, given the bytes of each number.
     pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         let row = product(&count[axis + 1..]);

@@ -20,7 +20,7 @@ pub struct Expected {
     pub lattice: Option<([usize; 3], usize, usize)>,
     /// Cells of the grid in which water seeps; none without seepage.
     pub seepage: Option<usize>,
-    /// Grains, blocks and bodies at most; none where nothing is solid.
+    /// Grains, blocks and bodies at most; none if nothing is solid.
     pub grains: Option<u64>,
     /// Steps of the case.
     pub steps: u64,

@@ -92,7 +92,7 @@ impl Averages {
     }
 
     /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so
-    /// far go on, `false` if the averages begin anew.
+    /// far continue, `false` if the averages begin anew.
     ///
     /// # Errors
     /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another
@@ -409,7 +409,7 @@ mod tests {
         assert_eq!(straight, other);
     }
 
-    /// Sums of the past go on under the same schedule, are dropped by one that starts later, and forbid any other.
+    /// Sums of the past continue under the same schedule, are dropped by one that starts later, and forbid any other.
     #[test]
     fn sums_go_on_only_under_the_same_schedule() {
         let plan = |set: &[&str]| {

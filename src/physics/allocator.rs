@@ -135,7 +135,7 @@ fn is_large(layout: &Layout) -> bool {
 }
 
 // SAFETY: a block is large by its layout alone, so that it is released to its source. `map` gives memory that no other
-// block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing where that would break the
+// block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that would break the
 // alignment; everything else is the promise of `System`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {

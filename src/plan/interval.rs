@@ -25,7 +25,7 @@ impl Interval {
         }
     }
 
-    /// Returns every so many whole steps; at least 1.
+    /// Returns the interval of a number of whole steps; at least 1.
     #[must_use]
     pub fn of_steps(steps: u64) -> Self {
         Self {

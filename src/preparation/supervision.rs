@@ -20,7 +20,7 @@ const ASK_EVERY: Duration = Duration::from_millis(500);
 pub enum Request {
     /// Go on.
     None,
-    /// Write a checkpoint and go on.
+    /// Write a checkpoint and continue.
     Checkpoint,
     /// Write a checkpoint and stop.
     Stop,

@@ -48,7 +48,7 @@ use std::borrow::Cow;
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none if the case lies outside what
     /// was measured. Of a body that crosses cells it is that of the mean force over some cells: in the single steps the
     /// force swings as nodes are covered and laid bare.
     pub promised: Option<f64>,
@@ -83,7 +83,7 @@ pub struct Limit {
 }
 
 impl Chosen {
-    /// Returns why something was chosen; none where it was not.
+    /// Returns why something was chosen; none if it was not.
     #[must_use]
     pub fn why(&self, what: &str) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);

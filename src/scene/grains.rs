@@ -127,7 +127,7 @@ pub enum GrainSource {
 pub struct Zone {
     /// Name.
     pub name: String,
-    /// Lower corner \[m\]; infinite where it has no end.
+    /// Lower corner \[m\]; infinite if it has no end.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
@@ -136,9 +136,9 @@ pub struct Zone {
     pub solid: Option<Arc<Images>>,
     /// Index of the material.
     pub material: usize,
-    /// Velocity at the start [m/s]; none where it stays.
+    /// Velocity at the start [m/s]; none if it stays.
     pub velocity: Option<[f64; 3]>,
-    /// Listed grains that are in the zone and in no later one; none where grains are prepared.
+    /// Listed grains that are in the zone and in no later one; none if grains are prepared.
     pub listed: Option<usize>,
 }
 

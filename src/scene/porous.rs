@@ -186,7 +186,7 @@ pub(crate) fn cells(
 }
 
 /// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m2/s2] along an axis drives through
-/// zones that close a section; infinite where the water passes all zones by.
+/// zones that close a section; infinite if the water passes all zones by.
 pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
     let bounds = zones.iter().map(|zone| {
         let Thickness { least, .. } = zone.thickness(grid, axis);

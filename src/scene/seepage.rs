@@ -315,7 +315,7 @@ impl Seepage {
         };
         let [from, to] = found;
         let (first, last) = (*from, *to);
-        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no
+        // Where the water of a layer of cells across an axis is, in the mean over the patch; none if there is no
         // water.
         let water = |a: usize, at: usize| {
             let others: Vec<usize> = (0..grid.dimension)

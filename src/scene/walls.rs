@@ -39,9 +39,9 @@ pub struct Wall {
     pub material: usize,
     /// `true` if it is removed as the run begins.
     pub temporary: bool,
-    /// Time from which it exists \[s\]; none where it does from the start.
+    /// Time from which it exists \[s\]; none if it does from the start.
     pub from: Option<f64>,
-    /// Time until which it exists \[s\]; none where it does to the end.
+    /// Time until which it exists \[s\]; none if it does to the end.
     pub until: Option<f64>,
     /// The face of the domain it lies on, if it is a box wall.
     pub face: Option<Face>,

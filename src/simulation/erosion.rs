@@ -211,7 +211,7 @@ impl ErosionRecorder {
 
     /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is
     /// due. Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing
-    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN where it was
+    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN if it was
     /// not measured yet; it is used only where [`Self::is_due`] holds.
     ///
     /// # Errors

@@ -222,7 +222,7 @@ impl Guards {
         Some([mean.inflow, mean.outflow])
     }
 
-    /// Returns (inflow - outflow) / max(inflow, outflow); none where nothing flows.
+    /// Returns (inflow - outflow) / max(inflow, outflow); none if nothing flows.
     #[must_use]
     pub fn imbalance(&self) -> Option<f64> {
         let mean = self.openings.mean()?;

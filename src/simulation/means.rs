@@ -34,7 +34,7 @@ pub(super) struct Mean {
     pub(super) quantity: String,
     /// Unit.
     pub(super) unit: String,
-    /// Mean over the samples that have a value; none where no sample has one.
+    /// Mean over the samples that have a value; none if no sample has one.
     pub(super) mean: Option<f64>,
     /// The last one.
     pub(super) last: Option<f64>,

@@ -42,7 +42,7 @@ pub(super) struct Resumed {
     pub(super) walls: Option<Vec<Option<usize>>>,
     /// Index among the run's regions of each region.
     pub(super) regions: Option<Vec<Option<usize>>>,
-    /// `true` if the sums over time go on from those of the checkpoint.
+    /// `true` if the sums over time continue from those of the checkpoint.
     pub(super) sums_go_on: bool,
 }
 

@@ -240,7 +240,7 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
     judged.collect()
 }
 
-/// Sentences about what has not settled and what is not known to have; none where the drive itself oscillates.
+/// Sentences about what has not settled and what is not known to have; none if the drive itself oscillates.
 pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
     let force = plan.scene.flow.as_ref().map(|flow| &flow.body_force);
     if matches!(force, Some(BodyForce::Oscillating { .. })) {

@@ -201,7 +201,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// Lets the others go on. First rank.
+    /// Lets the others continue. First rank.
     pub fn finish(&mut self, communicator: &Communicator) {
         let _ = communicator.all_reduce_max_u64(DONE << 32);
         self.begin_anew();

@@ -31,7 +31,7 @@ pub struct Row {
     pub errors: BTreeMap<String, (Option<f64>, Option<f64>)>,
     /// The error of the picture.
     pub error: Option<f64>,
-    /// Core-seconds of the steps; none where they are not known.
+    /// Core-seconds of the steps; none if they are not known.
     pub core_seconds: Option<f64>,
     /// Core-seconds of the whole run.
     pub run_core_seconds: Option<f64>,

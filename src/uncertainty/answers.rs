@@ -53,7 +53,7 @@ pub struct Answer {
     /// The size that differences are compared with: that of the value, or of the vector that it is a component of.
     pub scale: f64,
     /// Change of the mean from the last tenth of the run but one to the last one, over the larger of scale and mean;
-    /// none where it was not sampled often enough.
+    /// none if it was not sampled often enough.
     pub drift: Option<f64>,
 }
 

@@ -135,7 +135,7 @@ pub struct Estimate {
     pub extrapolated: Option<f64>,
     /// Factor of safety.
     pub factor: Option<f64>,
-    /// Half the width of the interval about the value; none where no number is promised.
+    /// Half the width of the interval about the value; none if no number is promised.
     pub uncertainty: Option<f64>,
 }
 

@@ -118,7 +118,7 @@ fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
         );
     }
     study.same("straight", "parts");
-    // A finished run that is asked to go on has nothing to do, and stays as it is.
+    // A finished run that is asked to continue has nothing to do, and stays as it is.
     study.restart("parts", 1, &["time.end=0.006"]).expect(0);
     assert_eq!(study.summary("parts")["steps_of_this_run"], 0);
     study.same("straight", "parts");
@@ -677,7 +677,7 @@ fn a_cavity_on_a_gpu_if_there_is_one() {
             gpu.stderr
         );
     }
-    // A run may go on on the other.
+    // A run may continue on the other.
     study.run("parts", 1, 1, &["time.end=0.006"]);
     let set = [&on("auto")[..], "time.end=0.0121"];
     study.restart("parts", 1, &set).expect(0);

@@ -1,5 +1,5 @@
 //! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
-//! going on gives the bits of the run that was never interrupted.
+//! continuing gives the bits of the run that was never interrupted.
 
 use crate::ranks::{
     Done, Running, Study, alone, beside_others, hang, run, signal, start, start_impatient,

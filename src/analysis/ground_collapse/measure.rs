@@ -63,9 +63,9 @@ pub struct Ground {
     pub diameter: f64,
     /// Solid fraction of each cell, to four decimals, so that it is short to write down.
     pub solid: Vec<f64>,
-    /// Elevation of the surface of each column \[m\]; none where there was no grain.
+    /// Elevation of the surface of each column \[m\]; none if there was no grain.
     pub surface: Vec<Option<f64>>,
-    /// Elevation from which on grains were the surface of each column \[m\]; none where there was no grain.
+    /// Elevation from which on grains were the surface of each column \[m\]; none if there was no grain.
     pub skin: Vec<Option<f64>>,
 }
 

@@ -132,7 +132,7 @@ pub struct SurfaceRecord {
     long: f64 = "long [m]",
     /// Middle of the column across, m.
     across: f64 = "across [m]",
-    /// Top of the highest grain in company, over the lower end of the domain, m; NaN where there is none.
+    /// Top of the highest grain in company, over the lower end of the domain, m; NaN if there is none.
     elevation: f64 = "elevation [m]",
     /// Settlement since time 0, m.
     settlement: f64 = "settlement [m]",

@@ -14,7 +14,7 @@ pub struct Evidence {
     pub void_volume: f64,
     /// Part of the cover that moves, over points with a void of [`Thresholds::arch_void`]; 0 where there is none.
     pub front: f64,
-    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN where nothing moves.
+    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if nothing moves.
     pub shape: f64,
     /// Settlement of a column over a point, or that two neighbouring columns share \[m\].
     pub settlement: f64,

@@ -89,7 +89,7 @@ fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
 }
 
 impl Raster {
-    /// Draws a convex polygon, darker within a pixel of its edges; nothing where its back is towards the viewer.
+    /// Draws a convex polygon, darker within a pixel of its edges; nothing if its back is towards the viewer.
     fn face(&mut self, frame: &Frame, corners: &[[f64; 3]], colour: [f64; 3]) {
         let area = twice_area(corners);
         let size = dot(area, area).sqrt();

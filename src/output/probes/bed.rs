@@ -16,7 +16,7 @@
 //!   ```
 //!
 //!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient
-//!   between the first and the last plane of cells of the part (L' apart; none where the stream is periodic over the
+//!   between the first and the last plane of cells of the part (L' apart; none if the stream is periodic over the
 //!   whole part), and T the force on the top and on the sides by sigma_xy - rho u v and sigma_xz - rho u w,
 //!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
 //!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the

@@ -57,7 +57,7 @@ pub(super) const HEADINGS: [Heading; 14] = [
 #[derive(Debug)]
 pub(super) struct Fabric {
     block: Block,
-    /// The record of what left; none where no region removes grains.
+    /// The record of what left; none if no region removes grains.
     removed: Option<PathBuf>,
 }
 

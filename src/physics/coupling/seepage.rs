@@ -66,7 +66,7 @@
 //! coefficients at the speed that solves
 //! the law of its cell for the present gradient to first order, or, from the second round on, that which the
 //! answer of the cell to the last one
-//! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
+//! suggests. Where grains move, the rounds end at a change of 2e-3 and continue in the next coupling.
 //!
 //! **Zones** ([`crate::darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance.
 //! The porosity of the grains remains that of the balances. Most zones hold only where there are grains: from a
@@ -272,7 +272,7 @@ impl<Sp: Space> Seepage<Sp> {
         &self.balance
     }
 
-    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver
+    /// Returns the state that a run needs to continue, the same on every rank: the pressure of every cell as the solver
     /// has it, then its porosity at the last coupling, then the
     /// three components of its gradient, then those of the flux of its water, then the speed by which it has
     /// its friction. Nothing before the first

@@ -142,7 +142,7 @@ pub struct Settings {
 pub struct Medium<'a> {
     /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
     pub conductivity: &'a [f64],
-    /// Volume flux without a gradient \[m/s\], for each cell; none where all grains are at rest.
+    /// Volume flux without a gradient \[m/s\], for each cell; none if all grains are at rest.
     pub carried: Option<&'a [[f64; 3]]>,
     /// Volume of water that appears per volume inside the walls \[1/s\], for each cell.
     pub source: Option<&'a [f64]>,

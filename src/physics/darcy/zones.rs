@@ -79,7 +79,7 @@ impl Raster {
 /// A region with its own permeability or porosity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
-    /// Lower corner \[m\]; infinite where the region has no end.
+    /// Lower corner \[m\]; infinite if the region has no end.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],

@@ -165,7 +165,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Takes the walls of these indices out of the way, or puts them back; the contacts of all others stay.
+    /// Deactivates the walls of these indices, or activates them again; the contacts of all others stay.
     pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {

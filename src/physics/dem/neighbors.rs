@@ -89,7 +89,7 @@ const NOWHERE: Span = [[1, 0]; 3];
 /// Bodies from which a thread pays.
 const PER_THREAD: usize = 1000;
 
-/// Threads for so many bodies.
+/// Returns the number of threads for a number of bodies.
 pub(super) fn threads_for(bodies: usize) -> usize {
     thread_pool::threads().min(bodies / PER_THREAD).max(1)
 }

@@ -116,7 +116,7 @@ pub trait Model {
     /// Returns the limit up to which similar runs held; none if no map judges this operator.
     fn border(&self, situation: &Situation) -> Option<Border>;
 
-    /// Returns the border for a body that moves through the fluid; none where no map judges this operator.
+    /// Returns the border for a body that moves through the fluid; none if no map judges this operator.
     fn border_of_moving(&self, body: &MovingBody) -> Option<Border>;
 
     /// Returns the cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.

@@ -179,7 +179,7 @@ unsafe impl Send for Pinned {}
 unsafe impl Sync for Pinned {}
 
 impl Pinned {
-    /// Holds the memory of some numbers in place; none where the system does not allow it.
+    /// Holds the memory of some numbers in place; none if the system does not allow it.
     ///
     /// # Safety
     /// The memory must stay until this is dropped.

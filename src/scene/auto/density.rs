@@ -231,7 +231,7 @@ impl<'a> Inlet<'a> {
         uniform(self.patch).filter(|_| ends_at_walls(flow, self.patch))
     }
 
-    /// Returns the sound of the start; none where the fluid starts from a file or a flow of its own. `open` is the open
+    /// Returns the sound of the start; none if the fluid starts from a file or a flow of its own. `open` is the open
     /// part of the narrowest section.
     fn start(&self, scene: &Scene, flow: &Flow, open: Option<f64>) -> Option<Cause> {
         let Initial::Uniform {
@@ -426,7 +426,7 @@ fn lid_meets_wall(flow: &Flow, lid: &Patch) -> bool {
         .any(|a| surfaces(flow, a).any(|surface| surface == Surface::Wall))
 }
 
-/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none where nothing bounds it.
+/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none if nothing bounds it.
 fn in_channel(scene: &Scene, flow: &Flow, axis: usize, discharge: f64) -> Option<f64> {
     let grid = &scene.grid;
     let (length, _) = passage(scene, axis);

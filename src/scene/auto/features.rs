@@ -335,7 +335,7 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none where it is
+/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none if it is
 /// not known yet.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {

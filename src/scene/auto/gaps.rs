@@ -419,7 +419,7 @@ fn narrowest_of_the_widest_way(
     None
 }
 
-/// Bodies and grains of a list or a file; none where grains are made by the run.
+/// Bodies and grains of a list or a file; none if grains are made by the run.
 fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     let dimension = case.domain.size.0.len();
     let at = |position: &[f64]| {

@@ -163,7 +163,7 @@ pub(super) struct Waves {
     viscosity: f64,
 }
 
-/// Returns the waves of the body force; none where it does not oscillate, or drives nothing against walls and solids.
+/// Returns the waves of the body force; none if it does not oscillate, or drives nothing against walls and solids.
 pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
     let BodyForce::Oscillating {
         amplitude, period, ..

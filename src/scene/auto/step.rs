@@ -92,7 +92,7 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none where any is. The time
+/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none if any is. The time
 /// step is that at which the error of compressibility, or the sound of a start, allows no more.
 pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64) -> Option<f64> {
     let sound: f64 = scene

@@ -307,7 +307,7 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Returns the way whose narrowest place is `at`, within `apart`; none where it is open water.
+    /// Returns the way whose narrowest place is `at`, within `apart`; none if it is open water.
     fn way(&self, at: Point, apart: f64) -> Option<Way> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;

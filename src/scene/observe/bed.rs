@@ -34,7 +34,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// End of the remedies of findings about a bed.
 const REMOVE: &str = "or remove the probe";
 
-/// Resolves the bed of a probe; none where there is none to measure.
+/// Resolves the bed of a probe; none if there is none to measure.
 pub(super) fn resolve(
     case: &Case,
     grid: &Grid,

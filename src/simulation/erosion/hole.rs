@@ -130,7 +130,7 @@ impl Sums {
         real(beside(&self.solid)) / real(beside(&self.cells).max(1))
     }
 
-    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN where it cannot be
+    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN if it cannot be
     /// measured.
     pub(super) fn shear(&self, units: &LatticeUnits, faces: HoleFaces, viscosity: f64) -> f64 {
         let rows = self.velocity.iter().zip(&self.cells);

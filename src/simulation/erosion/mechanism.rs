@@ -43,7 +43,7 @@ impl Mechanism {
         self.at_first = Some(broken);
     }
 
-    /// Takes note of the displacement of a row, NaN where there is none.
+    /// Takes note of the displacement of a row, NaN if there is none.
     pub(super) fn note_displacement(&mut self, diameters: f64) {
         if !self.complete {
             if diameters.is_finite() {

@@ -77,17 +77,17 @@ impl Origin {
         self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
     }
 
-    /// Returns the index in the earlier run of each wall; none where the walls are the same.
+    /// Returns the index in the earlier run of each wall; none if the walls are the same.
     pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.walls.as_deref()
     }
 
-    /// Returns the index in the earlier run of each region; none where the regions are the same.
+    /// Returns the index in the earlier run of each region; none if the regions are the same.
     fn regions(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.regions.as_deref()
     }
 
-    /// Returns `true` if the sums over time go on from those of the checkpoint.
+    /// Returns `true` if the sums over time continue from those of the checkpoint.
     pub(super) fn sums_go_on(&self) -> bool {
         self.resumed
             .as_ref()

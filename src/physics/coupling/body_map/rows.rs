@@ -73,7 +73,7 @@ impl Rows {
         self.count[axis] -= before;
     }
 
-    /// Reserves capacity for so many rows.
+    /// Reserves capacity for a number of rows.
     pub(super) fn reserve(&mut self, rows: usize) {
         self.spans.reserve(rows.saturating_sub(self.spans.len()));
     }

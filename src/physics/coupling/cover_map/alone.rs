@@ -167,7 +167,7 @@ impl Alone {
         } = &mut self.sorted;
         for (a, centre) in centre.iter_mut().enumerate() {
             centre.clear();
-            // What lies beyond the plane is of no account.
+            // Bodies beyond the plane do not matter.
             centre.extend(self.order.iter().map(|&k| {
                 if a < dimension {
                     spheres[k as usize].centre[a]

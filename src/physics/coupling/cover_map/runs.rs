@@ -325,7 +325,7 @@ impl Work for Walk<'_, '_> {
 }
 
 impl<'a, 'f> Walk<'a, 'f> {
-    /// Returns the box of the body; none where the slab has no cell of it.
+    /// Returns the box of the body; none if the slab has no cell of it.
     #[inline(always)]
     fn area(&self) -> Option<Area<'a, 'f>> {
         let (rows, frame) = (self.rows, self.frame);
@@ -432,7 +432,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Returns the cells of a row; none where the body does not meet it.
+    /// Returns the cells of a row; none if the body does not meet it.
     #[inline(always)]
     fn cells(&self, place: Place, scratch: &Scratch) -> Option<InRow> {
         let [_, middle, fast] = self.axes;

@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::thread_pool;
 use std::sync::Arc;
 
-/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where
+/// Relative change of a coefficient in a round from which the rounds continue in the next coupling, where
 /// grains move meanwhile.
 const GOES_ON: f64 = 2e-3;
 /// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure,

@@ -41,7 +41,7 @@ pub(super) struct Ground {
 
 /// The water of all cells.
 pub(super) struct Water {
-    /// Laws and porosities of the cells; none where a cell is outside the walls.
+    /// Laws and porosities of the cells; none if a cell is outside the walls.
     pub(super) ground: Vec<Option<Ground>>,
     /// Part of the reaction of the grains of a cell that moves its water, 0 to 1.
     pub(super) coupled: Vec<f64>,
@@ -133,7 +133,7 @@ pub(super) struct Secant {
 }
 
 impl Secant {
-    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log
+    /// Returns the speed for the next iteration: that which is used and found, if the response stays. `slope`: d log
     /// R/d log u of the law.
     pub(super) fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
         if used <= 0.0 || found <= 0.0 {

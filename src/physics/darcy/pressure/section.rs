@@ -12,7 +12,7 @@ pub struct Through {
     pub discharge: f64,
     /// Open area \[m2; m in 2-D\].
     pub area: f64,
-    /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN where there are none.
+    /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN if there are none.
     pub reduced: [f64; 2],
 }
 

@@ -272,7 +272,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             ratio: p.stiffness_ratio,
             normal_dashpot: 2.0 * p.normal_damping,
             shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
-            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs go on to the
+            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs continue to the
             // same bits.
             friction: coefficient(p.friction.atan().to_degrees()),
             cohesion: p.cohesion.parts(),

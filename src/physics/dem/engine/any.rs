@@ -43,7 +43,7 @@ pub(in crate::dem) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn walls(&self) -> &[Wall<S>];
     /// Returns the walls, to be moved.
     fn walls_mut(&mut self) -> &mut [Wall<S>];
-    /// Takes the walls of these indices out of the way.
+    /// Deactivates the walls of these indices.
     fn open_walls(&mut self, walls: &[usize]);
     /// Puts the walls of these indices back.
     fn close_walls(&mut self, walls: &[usize]);

@@ -39,7 +39,7 @@ impl Model for FreeSlip {
 #[derive(Debug, Default)]
 pub struct Links {
     runs: Vec<MirrorRun>,
-    /// The last run of each incoming direction: the only one that may go on.
+    /// The last run of each incoming direction: the only one that may continue.
     last: HashMap<u8, usize>,
     /// Made of the runs when the first step needs it.
     counted: Option<Counted>,

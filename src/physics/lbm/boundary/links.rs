@@ -300,7 +300,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// Runs of so many links.
+    /// Makes runs of a given number of links.
     pub(super) fn new(counts: impl Iterator<Item = u32>) -> Self {
         let mut before = vec![0];
         let mut all = 0;

@@ -34,7 +34,7 @@ pub struct Place<'a> {
     pub to: [usize; 3],
     /// Lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
     pub ends: [[f64; 2]; 3],
-    /// All openings of the domain, this one included; none where they are not known yet.
+    /// All openings of the domain, this one included; none if they are not known yet.
     pub openings: &'a [Opening],
 }
 
@@ -88,7 +88,7 @@ pub struct Sides {
 }
 
 impl Sides {
-    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none where no end is a wall.
+    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none if no end is a wall.
     #[must_use]
     pub fn from_wall(&self, position: [f64; 3]) -> Option<f64> {
         let distances = (0..3).flat_map(|a| {

@@ -235,7 +235,7 @@ fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
     (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
 }
 
-/// Returns the mean velocity out of the domain that imposed velocities bring about; none where other openings let
+/// Returns the mean velocity out of the domain that imposed velocities bring about; none if other openings let
 /// through what they will.
 pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
     let mut inflows = Vec::new();

@@ -193,7 +193,7 @@ pub struct Links {
     ramp: Ramp,
     /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
-    /// The discharge that is stated, at full speed; none where nothing is.
+    /// The discharge that is stated, at full speed; none if nothing is.
     discharge: Option<f64>,
     /// Discharge of the links of this rank at a factor of one, in quanta.
     given: i128,

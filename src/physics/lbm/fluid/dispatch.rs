@@ -82,7 +82,7 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
     let [planes, rows, length] = program.cells;
     let slab = &program.after(before).slab;
     let kernel = (&operator, &operator.uniform::<f64>());
-    // Backwards: the order is of no account.
+    // Reverse order; the result must not depend on it.
     let places = (0..planes * rows * length).rev().map(|n| Place {
         plane: n / (rows * length),
         row: n / length % rows,

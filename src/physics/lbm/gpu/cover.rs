@@ -163,7 +163,7 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// Returns the bytes of the host, at least so many.
+    /// Returns the bytes of the host, at least this number.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;

@@ -202,7 +202,7 @@ impl Porous {
         Self { cells, places }
     }
 
-    /// Returns the cell at a position; none where the water is open.
+    /// Returns the cell at a position; none if the water is open.
     fn resisted_cell(&self, position: usize) -> Option<&Cell> {
         let place = self.places[position].checked_sub(1)?;
         self.cells.get(place as usize)
