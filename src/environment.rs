@@ -54,7 +54,7 @@ pub fn ask() {
     }
 }
 
-/// `true` if the ranks of a job do not know whether to yield.
+/// Returns `true` if the ranks of a job do not know whether to yield.
 fn yields(ranks: Option<OsString>, now: Option<OsString>) -> bool {
     ranks.is_some_and(|ranks| ranks != "1") && now.is_none()
 }

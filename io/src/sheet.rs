@@ -210,7 +210,7 @@ fn quotable(name: &str, at: usize) -> String {
     }
 }
 
-/// `true` if the line is blank or a comment.
+/// Returns `true` if the line is blank or a comment.
 fn skipped(line: &str) -> bool {
     let line = line.trim();
     line.is_empty() || line.starts_with(['#', '%'])
@@ -220,7 +220,7 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim_start()
 }
 
-/// `true` if all cells are numbers, also with decimal commas.
+/// Returns `true` if all cells are numbers, also with decimal commas.
 fn numeric(cells: &[String]) -> bool {
     let number = |cell: &String| cell.is_empty() || cell.replace(',', ".").parse::<f64>().is_ok();
     !cells.is_empty() && cells.iter().all(number)
@@ -475,7 +475,7 @@ impl<'t> Sheet<'t> {
         })
     }
 
-    /// `true` if the table has this column of the known ones.
+    /// Returns `true` if the table has this column of the known ones.
     #[must_use]
     pub fn has(&self, column: usize) -> bool {
         self.found[column].is_some()

@@ -335,12 +335,12 @@ fn wrong(what: &str) -> Result<(), Error> {
     Err(Error::Io(format!("the checkpoint: {what}")))
 }
 
-/// `true` if all numbers lie in a range; none is NaN.
+/// Returns `true` if all numbers lie in a range; none is NaN.
 fn within(numbers: &[f64], least: f64, most: f64) -> bool {
     numbers.iter().all(|x| (least..=most).contains(x))
 }
 
-/// `true` if all numbers of periods, stored as whole numbers, are small.
+/// Returns `true` if all numbers of periods, stored as whole numbers, are small.
 fn shifts(numbers: &[u64]) -> bool {
     let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
     numbers.iter().all(small)

@@ -14,7 +14,7 @@ pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
 /// Sections of a case on which neither its plan nor other sections depend.
 const OBSERVING: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
 
-/// `true` if a path is that of a section or of a field below it.
+/// Returns `true` if a path is that of a section or of a field below it.
 fn within(path: &str, section: &str) -> bool {
     let below = path.strip_prefix(section);
     below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
@@ -74,13 +74,13 @@ impl<'a> Findings<'a> {
         wrong.chain(errors.map(|p| p.path.as_str()))
     }
 
-    /// `true` if a field of one of the sections is wrong.
+    /// Returns `true` if a field of one of the sections is wrong.
     pub(crate) fn wrong_in(&self, sections: &[&str]) -> bool {
         self.errors()
             .any(|path| sections.iter().any(|section| within(path, section)))
     }
 
-    /// `true` if a field is wrong on which the plan depends.
+    /// Returns `true` if a field is wrong on which the plan depends.
     pub(crate) fn stop_plan(&self) -> bool {
         self.errors()
             .any(|path| !OBSERVING.iter().any(|section| within(path, section)))

@@ -82,7 +82,7 @@ struct Unanswered {
 }
 
 impl Unanswered {
-    /// `true` if a stop has met no check for requests for [`PATIENCE`].
+    /// Returns `true` if a stop has met no check for requests for [`PATIENCE`].
     fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
         let known = self.since.filter(|(_, before)| stop && *before == checks);
         self.since = stop.then(|| known.unwrap_or((now, checks)));
@@ -97,7 +97,7 @@ fn processor_time() -> Duration {
     Duration::try_from(time).unwrap_or_default()
 }
 
-/// `true` if the process was started to ignore a signal.
+/// Returns `true` if the process was started to ignore a signal.
 fn ignores(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
