@@ -2,10 +2,11 @@
 //!
 //! `cargo bench --bench blocks`; words after `--` choose `pairs` or `pile`, with RAYON_NUM_THREADS=1 for one core.
 //!
-//! `pile [BLOCKS] [STEPS] [FILE]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3 m; after
-//! 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of three runs of 300 steps
-//! with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts them. FILE gets the vertices of
-//! each block of the settled pile in space (m), as JSON: `benches/peers/yade_blocks.py` starts from them.
+//! `pile [BLOCKS] [STEPS] [FILE]` (P-8): 1,000 random convex blocks of 4 cm with about 14 faces fall into a box of 0.3
+//! m; after 6,000 steps of 1e-4 s (or STEPS) the contacts per second of processor time are those of the median of three
+//! runs of 300 steps with all rebuilds of lists. Contacts that touch count, those with walls too, as the peer counts
+//! them. FILE gets the vertices of each block of the settled pile in space (m), as JSON: `benches/peers/yade_blocks.py`
+//! starts from them.
 //!
 //! `pairs`: each row is a shape and a model; each column what the pair remembers:
 //!
@@ -14,8 +15,8 @@
 //! - *apart*: a gap of 1 % and the axis that separated them, as most listed pairs are;
 //! - *apart, cold*: the same gap without the axis.
 //!
-//! Contacts are shallow, 1e-4 of the size, in random orientations (boxes also face on face). The figure is the best of ten rounds
-//! over 256 pairs.
+//! Contacts are shallow, 1e-4 of the size, in random orientations (boxes also face on face). The figure is the best of
+//! ten rounds over 256 pairs.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
@@ -33,7 +34,7 @@ use solver::dem::{
 use solver::error::Error;
 use solver::random::Stream;
 
-/// How many pairs of each kind.
+/// Number of pairs of each kind.
 const PAIRS: u64 = 256;
 
 struct Pair {
@@ -63,7 +64,7 @@ fn cuboid(draw: &mut Stream) -> Result<Polyhedron, ShapeError> {
     Polyhedron::cuboid(Vector3::from_fn(|_, _| 0.5 + 0.5 * draw.uniform()))
 }
 
-/// Twelve points on a sphere: twenty triangles.
+/// Returns twelve points on a sphere: twenty triangles.
 fn twenty(draw: &mut Stream) -> Result<Polyhedron, ShapeError> {
     let points: Vec<Vector3<f64>> = (0..12).map(|_| direction(draw) * 0.6).collect();
     Ok(Polyhedron::from_vertices(&points)?.shape)
@@ -144,7 +145,7 @@ fn row(name: &str, pairs: &[Pair], model: &Model) {
 const BOX: f64 = 0.30;
 const SIZE: f64 = 0.04;
 
-/// Fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
+/// Returns fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
 fn random_block(seed: u64) -> Result<Polyhedron, ShapeError> {
     let mut draw = Stream::new(8, seed, 0);
     loop {
@@ -249,7 +250,8 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
         .map(|k| particles.kinetic_energy(k))
         .sum();
     println!(
-        "pile: {:.0} contacts/s, {:.1} us/step ({:.1} by the clock), {count} blocks of {:.1} faces, {} contacts, {:.0} tested a step of {} listed, {} rebuilds, {energy:.2e} J, overlap {:.1e}",
+        "pile: {:.0} contacts/s, {:.1} us/step ({:.1} by the clock), {count} blocks of {:.1} faces, {} contacts, \
+         {:.0} tested a step of {} listed, {} rebuilds, {energy:.2e} J, overlap {:.1e}",
         now.contacts as f64 * 300.0 / seconds[1],
         seconds[1] / 300.0 * 1e6,
         elapsed / 900.0 * 1e6,
@@ -263,7 +265,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     Ok(())
 }
 
-/// The vertices of each block where it is (m).
+/// Writes the vertices of each block where it is (m).
 fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     let blocks: Vec<Vec<[f64; 3]>> = (0..particles.owned())
         .filter_map(|k| {
@@ -276,7 +278,7 @@ fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     std::fs::write(file, text).map_err(|e| Error::Internal(format!("{file}: {e}")))
 }
 
-/// Processor time of this thread (s).
+/// Returns the processor time of this thread (s).
 fn on_processor() -> f64 {
     let mut time = libc::timespec {
         tv_sec: 0,

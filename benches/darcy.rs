@@ -1,9 +1,11 @@
-//! Speed of the seepage solver: seconds to assemble, solve and differentiate from a cold start, beside FiPy (P-9).
+//! Speed of the seepage solver: seconds to assemble, solve and differentiate from a cold start, compared with FiPy
+//! (P-9).
 //!
-//! `cargo bench --bench darcy -- [CELLS] [tolerance] [repeats]`, CELLS as `6x20x6` (the fissure paper's 720, the default) or
-//! `60x200x60` (720,000); with RAYON_NUM_THREADS=1 for one core. The box, porosity, permeability, boundary and equations of
-//! `benches/peers/fipy_darcy.py`; as there the grid and the fields are made before the clock starts, and each repeat starts
-//! from a solver that knows no pressure. The flow and the mean pressure show that both solve the same problem.
+//! `cargo bench --bench darcy -- [CELLS] [tolerance] [repeats]`, CELLS as `6x20x6` (the fissure paper's 720, the
+//! default) or `60x200x60` (720,000); with RAYON_NUM_THREADS=1 for one core. The box, porosity, permeability, boundary
+//! and equations of `benches/peers/fipy_darcy.py`; as there the grid and the fields are made before the clock starts,
+//! and each repeat starts from a solver that knows no pressure. The flow and the mean pressure show that both solve the
+//! same problem.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
@@ -21,7 +23,7 @@ use solver::darcy::{
 const VISCOSITY: f64 = 0.1;
 const SIZE: [f64; 3] = [0.06, 0.2, 0.06];
 
-/// The cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
+/// Returns the cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
 fn window(grid: &Grid, axis: usize, middle: f64, half: f64) -> (usize, usize) {
     let near = |k: &usize| {
         let centre = (*k as f64 + 0.5) * grid.spacing[axis];
@@ -132,7 +134,8 @@ fn main() -> Result<(), Error> {
     took.sort_by(f64::total_cmp);
     if let (Some((report, mean)), Some(least), Some(most)) = (last, took.first(), took.last()) {
         println!(
-            "{} cells: {:.6e} s ({least:.6e} to {most:.6e}), {} iterations, residual {:.1e}, flow {:.12e} m3/s, mean pressure {mean:.6} Pa, largest gradient {:.3e} Pa/m",
+            "{} cells: {:.6e} s ({least:.6e} to {most:.6e}), {} iterations, residual {:.1e}, flow {:.12e} m3/s, mean \
+             pressure {mean:.6} Pa, largest gradient {:.3e} Pa/m",
             grid.count(),
             took[took.len() / 2],
             report.iterations,

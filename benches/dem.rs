@@ -1,12 +1,13 @@
 //! Speed of the grains: particle-steps and contacts per second of one rank.
 //!
-//! Peers on one core of another machine (million particle-steps/s): LAMMPS 5.3-5.9, LIGGGHTS 4.1-7.3 for packed spheres; for a
-//! fair ratio run them beside this. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one core.
+//! Peers on one core of another machine (million particle-steps/s): LAMMPS 5.3-5.9, LIGGGHTS 4.1-7.3 for packed
+//! spheres; for a fair ratio run them on the same machine. `cargo bench --bench dem`, with RAYON_NUM_THREADS=1 for one
+//! core.
 //!
-//! Words after `--` choose scenes: `discs`, `packed spheres`, `falling spheres`, `scaling` (P-12), or the path of a state, a CSV
-//! file with the columns x, y, z, r in m (P-7): a name with `box` is a box of 0.2 m, periodic in x and y, with a floor;
-//! one with `cloud` falls into the V of the fissure, any other rests in it. `--as-written` keeps the order of the file
-//! instead of numbering grains along a curve through space as the preparation does.
+//! Words after `--` choose scenes: `discs`, `packed spheres`, `falling spheres`, `scaling` (P-12), or the path of a
+//! state, a CSV file with the columns x, y, z, r in m (P-7): a name with `box` is a box of 0.2 m, periodic in x and y,
+//! with a floor; one with `cloud` falls into the V of the fissure, any other rests in it. `--as-written` keeps the
+//! order of the file instead of numbering grains along a curve through space as the preparation does.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
@@ -47,8 +48,8 @@ fn report<S: Space>(
     dem.advance_many(particles, &alone(), steps / 5)?;
     let (mut best, mut cpu) = (f64::INFINITY, f64::INFINITY);
     let before = dem.statistics(particles);
-    // The best of many short pieces: what the machine does when nothing else disturbs it. The mean, with all rebuilds of
-    // lists, is what other codes report of themselves.
+    // The best of many short pieces: what the machine does when nothing else disturbs it. The mean, with all rebuilds
+    // of lists, is what other codes report of themselves.
     let (pieces, steps) = (20, steps / 4);
     let whole = Instant::now();
     for _ in 0..pieces {
@@ -61,7 +62,8 @@ fn report<S: Space>(
     let now = dem.statistics(particles);
     let (grains, steps) = (now.owned as f64, steps as f64);
     println!(
-        "{name:34} {:8.2} M particle-steps/s (mean {:.2}, {:.2} by processor time) {:8.2} M contacts/s {:9.1} us/step {:7} grains {:7} contacts {:7} tested {:6} rebuilds",
+        "{name:34} {:8.2} M particle-steps/s (mean {:.2}, {:.2} by processor time) {:8.2} M contacts/s {:9.1} us/step \
+         {:7} grains {:7} contacts {:7} tested {:6} rebuilds",
         grains * steps / best / 1e6,
         grains * steps / mean / 1e6,
         grains * steps / cpu / 1e6,
@@ -75,7 +77,7 @@ fn report<S: Space>(
     Ok(())
 }
 
-/// About 2,000 discs of the piping paper.
+/// Returns about 2,000 discs of the piping paper.
 fn discs() -> PackingSettings<Plane> {
     PackingSettings {
         lower: Vector2::zeros(),
@@ -138,7 +140,7 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
     report(&name, &mut dem, &mut particles, 200)
 }
 
-/// Time this thread has been on a processor (s): what is left on a machine shared with others.
+/// Returns the time this thread has been on a processor (s): what is left on a machine shared with others.
 fn on_processor() -> f64 {
     let mut time = libc::timespec {
         tv_sec: 0,
@@ -153,7 +155,7 @@ fn on_processor() -> f64 {
     }
 }
 
-/// Resident memory of this process (bytes).
+/// Returns the resident memory of this process (bytes).
 fn resident() -> f64 {
     let pages = std::fs::read_to_string("/proc/self/statm")
         .ok()
@@ -177,7 +179,7 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
     })
 }
 
-/// The V of the fissure as triangles that share vertices, and planes at its ends.
+/// Returns the V of the fissure as triangles that share vertices, and planes at its ends.
 fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     let half = |z: f64| 0.004 + 0.42 * (z - 0.01);
     let mut vertices = Vec::new();
@@ -201,7 +203,7 @@ fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     ])
 }
 
-/// A state of the peers, as they run it.
+/// Writes a state of the peers, as they run it.
 fn state(path: &str, as_written: bool) -> Result<(), Error> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::Io(format!("{path}: {e}")))?;
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -274,7 +276,7 @@ fn state(path: &str, as_written: bool) -> Result<(), Error> {
     Ok(())
 }
 
-/// Cost per grain of lists and of steps against the number of grains and the ratio of sizes (P-12).
+/// Measures the cost per grain of lists and of steps against the number of grains and the ratio of sizes (P-12).
 fn scaling() -> Result<(), Error> {
     for (count, ratio) in [
         (1_000_u64, 1.0),
@@ -342,7 +344,8 @@ fn scaling() -> Result<(), Error> {
         let now = dem.statistics(&particles);
         let grains = count as f64;
         println!(
-            "{count:8} spheres, sizes 1:{ratio:<4} lists {:7.1} ns/grain {:7.1} ns/pair, step {:7.1} ns/grain, {:5.2} pairs and {:5.2} contacts per grain, {} ghosts",
+            "{count:8} spheres, sizes 1:{ratio:<4} lists {:7.1} ns/grain {:7.1} ns/pair, step {:7.1} ns/grain, {:5.2} \
+             pairs and {:5.2} contacts per grain, {} ghosts",
             best / grains * 1e9,
             best / now.listed as f64 * 1e9,
             step / grains * 1e9,

@@ -1,8 +1,8 @@
-//! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and whether a thousand steps
-//! leave the bits that the processor leaves.
+//! Speed of the fluid on a GPU and the fraction of the copy bandwidth of its memory, measured in the same run; and
+//! whether a thousand steps leave the bits that the processor leaves.
 //!
-//! `cargo bench --bench gpu -- [cells] [words]`: a cube of that many cells along an edge (default: 320); only the rows whose name, with the storage
-//! behind, has all of the words. `--speed` leaves out the bits.
+//! `cargo bench --bench gpu -- [cells] [words]`: a cube of that many cells along an edge (default: 320); only the rows
+//! whose name, with the storage behind, has all of the words. `--speed` leaves out the bits.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
@@ -23,7 +23,7 @@ struct Row {
     forced: bool,
 }
 
-/// A box with a lid that starts to slide, periodic along some axes.
+/// Returns a box with a lid that starts to slide, periodic along some axes.
 fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: Device) -> Setup<S> {
     let flat = row.set.dimension() == 2;
     let axis = if flat { 1 } else { 2 };
@@ -79,7 +79,7 @@ fn fluid<S: Stored>(
     Ok(fluid)
 }
 
-/// Whether the processor and the GPU leave the same bits in the cells after a thousand steps.
+/// Compares the bits in the cells of the processor and the GPU after a thousand steps.
 fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
     let cells = [70, 50, 45];
     let end = |device| {
@@ -106,7 +106,7 @@ fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
     Ok(moves && processor == gpu)
 }
 
-/// Lattice updates per second, median of several stretches of steps.
+/// Returns the lattice updates per second, median of several stretches of steps.
 fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
     let cells = if row.set.dimension() == 2 {
         [edge * 18, edge * 18, 1]
@@ -126,7 +126,7 @@ fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
     Ok((cells.iter().product::<usize>() as u64 * steps) as f64 / seconds[2])
 }
 
-/// What the command line says.
+/// Options of the command line.
 struct Wanted {
     edge: usize,
     words: Vec<String>,

@@ -1,8 +1,8 @@
 //! Speed of the fluid alone: million lattice updates per second (MLUPS) and the fraction of the copy bandwidth
 //! measured in the same run (P-1).
 //!
-//! `cargo bench --bench lbm -- [cells] [steps] [row]`: all rows, or the one of this name, such as `"D2Q9 BGK f64"`, without the
-//! measurement of the bandwidth.
+//! `cargo bench --bench lbm -- [cells] [steps] [row]`: all rows, or the one of this name, such as `"D2Q9 BGK f64"`,
+//! without the measurement of the bandwidth.
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
@@ -81,7 +81,7 @@ fn measure_with<S: Stored>(
         .fold(0.0, f64::max)
 }
 
-/// Bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
+/// Returns the bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
 fn update_in_place() -> f64 {
     let mut a = vec![1.0_f64; 64 << 20];
     (0..4)

@@ -1,9 +1,9 @@
-//! The program's search for neighbours beside the bare idea of CGRID (Williams, Perkins and Cook 2004; after its description alone):
-//! one grid in which every body stands in all the cells that its box overlaps.
+//! The program's search for neighbours compared with the bare idea of CGRID (Williams, Perkins and Cook 2004; after its
+//! description alone): one grid in which every body stands in all the cells that its box overlaps.
 //!
-//! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding, before any order of
-//! pairs is made; of the second the best of several widths of its cells is shown, which a program would have to guess.
-//! `cargo bench --bench neighbors`, on an idle core.
+//! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding,
+//! before any order of pairs is made; of the second the best of several widths of its cells is shown, which a program
+//! would have to guess. `cargo bench --bench neighbors`, on an idle core.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 #![expect(
@@ -51,7 +51,7 @@ fn scene(count: u64, ratio: f64) -> Scene {
     }
 }
 
-/// Best of three runs [s], and what they gave.
+/// Returns the best of three runs [s], and what they gave.
 fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     let mut best = f64::INFINITY;
     let mut result = None;
@@ -75,7 +75,7 @@ struct OneGrid {
 
 impl OneGrid {
     /// Finds the pairs closer than `gap`, with cells of `width`; how many entries the grid holds.
-    fn look(&mut self, scene: &Scene, gap: f64, width: f64) -> usize {
+    fn find(&mut self, scene: &Scene, gap: f64, width: f64) -> usize {
         let n = ((scene.length / width).floor() as u32).max(1);
         let cell = |x: f64| ((x / scene.length * f64::from(n)).max(0.0) as u32).min(n - 1);
         let at = |x: u32, y: u32, z: u32| ((z * n + y) * n + x) as usize;
@@ -183,7 +183,7 @@ fn main() {
         let mut grid = OneGrid::default();
         let mut best = (f64::INFINITY, 0.0, 0);
         for factor in [0.7, 1.0, 1.5, 2.0, 3.0, 5.0] {
-            let (time, entries) = timed(|| grid.look(&scene, gap, factor * mean));
+            let (time, entries) = timed(|| grid.find(&scene, gap, factor * mean));
             assert_eq!(grid.pairs.len(), pairs, "both must find the same pairs");
             if time < best.0 {
                 best = (time, factor, entries);

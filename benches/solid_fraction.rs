@@ -1,7 +1,7 @@
 //! Solid fractions of cells at a surface: what each method costs and how far it is from the truth.
 //!
-//! Bodies at places that no cell favours: error of ε as root mean square over the cells at the surface, error of the volume, time of a cell.
-//! `cargo bench --bench solid_fraction`, on an idle core.
+//! Bodies at places that no cell favours: error of ε as root mean square over the cells at the surface, error of the
+//! volume, time of a cell. `cargo bench --bench solid_fraction`, on an idle core.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 #![expect(
@@ -34,7 +34,7 @@ fn all() -> impl Iterator<Item = [f64; 3]> {
     })
 }
 
-/// Best of five rounds, each of `rounds` calls: ns of one of `cells`.
+/// Returns the best of five rounds, each of `rounds` calls: ns of one of `cells`.
 fn per_cell(cells: usize, mut work: impl FnMut() -> f64) -> f64 {
     (0..5).fold(f64::INFINITY, |best, _| {
         let start = Instant::now();

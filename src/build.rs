@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-/// What git prints, without line breaks.
+/// Returns the output of git, without line breaks.
 fn git(arguments: &[&str]) -> Option<String> {
     let out = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(out.stdout).ok()?;

@@ -1,8 +1,8 @@
 //! The step allocates nothing in the steady state: counted by the allocator of this very binary.
 //!
 //! What may allocate is an event: lists made anew (counted by the engine; a bounded number of times each), grains that
-//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without such
-//! an event has to do without the allocator.
+//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without
+//! such an event has to do without the allocator.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -48,7 +48,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// A heap of loose and bonded discs in a stream, small enough to step in an instant.
+/// Returns a heap of loose and bonded discs in a stream, small enough to step in an instant.
 fn plan() -> Plan {
     let text = solver::case::examples::find("piping").unwrap().text;
     let mut grains = Vec::new();
@@ -89,7 +89,7 @@ fn plan() -> Plan {
         .unwrap()
 }
 
-/// A layer of boxes on a floor, some of them leaning on a sphere.
+/// Returns a layer of boxes on a floor, some of them leaning on a sphere.
 fn blocks() -> (Dem<Volume>, Particles<Volume>) {
     let shape = Polyhedron::cuboid(Vector3::new(0.1, 0.08, 0.05)).unwrap();
     let law = polyhedron::Law {

@@ -14,7 +14,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Cargo builds examples beside the tests, except where it is told to build one test only.
+/// Returns the path of the example. Cargo builds examples along with the tests, except if only one test is built.
 fn example() -> PathBuf {
     let mut path = std::env::current_exe().expect("a running test has a path");
     path.pop();
@@ -33,7 +33,7 @@ fn example() -> PathBuf {
 
 const SCENES: [&str; 5] = ["colliding", "periodic", "bonded", "giant", "blocks"];
 
-/// The hash of each scene; all scenes in one job, for a start takes longer than a scene.
+/// Returns the hash of each scene; all scenes in one job, for a start takes longer than a scene.
 fn hashes(ranks: usize, axis: &str) -> Vec<String> {
     let output = Command::new("timeout")
         .args(["--kill-after=5", "100", "mpirun", "--oversubscribe", "-n"])
@@ -44,9 +44,10 @@ fn hashes(ranks: usize, axis: &str) -> Vec<String> {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        // A socket of Munge that nobody answers costs two seconds at every start.
+        // A Munge socket without a server costs two seconds at every start.
         .env("PMIX_MCA_psec", "native")
-        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first cores.
+        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first
+        // cores.
         .env("OMPI_MCA_pml", "ob1")
         .env("OMPI_MCA_btl", "self,vader")
         .env("OMPI_MCA_hwloc_base_binding_policy", "none")

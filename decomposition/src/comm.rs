@@ -43,7 +43,7 @@ pub enum StartError {
     /// MPI was started before in this process; it can be started once only.
     #[error("MPI was already started in this process; it can be started only once")]
     AlreadyStarted,
-    /// MPI would not allow worker threads beside the one that calls it.
+    /// MPI would not allow worker threads in addition to the thread that calls it.
     #[error(
         "MPI granted thread level {granted}, but worker threads need at least Funneled: \
          use an MPI library built with thread support"
@@ -54,13 +54,13 @@ pub enum StartError {
     },
 }
 
-/// What all ranks return when at least one of them failed: the lowest failing rank's message.
+/// Error that all ranks return when at least one of them failed: the message of the lowest failing rank.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("rank {rank}: {message}")]
 pub struct Disagreement {
     /// The lowest rank that failed.
     pub rank: usize,
-    /// Its error, as text.
+    /// Error, as text.
     pub message: String,
 }
 
@@ -116,14 +116,15 @@ impl World {
         })
     }
 
-    /// A handle to all ranks of the job.
+    /// Returns a handle to all ranks of the job.
     #[must_use]
     pub fn communicator(&self) -> Communicator {
         self.communicator.clone()
     }
 }
 
-/// Name and version of the MPI library that this program is linked with, one line; MPI need not have been started.
+/// Returns the name and version of the MPI library that this program is linked with, one line; MPI need not have been
+/// started.
 #[must_use]
 pub fn mpi_library() -> String {
     let (major, minor) = environment::version();
@@ -272,7 +273,8 @@ impl Communicator {
         }
     }
 
-    /// The same ranks with messages cut into pieces of at most `bytes` (at least 1, at most 1 GiB).
+    /// Returns a communicator of the same ranks that cuts messages into pieces of at most `bytes` (at least 1, at most
+    /// 1 GiB).
     ///
     /// MPI counts in 32 bits, so longer messages are always cut; a smaller limit suits networks
     /// that fail on large messages. All ranks must set the same limit.
@@ -284,7 +286,7 @@ impl Communicator {
         }
     }
 
-    /// The number of this rank, from 0.
+    /// Returns the number of this rank, from 0.
     #[must_use]
     pub fn rank(&self) -> usize {
         match &self.kind {
@@ -294,7 +296,7 @@ impl Communicator {
         }
     }
 
-    /// The number of ranks, at least 1.
+    /// Returns the number of ranks, at least 1.
     #[must_use]
     pub fn size(&self) -> usize {
         match &self.kind {
@@ -304,7 +306,7 @@ impl Communicator {
         }
     }
 
-    /// MPI's handle for libraries that speak MPI themselves; `None` without MPI.
+    /// Returns MPI's handle for libraries that speak MPI themselves; `None` without MPI.
     #[must_use]
     pub fn raw(&self) -> Option<RawCommunicator> {
         match &self.kind {
@@ -313,7 +315,7 @@ impl Communicator {
         }
     }
 
-    /// The channels of a rank that is a thread.
+    /// Returns the channels of a rank that is a thread.
     pub(crate) fn post(&self) -> Option<&Post> {
         match &self.kind {
             Kind::Threads(post) => Some(post),
@@ -321,7 +323,7 @@ impl Communicator {
         }
     }
 
-    /// A rank that is a thread.
+    /// Returns a rank that is a thread.
     pub(crate) fn of_thread(post: Post) -> Self {
         Self {
             kind: Kind::Threads(Rc::new(post)),
@@ -329,7 +331,7 @@ impl Communicator {
         }
     }
 
-    /// Name and version of the MPI library, one line, for logs and provenance.
+    /// Returns the name and version of the MPI library, one line, for logs and provenance.
     #[must_use]
     pub fn mpi_version(&self) -> String {
         if self.raw().is_none() {
@@ -349,8 +351,8 @@ impl Communicator {
         }
     }
 
-    /// Whether every rank calls this within `patience` of this one. A rank that must leave asks it: where all leave
-    /// they may go in order, where one is alone with its error it has to [`Self::abort`]. After `false` nothing but that
+    /// Returns `true` if every rank calls this within `patience` of this rank. Call it before an error exit: if all
+    /// ranks leave, they may finalize MPI; a rank that leaves alone has to [`Self::abort`]. After `false` no other call
     /// is allowed.
     #[must_use]
     pub fn all_arrive(&self, patience: Duration) -> bool {
@@ -389,7 +391,7 @@ impl Communicator {
     /// Makes a call that waits for other ranks, and takes its time where there are any.
     fn waits<T>(&self, wait: Wait, call: impl FnOnce() -> T) -> T {
         if self.size() > 1 {
-            // The lengths of messages that nobody expects cross in a call of all ranks, too.
+            // The lengths of unannounced messages also cross in a call of all ranks.
             called_together();
             timed(wait, call)
         } else {
@@ -412,7 +414,8 @@ impl Communicator {
             self.waits(Wait::Collectives, || {
                 // SAFETY: the constant of a running MPI.
                 let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
-                // SAFETY: both buffers hold `chunk.len()` values of the datatype, do not overlap, and live until the request is done.
+                // SAFETY: both buffers hold `chunk.len()` values of the datatype, do not overlap, and live until the
+                // request is done.
                 unsafe {
                     ffi::MPI_Iallreduce(
                         chunk.as_ptr().cast(),
@@ -443,7 +446,7 @@ impl Communicator {
         values[0]
     }
 
-    /// Smallest value of all ranks; -0.0 counts as smaller than 0.0, and NaN on any rank gives NaN.
+    /// Returns the smallest value of all ranks; -0.0 counts as smaller than 0.0, and NaN on any rank gives NaN.
     #[must_use]
     pub fn all_reduce_min_f64(&self, value: f64) -> f64 {
         let key = if value.is_nan() {
@@ -454,7 +457,7 @@ impl Communicator {
         unordered(self.reduce_one(key, Reduction::Min))
     }
 
-    /// Largest value of all ranks; 0.0 counts as larger than -0.0, and NaN on any rank gives NaN.
+    /// Returns the largest value of all ranks; 0.0 counts as larger than -0.0, and NaN on any rank gives NaN.
     #[must_use]
     pub fn all_reduce_max_f64(&self, value: f64) -> f64 {
         let key = if value.is_nan() {
@@ -465,50 +468,49 @@ impl Communicator {
         unordered(self.reduce_one(key, Reduction::Max))
     }
 
-    /// Smallest value of all ranks.
+    /// Returns the smallest value of all ranks.
     #[must_use]
     pub fn all_reduce_min_i64(&self, value: i64) -> i64 {
         self.reduce_one(value, Reduction::Min)
     }
 
-    /// Largest value of all ranks.
+    /// Returns the largest value of all ranks.
     #[must_use]
     pub fn all_reduce_max_i64(&self, value: i64) -> i64 {
         self.reduce_one(value, Reduction::Max)
     }
 
-    /// Sum over all ranks, modulo 2^64.
+    /// Returns the sum over all ranks, modulo 2^64.
     #[must_use]
     pub fn all_reduce_sum_i64(&self, value: i64) -> i64 {
         // Through unsigned numbers, whose overflow is defined in C as well.
         self.all_reduce_sum_u64(value.cast_unsigned()).cast_signed()
     }
 
-    /// Smallest value of all ranks.
+    /// Returns the smallest value of all ranks.
     #[must_use]
     pub fn all_reduce_min_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Min)
     }
 
-    /// Largest value of all ranks.
+    /// Returns the largest value of all ranks.
     #[must_use]
     pub fn all_reduce_max_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Max)
     }
 
-    /// Sum over all ranks, modulo 2^64.
+    /// Returns the sum over all ranks, modulo 2^64.
     #[must_use]
     pub fn all_reduce_sum_u64(&self, value: u64) -> u64 {
         self.reduce_one(value, Reduction::Sum)
     }
 
-    /// Sum over all ranks of each entry in its place, modulo 2^64. The length must be the same on
-    /// all ranks.
+    /// Sums over all ranks of each entry in its place, modulo 2^64. The length must be the same on all ranks.
     pub fn all_reduce_sum_i64s(&self, values: &mut [i64]) {
         self.reduce(bytemuck::cast_slice_mut::<i64, u64>(values), Reduction::Sum);
     }
 
-    /// Sum over all ranks, modulo 2^128.
+    /// Returns the sum over all ranks, modulo 2^128.
     #[must_use]
     pub fn all_reduce_sum_u128(&self, value: u128) -> u128 {
         let mut values = [value];
@@ -516,8 +518,7 @@ impl Communicator {
         values[0]
     }
 
-    /// Sum over all ranks of each entry in its place, modulo 2^128. The length must be the same on
-    /// all ranks.
+    /// Sums over all ranks of each entry in its place, modulo 2^128. The length must be the same on all ranks.
     pub fn all_reduce_sum_u128s(&self, values: &mut [u128]) {
         const DIGITS: usize = 4;
         if self.size() == 1 {
@@ -541,14 +542,14 @@ impl Communicator {
         }
     }
 
-    /// Whether `value` is true on all ranks.
+    /// Returns `true` if `value` is true on all ranks.
     #[must_use]
     pub fn all_true(&self, value: bool) -> bool {
         self.all_reduce_min_i64(i64::from(value)) == 1
     }
 
-    /// Sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a
-    /// global list, and how long that list is.
+    /// Returns the sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a global
+    /// list, and how long that list is.
     #[must_use]
     pub fn exclusive_scan_u64(&self, value: u64) -> (u64, u64) {
         if self.post().is_some() {
@@ -606,7 +607,7 @@ impl Communicator {
         })
     }
 
-    /// Cannot arise: no rank failed, so this rank has a value.
+    /// Returns the error of a case that cannot arise: no rank failed, so this rank has a value.
     fn no_value(&self) -> Disagreement {
         Disagreement {
             rank: self.rank(),
@@ -647,7 +648,7 @@ impl Communicator {
         }
     }
 
-    /// The bytes of every rank, by rank, on rank `root`; `None` on the others.
+    /// Returns the bytes of every rank, by rank, on rank `root`; `None` on the others.
     #[must_use]
     pub fn gather_bytes(&self, root: usize, bytes: &[u8]) -> Option<Vec<Vec<u8>>> {
         if let Some(post) = self.post() {
@@ -677,7 +678,7 @@ impl Communicator {
         Some(parts)
     }
 
-    /// The bytes of every rank, by rank, on every rank.
+    /// Returns the bytes of every rank, by rank, on every rank.
     #[must_use]
     pub fn all_gather_bytes(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let lengths = self.all_gather_u64(bytes.len() as u64);
@@ -693,7 +694,7 @@ impl Communicator {
         parts
     }
 
-    /// One number of every rank, by rank, on every rank.
+    /// Returns one number of every rank, by rank, on every rank.
     #[must_use]
     pub fn all_gather_u64(&self, value: u64) -> Vec<u64> {
         if let Some(post) = self.post() {
@@ -864,7 +865,7 @@ fn reduce_on_threads<T: Reducible>(post: &Post, values: &mut [T], reduction: Red
     }
 }
 
-/// Which way a persistent message goes.
+/// Direction of a persistent message.
 #[derive(Clone, Copy)]
 pub(crate) enum Direction {
     Send,
@@ -894,19 +895,19 @@ fn pieces(bytes: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
         .map(move |start| start..bytes.min(start + limit))
 }
 
-/// A float as an integer in the same order (that of `f64::total_cmp`).
+/// Returns a float as an integer in the same order (that of `f64::total_cmp`).
 fn ordered(value: f64) -> i64 {
     let bits = value.to_bits().cast_signed();
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
-/// The float that [`ordered`] made into `key`.
+/// Returns the float that [`ordered`] made into `key`.
 fn unordered(key: i64) -> f64 {
     let bits = key ^ ((key >> 63).cast_unsigned() >> 1).cast_signed();
     f64::from_bits(bits.cast_unsigned())
 }
 
-/// The lowest 32 bits.
+/// Returns the lowest 32 bits.
 fn low_digit(value: u128) -> u64 {
     (value & 0xffff_ffff) as u64
 }

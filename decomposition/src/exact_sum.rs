@@ -42,7 +42,7 @@ impl Default for ExactSum {
 }
 
 impl PartialEq for ExactSum {
-    /// Whether the exact sums are equal, beyond what a float can hold.
+    /// Returns `true` if the exact sums are equal, including digits that a float cannot hold.
     fn eq(&self, other: &Self) -> bool {
         let (mut one, mut two) = (self.clone(), other.clone());
         one.carry();
@@ -52,7 +52,7 @@ impl PartialEq for ExactSum {
 }
 
 impl ExactSum {
-    /// The sum of nothing.
+    /// Returns the empty sum.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -167,7 +167,7 @@ impl ExactSum {
         self.additions = 1;
     }
 
-    /// What the terms that are not finite make of the sum; 0 if all are finite.
+    /// Returns the contribution of the terms that are not finite; 0 if all are finite.
     fn special(&self) -> f64 {
         match (
             self.nans > 0,
@@ -181,7 +181,7 @@ impl ExactSum {
         }
     }
 
-    /// The sum, rounded to nearest (ties to even).
+    /// Returns the sum, rounded to nearest (ties to even).
     #[must_use]
     pub fn value(&self) -> f64 {
         let special = self.special();
@@ -237,7 +237,7 @@ const STEPS: f64 = 4_611_686_018_427_387_904.0;
 /// Twice 2^62: magnitudes from here on do not fit.
 const STEPS_LIMIT: f64 = 2.0 * STEPS;
 
-/// `value` in steps of 2^-62, rounded towards zero: 1.0 is 2^62. For |value| < 2.
+/// Returns `value` in steps of 2^-62, rounded towards zero: 1.0 is 2^62. For |value| < 2.
 ///
 /// Outside that range the result is `i64::MAX` or `-i64::MAX`, for NaN it is `i64::MIN`; no number in
 /// the range gives one of these, so a guard can see them, and [`Fixed`] does.
@@ -305,19 +305,19 @@ impl Fixed {
         }
     }
 
-    /// Whether all terms were in range.
+    /// Returns `true` if all terms were in range.
     #[must_use]
     pub fn is_valid(self) -> bool {
         self != Self::INVALID
     }
 
-    /// The sum in steps of 2^-62.
+    /// Returns the sum in steps of 2^-62.
     #[must_use]
     pub fn steps(self) -> i128 {
         self.0
     }
 
-    /// The sum, rounded to nearest; NaN if it is invalid.
+    /// Returns the sum, rounded to nearest; NaN if it is invalid.
     #[must_use]
     pub fn to_f64(self) -> f64 {
         if self.is_valid() {
@@ -409,8 +409,8 @@ mod tests {
         );
     }
 
-    /// The exact sum by another way: a list of floats without overlap (Shewchuk, Discrete Comput
-    /// Geom 18, 305 (1997)), rounded as in Python's `math.fsum`.
+    /// Returns the exact sum by another way: a list of floats without overlap (Shewchuk, Discrete Comput Geom 18, 305
+    /// (1997)), rounded as in Python's `math.fsum`.
     fn expansion_sum(values: &[f64]) -> f64 {
         let mut parts: Vec<f64> = Vec::new();
         for &value in values {

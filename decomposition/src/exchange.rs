@@ -74,7 +74,7 @@ impl FixedExchange {
         Ok(Self { pattern })
     }
 
-    /// As [`Self::new`], but learns from the senders what to receive; collective. Returns also the
+    /// Makes an exchange like [`Self::new`], but learns from the senders what to receive; collective. Returns also the
     /// receives, `(rank, bytes)` in order of the source rank.
     ///
     /// # Errors
@@ -106,20 +106,19 @@ impl FixedExchange {
         Ok((exchange, receives))
     }
 
-    /// Number of messages sent and received.
+    /// Returns the number of messages sent and received.
     #[must_use]
     pub fn lengths(&self) -> (usize, usize) {
         self.pattern.lengths()
     }
 
-    /// The buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is
-    /// still under way.
+    /// Returns the buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is still under
+    /// way.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
         self.pattern.sends_mut()
     }
 
-    /// The buffer of send number `index`, as whole items of `T`. Waits if an exchange is still
-    /// under way.
+    /// Returns the buffer of send number `index`, as whole items of `T`. Waits if an exchange is still under way.
     ///
     /// # Panics
     /// If there is no such send.
@@ -137,8 +136,8 @@ impl FixedExchange {
         self.pattern.finish();
     }
 
-    /// What came last for receive number `index`, as whole items of `T`. Waits if an exchange is
-    /// still under way.
+    /// Returns the latest data of receive number `index`, as whole items of `T`. Waits if an exchange is still under
+    /// way.
     ///
     /// # Panics
     /// If there is no such receive.

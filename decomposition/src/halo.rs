@@ -32,13 +32,13 @@ pub struct HaloBytes {
 }
 
 impl HaloBytes {
-    /// The same size in both directions on both sides.
+    /// Returns equal sizes for both directions and both sides.
     #[must_use]
     pub fn symmetric(bytes: usize) -> Self {
         Self::crossing(bytes, bytes)
     }
 
-    /// `downwards` bytes cross every cut towards lower planes, `upwards` towards higher ones.
+    /// Returns sizes for which `downwards` bytes cross every cut towards lower planes, `upwards` towards higher ones.
     #[must_use]
     pub fn crossing(downwards: usize, upwards: usize) -> Self {
         Self {
@@ -107,8 +107,8 @@ impl HaloExchange {
         })
     }
 
-    /// The buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if
-    /// an exchange is still under way.
+    /// Returns the buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if an exchange
+    /// is still under way.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> (Option<&mut [T]>, Option<&mut [T]>) {
         let (has_lower, has_upper) = (self.has_lower, self.has_upper);
         let mut buffers = self.pattern.sends_mut();
@@ -127,8 +127,8 @@ impl HaloExchange {
         self.pattern.finish();
     }
 
-    /// What came last from the lower and from the upper neighbour, as whole items of `T`. Waits if
-    /// an exchange is still under way.
+    /// Returns the latest data from the lower and from the upper neighbour, as whole items of `T`. Waits if an exchange
+    /// is still under way.
     #[must_use]
     pub fn received<T: Pod>(&self) -> (Option<&[T]>, Option<&[T]>) {
         let lower = self.has_lower.then(|| self.pattern.received(0));

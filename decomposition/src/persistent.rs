@@ -25,17 +25,17 @@ pub enum PatternError {
         /// Ranks there are.
         size: usize,
     },
-    /// What this rank sends to itself is not what it expects from itself.
+    /// A rank expects from itself other data than it sends to itself.
     #[error("rank {rank} sends itself {sent:?} bytes but expects {expected:?}")]
     SelfMismatch {
-        /// This rank.
+        /// Number of this rank.
         rank: usize,
         /// Sizes of the messages sent, in bytes.
         sent: Vec<usize>,
         /// Sizes of the messages expected, in bytes.
         expected: Vec<usize>,
     },
-    /// What this rank expects is not what the other sends.
+    /// This rank expects other data than the other rank sends.
     #[error("rank {from} sends {sent} bytes to rank {to}, which expects {expected}")]
     Mismatch {
         /// The sender.
@@ -189,7 +189,7 @@ impl Persistent {
         })
     }
 
-    /// The requests as MPI takes them.
+    /// Returns the requests as MPI takes them.
     fn raw_requests(&self) -> *mut MPI_Request {
         // `Cell<T>` has the layout of `T` and may be written through a shared reference.
         self.requests.as_ptr().cast::<MPI_Request>().cast_mut()
@@ -230,7 +230,8 @@ impl Persistent {
                 if message.partner != post.rank() {
                     let bytes = post.receive(message.partner, message.tag);
                     let count = bytes.len().min(buffer.bytes);
-                    // SAFETY: the buffer holds that many bytes and is lent to nobody while messages are under way.
+                    // SAFETY: the buffer holds that many bytes, and no borrow of it exists while messages are under
+                    // way.
                     unsafe { buffer.start.as_ptr().copy_from(bytes.as_ptr(), count) };
                 }
             }
@@ -252,12 +253,12 @@ impl Persistent {
         }
     }
 
-    /// Number of messages sent and received.
+    /// Returns the number of messages sent and received.
     pub(crate) fn lengths(&self) -> (usize, usize) {
         (self.sends.len(), self.receives.len())
     }
 
-    /// The buffers to fill, in the order given at construction.
+    /// Returns the buffers to fill, in the order given at construction.
     pub(crate) fn sends_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
         self.finish();
         self.sends
@@ -265,13 +266,13 @@ impl Persistent {
             .map(|buffer| typed_mut(buffer.slice_mut()))
     }
 
-    /// Buffer number `index` to fill.
+    /// Returns buffer number `index` to fill.
     pub(crate) fn send_mut<T: Pod>(&mut self, index: usize) -> &mut [T] {
         self.finish();
         typed_mut(self.sends[index].slice_mut())
     }
 
-    /// Received message number `index`.
+    /// Returns the received message number `index`.
     pub(crate) fn received<T: Pod>(&self, index: usize) -> &[T] {
         self.finish();
         typed(self.receives[index].slice())
@@ -325,13 +326,13 @@ fn match_own(
         .collect())
 }
 
-/// As many whole `T` as fit into `bytes`.
+/// Returns `bytes` as whole items of `T`; bytes of an incomplete last item are left out.
 fn typed<T: Pod>(bytes: &[u8]) -> &[T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice(&bytes[..items * size_of::<T>()]).unwrap_or(&[])
 }
 
-/// As many whole `T` as fit into `bytes`.
+/// Returns `bytes` as whole items of `T` that can be changed; bytes of an incomplete last item are left out.
 fn typed_mut<T: Pod>(bytes: &mut [u8]) -> &mut [T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice_mut(&mut bytes[..items * size_of::<T>()]).unwrap_or(&mut [])

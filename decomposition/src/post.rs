@@ -24,7 +24,7 @@ pub(crate) struct Post {
 }
 
 impl Post {
-    /// One for each of `size` ranks.
+    /// Returns one for each of `size` ranks.
     pub(crate) fn offices(size: usize) -> Vec<Self> {
         let mut to: Vec<Vec<Sender<Letter>>> = (0..size).map(|_| Vec::new()).collect();
         let mut from: Vec<Vec<Receiver<Letter>>> = (0..size).map(|_| Vec::new()).collect();
@@ -65,7 +65,7 @@ impl Post {
         let _ = self.to[to].send(letter);
     }
 
-    /// The next message of a rank with this tag.
+    /// Returns the next message of a rank with this tag.
     ///
     /// # Panics
     /// If the other rank ended without sending it: a test then fails instead of waiting for ever.
@@ -102,7 +102,7 @@ impl Post {
             .collect()
     }
 
-    /// The bytes of every rank, by rank. Collective.
+    /// Returns the bytes of every rank, by rank. Collective.
     pub(crate) fn all_gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
         self.all_to_all(&vec![bytes.to_vec(); self.size()])
     }

@@ -19,7 +19,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Place of the coordinate in a vector: 0, 1 or 2.
+    /// Returns the index of the coordinate in a vector: 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -29,7 +29,7 @@ impl Axis {
         }
     }
 
-    /// The axis with most cells, the first one of equals: the default direction of the split.
+    /// Returns the axis with most cells, the first one of equals: the default direction of the split.
     #[must_use]
     pub fn longest(cells: [usize; 3]) -> Self {
         if cells[0] >= cells[1] && cells[0] >= cells[2] {
@@ -102,7 +102,7 @@ impl Slabs {
         })
     }
 
-    /// The axis along which the domain is cut.
+    /// Returns the axis along which the domain is cut.
     #[must_use]
     pub fn axis(&self) -> Axis {
         self.axis
@@ -114,25 +114,25 @@ impl Slabs {
         self.bounds[self.bounds.len() - 1]
     }
 
-    /// Number of slabs, which is the number of ranks.
+    /// Returns the number of slabs, which is the number of ranks.
     #[must_use]
     pub fn size(&self) -> usize {
         self.bounds.len() - 1
     }
 
-    /// Whether the plane after the last one is the first.
+    /// Returns `true` if the plane after the last one is the first.
     #[must_use]
     pub fn periodic(&self) -> bool {
         self.periodic
     }
 
-    /// The bounds, one more than slabs.
+    /// Returns the bounds, one more than slabs.
     #[must_use]
     pub fn bounds(&self) -> &[usize] {
         &self.bounds
     }
 
-    /// The planes of a rank; empty for an empty slab.
+    /// Returns the planes of a rank; empty for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -141,7 +141,7 @@ impl Slabs {
         self.bounds[rank]..self.bounds[rank + 1]
     }
 
-    /// The rank that owns a plane; `None` beyond the last plane.
+    /// Returns the rank that owns a plane; `None` beyond the last plane.
     #[must_use]
     pub fn owner_of_plane(&self, plane: usize) -> Option<usize> {
         // Of several slabs that start at the same plane the last is the one with planes.
@@ -149,8 +149,8 @@ impl Slabs {
         (plane < self.planes()).then(|| after - 1)
     }
 
-    /// The rank that owns the plane below a rank's first: itself if it is alone and periodic,
-    /// `None` at a closed end and for an empty slab.
+    /// Returns the rank that owns the plane below a rank's first: itself if it is alone and periodic, `None` at a
+    /// closed end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -168,8 +168,8 @@ impl Slabs {
         }
     }
 
-    /// The rank that owns the plane above a rank's last: itself if it is alone and periodic, `None`
-    /// at a closed end and for an empty slab.
+    /// Returns the rank that owns the plane above a rank's last: itself if it is alone and periodic, `None` at a closed
+    /// end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -220,7 +220,7 @@ impl Domain {
         })
     }
 
-    /// The whole domain on this process, without MPI.
+    /// Returns the whole domain on this process, without MPI.
     #[must_use]
     pub fn serial(axis: Axis, planes: usize, periodic: bool) -> Self {
         Self {
@@ -229,43 +229,43 @@ impl Domain {
         }
     }
 
-    /// The ranks of the domain.
+    /// Returns the ranks of the domain.
     #[must_use]
     pub fn communicator(&self) -> &Communicator {
         &self.communicator
     }
 
-    /// The split, the same on every rank.
+    /// Returns the split, the same on every rank.
     #[must_use]
     pub fn slabs(&self) -> &Slabs {
         &self.slabs
     }
 
-    /// My rank.
+    /// Returns the rank of this process.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.communicator.rank()
     }
 
-    /// The axis along which the domain is cut.
+    /// Returns the axis along which the domain is cut.
     #[must_use]
     pub fn axis(&self) -> Axis {
         self.slabs.axis
     }
 
-    /// My planes.
+    /// Returns the planes of this rank.
     #[must_use]
     pub fn range(&self) -> Range<usize> {
         self.slabs.range(self.rank())
     }
 
-    /// The rank that owns the plane below my first; see [`Slabs::lower_neighbour`].
+    /// Returns the rank that owns the plane below the first of this rank; see [`Slabs::lower_neighbour`].
     #[must_use]
     pub fn lower_neighbour(&self) -> Option<usize> {
         self.slabs.lower_neighbour(self.rank())
     }
 
-    /// The rank that owns the plane above my last; see [`Slabs::upper_neighbour`].
+    /// Returns the rank that owns the plane above the last of this rank; see [`Slabs::upper_neighbour`].
     #[must_use]
     pub fn upper_neighbour(&self) -> Option<usize> {
         self.slabs.upper_neighbour(self.rank())

@@ -23,7 +23,7 @@ pub struct StateHash {
 }
 
 impl StateHash {
-    /// The hash of the empty state.
+    /// Returns the hash of the empty state.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -73,7 +73,7 @@ impl StateHash {
         self.sum = self.sum.wrapping_add(other.sum);
     }
 
-    /// The hash of all ranks' parts together, the same on each; collective.
+    /// Returns the hash of all ranks' parts together, the same on each; collective.
     #[must_use]
     pub fn all_reduce(self, communicator: &Communicator) -> Self {
         Self {
@@ -81,20 +81,20 @@ impl StateHash {
         }
     }
 
-    /// The hash as a number.
+    /// Returns the hash as a number.
     #[must_use]
     pub fn value(self) -> u128 {
         self.sum
     }
 
-    /// The hash as 32 hexadecimal digits.
+    /// Returns the hash as 32 hexadecimal digits.
     #[must_use]
     pub fn hex(self) -> String {
         format!("{:032x}", self.sum)
     }
 }
 
-/// A key for a field from its name (FNV-1a, 64 bits), at compile time if wanted.
+/// Returns a key for a field from its name (FNV-1a, 64 bits), at compile time if wanted.
 #[must_use]
 pub const fn field_key(name: &str) -> u64 {
     let bytes = name.as_bytes();
@@ -107,7 +107,7 @@ pub const fn field_key(name: &str) -> u64 {
     hash
 }
 
-/// Independent keys for the rounds: a SplitMix64 sequence that starts at the field.
+/// Returns independent keys for the rounds: a SplitMix64 sequence that starts at the field.
 #[inline]
 fn round_keys(field: u64) -> [u64; ROUNDS] {
     let mut state = field;
@@ -120,7 +120,7 @@ fn round_keys(field: u64) -> [u64; ROUNDS] {
     })
 }
 
-/// A permutation of pairs of words.
+/// Returns a permutation of pairs of words.
 #[inline]
 fn mix(keys: &[u64; ROUNDS], index: u64, bits: u64) -> u128 {
     let (mut left, mut right) = (index, bits);
@@ -130,7 +130,7 @@ fn mix(keys: &[u64; ROUNDS], index: u64, bits: u64) -> u128 {
     (u128::from(left) << 64) | u128::from(right)
 }
 
-/// High and low half of a product of 64 by 64 bits, joined; shifts feed its high bits downwards.
+/// Returns the high and low half of a product of 64 by 64 bits, joined; shifts feed its high bits downwards.
 #[inline]
 fn fold(word: u64) -> u64 {
     let word = word ^ (word >> 32);

@@ -1,20 +1,21 @@
 //! Time that this process has spent in MPI calls that wait for other ranks, and what it has sent.
 //!
-//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds, and
-//! nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
+//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds,
+//! and nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Polls before the clock is read: some tens of microseconds.
 const POLLS: u32 = 200;
-/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not sleep.
+/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not
+/// sleep.
 const PATIENCE: [u64; 3] = [50_000, 1_000_000, 5_000];
 /// Length of a sleep.
 const NAP: Duration = Duration::from_micros(50);
 
-/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the rank that is waited
-/// for may need the core.
+/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the
+/// rank that is waited for may need the core.
 static PATIENT: AtomicU64 = AtomicU64::new(PATIENCE[1]);
 
 /// Polls until something is done: first without pause, then yielding the core, at last sleeping between polls.
@@ -51,7 +52,7 @@ static SENT: AtomicU64 = AtomicU64::new(0);
 static SENT_BYTES: AtomicU64 = AtomicU64::new(0);
 static CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// What is waited for.
+/// Kind of call that waits for other ranks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Wait {
     /// Messages from one rank to another: halos, ghosts, migration.
@@ -63,20 +64,20 @@ pub(crate) enum Wait {
 /// Time spent waiting since the process started.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Waited {
-    /// For messages from one rank to another: halos, ghosts, migration.
+    /// Time of messages from one rank to another: halos, ghosts, migration.
     pub messages: Duration,
-    /// In calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    /// Time of calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
     pub collectives: Duration,
 }
 
 impl Waited {
-    /// Both together.
+    /// Returns the sum of both.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.messages + self.collectives
     }
 
-    /// What was added since `earlier`.
+    /// Returns the difference from the `earlier` value.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -93,7 +94,7 @@ impl std::ops::AddAssign for Waited {
     }
 }
 
-/// How long this process has waited for other ranks so far.
+/// Returns the time that this process has waited for other ranks so far.
 #[must_use]
 pub fn waited() -> Waited {
     let read = |sum: &AtomicU64| Duration::from_nanos(sum.load(Ordering::Relaxed));
@@ -103,19 +104,19 @@ pub fn waited() -> Waited {
     }
 }
 
-/// What this process has sent to other ranks since it started.
+/// Messages, bytes and collective calls of this process since it started.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Messages from one rank to another.
     pub messages: u64,
-    /// Their bytes.
+    /// Bytes of the messages.
     pub bytes: u64,
     /// Calls in which all ranks take part.
     pub collectives: u64,
 }
 
 impl Traffic {
-    /// What was added since `earlier`.
+    /// Returns the difference from the `earlier` value.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -126,7 +127,7 @@ impl Traffic {
     }
 }
 
-/// What this process has sent to other ranks so far.
+/// Returns what this process has sent to other ranks so far.
 #[must_use]
 pub fn traffic() -> Traffic {
     Traffic {

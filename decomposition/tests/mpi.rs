@@ -31,9 +31,10 @@ fn mpirun(ranks: usize, arguments: &[&str]) -> (Output, Duration) {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        // A socket of Munge that nobody answers costs two seconds at every start.
+        // A Munge socket without a server costs two seconds at every start.
         .env("PMIX_MCA_psec", "native")
-        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first cores.
+        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first
+        // cores.
         .env("OMPI_MCA_pml", "ob1")
         .env("OMPI_MCA_btl", "self,vader")
         .env("OMPI_MCA_hwloc_base_binding_policy", "none")

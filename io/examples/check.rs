@@ -88,8 +88,8 @@ impl Group for Ranks {
     }
 }
 
-/// Rank `rank`'s share of `n` things: all but rank 1 take part, so that one rank is empty where there are several.
-fn share(n: usize, group: &dyn Group) -> (usize, usize) {
+/// Returns rank `rank`'s share of `n` items: all but rank 1 take part, so that one rank is empty if there are several.
+fn part_of_rank(n: usize, group: &dyn Group) -> (usize, usize) {
     let (rank, size) = (group.rank(), group.size());
     if size < 2 {
         return (0, n);
@@ -103,7 +103,7 @@ fn share(n: usize, group: &dyn Group) -> (usize, usize) {
     }
 }
 
-/// A number that tells any two places apart and is not round.
+/// Returns a number that differs between any two positions and is not round.
 fn value(i: usize) -> f64 {
     let mut x = 0.1_f64;
     for bit in 0..40 {
@@ -122,7 +122,7 @@ fn image_step(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<(), Error> {
-    let (first, n) = share(CELLS[axis], group);
+    let (first, n) = part_of_rank(CELLS[axis], group);
     let (mut start, mut count) = ([0; 3], CELLS);
     (start[axis], count[axis]) = (first, n);
     let mut velocity = Vec::new();
@@ -173,7 +173,7 @@ fn meshes(
     series: &mut [Series; 3],
 ) -> Result<(), Error> {
     let provenance = [("version".to_owned(), "1.0".to_owned())];
-    let (first, n) = share(grains, group);
+    let (first, n) = part_of_rank(grains, group);
     let position: Vec<f64> = (3 * first..3 * (first + n)).map(value).collect();
     let stress: Vec<f64> = (9 * first..9 * (first + n)).map(value).collect();
     let id: Vec<i64> = (first..first + n)
@@ -254,7 +254,7 @@ fn meshes(
     Ok(())
 }
 
-/// `planes` planes of 64 x 64 numbers, split along the first axis, and the number of each plane.
+/// Writes and reads `planes` planes of 64 x 64 numbers, split along the first axis, and the number of each plane.
 fn checkpoint(
     folder: &Path,
     step: u64,
@@ -262,7 +262,7 @@ fn checkpoint(
     group: &dyn Group,
     mode: Mode,
 ) -> Result<(), Error> {
-    let (first, n) = share(planes, group);
+    let (first, n) = part_of_rank(planes, group);
     let population: Vec<f64> = (4096 * first..4096 * (first + n)).map(value).collect();
     let id: Vec<u64> = (first..first + n).map(|i| i as u64).collect();
     let arrays = [
@@ -312,7 +312,7 @@ fn read_checkpoint(
             .zip(&numbers)
             .all(|((z, y, x), v)| v.to_bits() == value(4096 * z + 64 * y + x).to_bits());
     let ids: Vec<u64> = reader.read_all("id")?;
-    // A box that one rank gets wrong is everyone's error, and nobody waits.
+    // A box that is wrong on one rank is an error of all ranks, and no rank waits.
     let beyond = if rank + 1 == size { planes } else { 0 };
     let refused = reader.read::<u64>("id", &[beyond], &[1]).is_err();
     reader.close()?;
@@ -320,7 +320,7 @@ fn read_checkpoint(
     io::group::agree(group, if right { Ok(()) } else { Err(wrong("a box")) })
 }
 
-/// An error that only one rank sees is everyone's, the same words everywhere.
+/// Checks that an error that only one rank sees becomes an error of all, with equal words.
 fn one_rank_errs(folder: &Path, group: &dyn Group, mode: Mode) -> Result<(), Error> {
     let last = group.rank() + 1 == group.size();
     let id = vec![0_u64; usize::from(!last)];
@@ -370,7 +370,7 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
     read_checkpoint(folder, 5, group, mode)
 }
 
-/// Ask the system to refuse files above `bytes` in this process: a disk that fails while it is written.
+/// Asks the system to refuse files above `bytes` in this process: a disk that fails while it is written.
 fn limit_files(bytes: u64) {
     let limit = libc::rlimit {
         rlim_cur: bytes,
@@ -387,7 +387,8 @@ fn limit_files(bytes: u64) {
     }
 }
 
-/// The disk fails on the chosen ranks after some agreements of the second checkpoint; the first must still be found.
+/// Lets the disk fail on the chosen ranks after some agreements of the second checkpoint; the first must still be
+/// found.
 fn fail(folder: &Path, mode: Mode, who: &str, when: u32, group: &Ranks) -> Result<(), Error> {
     checkpoint(folder, 1, 64, group, mode)?;
     if who == "all" || who == group.rank().to_string() {

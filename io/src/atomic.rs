@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// The name a file has until it is complete: the same with `.part` at the end.
+/// Returns the name that a file has until it is complete: the same with `.part` at the end.
 #[must_use]
 pub fn part_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -53,7 +53,7 @@ pub fn append(path: &Path) -> Result<File> {
         .map_err(|e| Error::io("open", path, &e))
 }
 
-/// Write a small file so that `path` holds either what it held before or all of `bytes`, even across a power cut.
+/// Writes a small file so that `path` holds either what it held before or all of `bytes`, even across a power cut.
 ///
 /// # Errors
 /// The system's error; `path` is then untouched and no `.part` is left.
@@ -72,7 +72,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     written
 }
 
-/// Write a value as indented JSON with a final newline, as [`write()`] does.
+/// Writes a value as indented JSON with a final newline, as [`write()`] does.
 ///
 /// # Errors
 /// The system's error, or [`Error::Invalid`] where the value has no JSON form.
@@ -83,7 +83,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     write(path, text.as_bytes())
 }
 
-/// Flush a complete, closed `.part` file to the disk and give it its name.
+/// Flushes a complete, closed `.part` file to the disk and gives it its name.
 ///
 /// # Errors
 /// The system's error.
@@ -99,7 +99,7 @@ pub fn publish(part: &Path, path: &Path) -> Result<()> {
     sync_folder(path)
 }
 
-/// Flush the folder that holds `path`, so that a rename or removal in it is on the disk.
+/// Flushes the folder that holds `path`, so that a rename or removal in it is on the disk.
 ///
 /// # Errors
 /// The system's error.
@@ -112,7 +112,7 @@ pub fn sync_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// Find out on one rank, before all open it together, whether `part` can be created and given `bytes` bytes: a missing
+/// Finds out on one rank, before all open it together, whether `part` can be created and given `bytes` bytes: a missing
 /// right, a quota and a full disk show here, where turning back is safe. An old `part` is replaced; none is left.
 pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     let file = create_part(part)?;
@@ -133,7 +133,7 @@ pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     }
 }
 
-/// Give an existing file its room on the disk, so that writing into it cannot run out of space.
+/// Allocates the disk space of an existing file, so that writing into it cannot run out of space.
 pub(crate) fn hold(part: &Path, bytes: u64) -> Result<()> {
     OpenOptions::new()
         .write(true)
@@ -170,7 +170,7 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Bytes this user may still write on the disk that holds `path` (a file or folder that exists).
+/// Returns the bytes that this user may still write on the disk that holds `path` (a file or folder that exists).
 ///
 /// # Errors
 /// The system's error.
@@ -192,7 +192,7 @@ pub fn free_bytes(path: &Path) -> Result<u64> {
     Ok(room.f_bavail.saturating_mul(room.f_frsize))
 }
 
-/// Refuse a write of `needed` bytes to the folder of `path` where they do not fit.
+/// Refuses a write of `needed` bytes to the folder of `path` where they do not fit.
 pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
     let folder = folder_of(path);
     let free = free_bytes(folder)?;
@@ -206,7 +206,7 @@ pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
     Ok(())
 }
 
-/// Remove what interrupted writes left in a folder: every file whose name ends in `.part`. Returns what was removed.
+/// Removes what interrupted writes left in a folder: every file whose name ends in `.part`. Returns what was removed.
 ///
 /// # Errors
 /// The system's error.
@@ -221,7 +221,7 @@ pub fn remove_parts(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(removed)
 }
 
-/// The files in a folder, in order of name.
+/// Returns the files in a folder, in order of name.
 pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| Error::io("list", folder, &e))? {

@@ -10,9 +10,9 @@
 //!    checkpoint comes into existence.
 //! 6. Older checkpoints are removed.
 //!
-//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the caller (case hash,
-//! version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder: after a restart from an older
-//! checkpoint the newest is the one written last, not the one with the highest step.
+//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the
+//! caller (case hash, version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder:
+//! after a restart from an older checkpoint the newest is the one written last, not the one with the highest step.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -45,7 +45,7 @@ pub struct Array<'a> {
     pub data: Numbers<'a>,
 }
 
-/// What a checkpoint holds.
+/// Contents of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of this format.
@@ -56,26 +56,26 @@ pub struct Manifest {
     pub step: u64,
     /// Time, s.
     pub time: f64,
-    /// The HDF5 file's name, beside the manifest.
+    /// Name of the HDF5 file, in the same folder as the manifest.
     pub file: String,
-    /// Its size in bytes.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Its BLAKE3 hash.
+    /// BLAKE3 hash.
     pub blake3: String,
-    /// Its arrays.
+    /// Arrays.
     pub arrays: Vec<ArrayInfo>,
-    /// What the caller gave.
+    /// Attributes given by the caller.
     pub attributes: Value,
 }
 
 /// One array of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayInfo {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its number type.
+    /// Number type.
     pub kind: Kind,
-    /// Its shape.
+    /// Shape.
     pub shape: Vec<usize>,
     /// The boxes the ranks wrote, empty ones left out.
     pub blocks: Vec<Block>,
@@ -104,7 +104,7 @@ const FORMAT: u32 = 1;
 const LONGEST: u64 = 64 << 20;
 /// Axes of an array at most.
 const DIMENSIONS: usize = 8;
-/// Room for what describes the arrays in a file \[bytes\].
+/// Space for the headers that describe the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
 /// Fewer than this many are never kept: the last may be the damaged one.
 const FEWEST: usize = 2;
@@ -124,7 +124,7 @@ impl Manifest {
         Ok(all)
     }
 
-    /// Read a manifest and make sure that it is, byte for byte, the one that was written.
+    /// Reads a manifest and makes sure that it is, byte for byte, the one that was written.
     fn read(path: &Path) -> Result<Self> {
         let bytes = plain::bytes(path, LONGEST)?;
         let signed: Signed = serde_json::from_slice(&bytes).map_err(|e| {
@@ -142,8 +142,8 @@ impl Manifest {
         Ok(signed.checkpoint)
     }
 
-    /// What the manifest says can be: anyone can compute its hash, so that the hash proves nothing but that no bit has
-    /// changed. What fits the case is for the caller to say.
+    /// Validates the manifest. A matching hash only excludes accidental damage, because anyone can compute it. The
+    /// caller checks that the contents fit the case.
     fn sound(&self, path: &Path, length: u64) -> Result<()> {
         let wrong = |what: String| Err(Error::corrupt(path, what));
         let file = Path::new(&self.file);
@@ -189,7 +189,7 @@ impl Manifest {
                 ));
             }
         }
-        // Beside the arrays the file holds their headers and the caller's attributes.
+        // In addition to the arrays the file holds their headers and the caller's attributes.
         let most = all.saturating_add(HEADERS).saturating_add(4 * length);
         if self.bytes > most {
             return wrong(format!(
@@ -200,7 +200,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// The HDF5 file beside `manifest`.
+    /// Returns the path of the HDF5 file in the folder of `manifest`.
     fn heavy(&self, manifest: &Path) -> PathBuf {
         manifest.with_file_name(&self.file)
     }
@@ -231,7 +231,7 @@ impl Manifest {
     }
 }
 
-/// What is wrong where a manifest is of a format that this program does not read.
+/// Returns the error for a manifest of a format that this program does not read.
 fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
     let tree: Value = serde_json::from_slice(bytes).ok()?;
     let checkpoint = tree.get("checkpoint")?;
@@ -247,7 +247,8 @@ fn other_format(path: &Path, bytes: &[u8]) -> Option<Error> {
     Some(Error::invalid(
         &path.display().to_string(),
         format!(
-            "a checkpoint of format {format}, written by version {} (commit {}); this program reads format {FORMAT}: continue with that version",
+            "a checkpoint of format {format}, written by version {} (commit {}); this program reads format {FORMAT}: \
+             continue with that version",
             writer("version"),
             writer("commit")
         ),
@@ -274,11 +275,12 @@ fn manifest_path(folder: &Path, step: u64) -> PathBuf {
     folder.join(format!("checkpoint_{step:09}.json"))
 }
 
-/// Write a checkpoint and keep the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
+/// Writes a checkpoint and keeps the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
 ///
 /// # Errors
 /// The same on all ranks, and the checkpoints there were before are untouched: [`Error::Space`] before anything is
-/// written (the caller may go on without), [`Error::Broken`] where the caller must abort, else with nothing left open.
+/// written (the caller may continue without), [`Error::Broken`] where the caller must abort, else with nothing left
+/// open.
 #[expect(
     clippy::too_many_arguments,
     reason = "each is a different thing that a checkpoint is made of"
@@ -355,7 +357,7 @@ fn as_text(step: u64) -> Attribute {
     Attribute::Text(step.to_string())
 }
 
-/// Array names are paths of names.
+/// Checks that an array name is a path of names.
 fn check_name(name: &str) -> Result<()> {
     if name.split('/').next() == Some("checkpoint") {
         return Err(Error::invalid(name, "this name belongs to the format"));
@@ -363,7 +365,7 @@ fn check_name(name: &str) -> Result<()> {
     name.split('/').try_for_each(crate::data::check_name)
 }
 
-/// The next serial number, and a file name that no manifest uses: where the step is written again, its present
+/// Returns the next serial number, and a file name that no manifest uses: where the step is written again, its present
 /// checkpoint stays whole until the manifest is replaced.
 fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
     let known = intact(folder)?;
@@ -374,7 +376,7 @@ fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
     Ok((serial, if used { other } else { plain }))
 }
 
-/// The manifests of a folder that match their own hash, with their paths.
+/// Returns the manifests of a folder that match their own hash, with their paths.
 fn intact(folder: &Path) -> Result<Vec<(PathBuf, Manifest)>> {
     Ok(manifests(folder)?
         .into_iter()
@@ -396,7 +398,7 @@ fn manifests(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// Every rank's boxes and checksums: for each array, one block per rank.
+/// Returns every rank's boxes and checksums: for each array, one block per rank.
 fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>> {
     let mine: Vec<Block> = arrays
         .iter()
@@ -420,7 +422,7 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>>
     Ok(by_array)
 }
 
-/// The checksum of this rank's numbers, in pieces where they are made.
+/// Returns the checksum of this rank's numbers, in pieces where they are made.
 fn crc_of_numbers(array: &Array) -> u32 {
     let mut sum = crc32fast::Hasher::new();
     let pieces = hdf::Pieces::new(&array.start, &array.count, array.data.kind().size());
@@ -449,8 +451,8 @@ fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
         .collect()
 }
 
-/// Compare what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where it
-/// wrote for all. MPI-IO layers have written wrong files without an error.
+/// Compares what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where
+/// it wrote for all. MPI-IO layers have written wrong files without an error.
 fn read_back(
     part: &Path,
     arrays: &[Array],
@@ -522,7 +524,7 @@ fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &Block) -> Re
     .map_err(|e| Error::hdf(path, "read a block back", &e))
 }
 
-/// Keep the last `keep` checkpoints; remove older ones, manifest first, and HDF5 files that nothing names.
+/// Keeps the last `keep` checkpoints; removes older ones, manifest first, and HDF5 files that nothing names.
 fn remove_old(folder: &Path, keep: usize) -> Result<()> {
     let mut known = intact(folder)?;
     known.sort_by_key(|k| std::cmp::Reverse(k.1.serial));
@@ -532,7 +534,7 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
         }
     }
     if known.len() < keep {
-        // While there are few, leave even damaged ones for someone to look at.
+        // While there are few, keep even damaged checkpoints for inspection.
         return Ok(());
     }
     let named = |path: &Path| known.iter().any(|k| k.0 == path || k.1.heavy(&k.0) == path);
@@ -552,13 +554,13 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
 pub struct Found {
     /// The manifest's file.
     pub path: PathBuf,
-    /// What it says.
+    /// Contents of the manifest.
     pub manifest: Manifest,
     /// Newer ones that were passed over, each with what was wrong.
     pub passed_over: Vec<String>,
 }
 
-/// The newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
+/// Returns the newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
 /// [`Error::NoCheckpoint`], with what was wrong with each, or the system's error for the folder.
@@ -566,10 +568,11 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
     newest_that(folder, group, |_| Ok(()))
 }
 
-/// As [`newest`], where the manifest also `fits` the caller's case; that is asked before a byte of the file is read.
+/// Returns the newest checkpoint, like [`newest`], whose manifest also `fits` the caller's case. `fits` is called
+/// before a byte of the file is read.
 ///
 /// # Errors
-/// As [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
+/// Those of [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
 pub fn newest_that(
     folder: &Path,
     group: &dyn Group,
@@ -616,7 +619,7 @@ pub fn newest_that(
     })
 }
 
-/// One named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
+/// Returns one named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
 /// [`Error::Corrupt`] with what does not fit, or the system's error.
@@ -658,8 +661,8 @@ pub struct Reader<'g> {
     transfer: Transfer,
 }
 
-/// Whether a file holds the arrays of its manifest in itself: as they were written, not as links or references to other
-/// files, which could be anything.
+/// Checks that a file holds the arrays of its manifest in itself: as they were written, not as links or references to
+/// other files, which could be anything.
 fn holds(file: &hdf5::File, manifest: &Manifest) -> hdf5::Result<()> {
     within(file, "", 0, &mut 0)?;
     for array in &manifest.arrays {
@@ -712,7 +715,7 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
 const MOST_NAMES: usize = 10_000;
 
 impl<'g> Reader<'g> {
-    /// Open for this rank alone: it reads what and when it likes.
+    /// Opens a checkpoint for this rank alone, which then reads independently of others.
     ///
     /// # Errors
     /// [`Error::Hdf`].
@@ -729,8 +732,8 @@ impl<'g> Reader<'g> {
         })
     }
 
-    /// Open together: every rank then makes the same calls in the same order, each with its own box, gets the same
-    /// error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
+    /// Opens a checkpoint together: every rank then makes the same calls in the same order, each with its own box, gets
+    /// the same error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
     ///
     /// # Errors
     /// [`Error::Hdf`] or [`Error::Broken`], on all ranks.
@@ -755,19 +758,19 @@ impl<'g> Reader<'g> {
         })
     }
 
-    /// What the checkpoint holds.
+    /// Returns the contents of the checkpoint.
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// What the caller gave at writing.
+    /// Returns the attributes that the caller gave at writing.
     #[must_use]
     pub fn attributes(&self) -> &Value {
         &self.manifest.attributes
     }
 
-    /// An array's shape.
+    /// Returns an array's shape.
     ///
     /// # Errors
     /// [`Error::Invalid`] where there is no such array.
@@ -785,7 +788,7 @@ impl<'g> Reader<'g> {
             })
     }
 
-    /// Read a box into a slice of the array's own number type.
+    /// Reads a box into a slice of the array's own number type.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the array is missing, has another number type, or the box or the slice does not
@@ -850,12 +853,12 @@ impl<'g> Reader<'g> {
         Ok(())
     }
 
-    /// Read a box.
+    /// Reads a box.
     ///
     /// # Errors
-    /// As [`Reader::read_into`].
+    /// Those of [`Reader::read_into`].
     pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
-        // A box that is not in the array gets no room, and its error below.
+        // A box outside the array gets no capacity here, and its error below.
         let room = match self.shape(name) {
             Ok(shape) if hdf::is_inside(start, count, shape) => product(count),
             _ => 0,
@@ -865,10 +868,11 @@ impl<'g> Reader<'g> {
         Ok(numbers)
     }
 
-    /// Read a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its numbers.
+    /// Reads a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its
+    /// numbers.
     ///
     /// # Errors
-    /// As [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
+    /// Those of [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
     pub fn read_in_pieces<T: Element>(
         &self,
         name: &str,
@@ -894,16 +898,16 @@ impl<'g> Reader<'g> {
         Ok(())
     }
 
-    /// Read a whole array.
+    /// Reads a whole array.
     ///
     /// # Errors
-    /// As [`Reader::read_into`].
+    /// Those of [`Reader::read_into`].
     pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
         let shape = self.shape(name)?.to_vec();
         self.read(name, &vec![0; shape.len()], &shape)
     }
 
-    /// Close the file; needed where it was opened together.
+    /// Closes the file; needed where it was opened together.
     ///
     /// # Errors
     /// [`Error::Hdf`].

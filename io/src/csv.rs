@@ -1,7 +1,8 @@
 //! Tables as CSV text: one way to read them and one to write them, by the crate `csv`.
 //!
-//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below the names
-//! holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a cell does not count. Cells in quotes may hold commas.
+//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below
+//! the names holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a
+//! cell does not count. Cells in quotes may hold commas.
 
 use ::csv::{QuoteStyle, ReaderBuilder, StringRecord, Terminator, WriterBuilder};
 use serde::de::DeserializeOwned;
@@ -14,12 +15,12 @@ pub struct Reader<'t> {
     names: StringRecord,
     units: Option<StringRecord>,
     row: StringRecord,
-    /// The row is the first one and has not been given out.
+    /// `true` if the row is the first one and has not been returned.
     pending: bool,
 }
 
 impl<'t> Reader<'t> {
-    /// A reader of a text; none where there is no line of names.
+    /// Returns a reader of a text; none if there is no line of names.
     #[must_use]
     pub fn new(text: &'t str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}');
@@ -52,25 +53,25 @@ impl<'t> Reader<'t> {
         Some(reader)
     }
 
-    /// The names of the columns.
+    /// Returns the names of the columns.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
         self.names.iter().collect()
     }
 
-    /// The place of a column.
+    /// Returns the index of a column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
 
-    /// The units, where a line gave them above the rows read so far.
+    /// Returns the units, where a line gave them above the rows read so far.
     #[must_use]
     pub fn units(&self) -> Vec<&str> {
         self.units.iter().flatten().map(uncommented).collect()
     }
 
-    /// The next row.
+    /// Returns the next row.
     pub fn row(&mut self) -> Option<Row<'_>> {
         let there = std::mem::take(&mut self.pending) || self.advance();
         there.then_some(Row {
@@ -80,7 +81,8 @@ impl<'t> Reader<'t> {
         })
     }
 
-    /// Goes to the next line that counts. A text in memory whose rows may differ in length cannot fail to be read.
+    /// Reads the next row that is no comment and not blank; returns `true` if there is one. Text in memory whose rows
+    /// may differ in length cannot fail to be read.
     fn advance(&mut self) -> bool {
         while matches!(self.rows.read_record(&mut self.row), Ok(true)) {
             let first = self.row.get(0).unwrap_or_default().trim_start();
@@ -118,24 +120,24 @@ pub struct Row<'r> {
 }
 
 impl Row<'_> {
-    /// The line of the text, from 1.
+    /// Returns the line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
         line(self.cells, self.text)
     }
 
-    /// The cells.
+    /// Returns the cells.
     pub fn cells(&self) -> impl Iterator<Item = &str> {
         self.cells.iter().map(str::trim)
     }
 
-    /// The text of a cell; none where the row is shorter.
+    /// Returns the text of a cell; none if the row is shorter.
     #[must_use]
     pub fn text(&self, column: usize) -> Option<&str> {
         self.cells.get(column).map(str::trim)
     }
 
-    /// The finite number in a column.
+    /// Returns the finite number in a column.
     ///
     /// # Errors
     /// The line, the column and the value.
@@ -153,7 +155,7 @@ impl Row<'_> {
             })
     }
 
-    /// The row as a struct whose fields have the names of the columns.
+    /// Returns the row as a struct whose fields have the names of the columns.
     ///
     /// # Errors
     /// The line, the column and the value that does not fit it.
@@ -199,7 +201,7 @@ pub fn push_line<C: AsRef<str>>(text: &mut String, cells: impl IntoIterator<Item
     }
 }
 
-/// The step with which a line begins.
+/// Returns the step with which a line begins.
 #[must_use]
 pub fn step_of(line: &str) -> Option<u64> {
     line.split(',').next()?.trim_end().parse().ok()
@@ -217,7 +219,8 @@ mod tests {
         name: String,
     }
 
-    const TEXT: &str = "# made by hand\nx [m], name\n# m,-\n\n 1e-3 ,sand\r\n  \n2,\"clay, wet\"\n3\nfour,silt\nnan,silt\n";
+    const TEXT: &str = "# made by hand\nx [m], name\n# m,-\n\n 1e-3 ,sand\r\n  \n2,\"clay, wet\"\n3\nfour,silt\nnan,\
+        silt\n";
 
     #[test]
     fn rows_are_read_with_their_lines_and_units() {

@@ -26,7 +26,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Bytes of one number.
+    /// Returns the size of one number in bytes.
     #[must_use]
     pub fn size(self) -> usize {
         match self {
@@ -60,7 +60,7 @@ impl Kind {
         .find(|kind| kind.descriptor() == *descriptor)
     }
 
-    /// `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
+    /// Returns `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
     pub(crate) fn xdmf(self) -> Option<(&'static str, usize)> {
         match self {
             Self::F32 | Self::F64 => Some(("Float", self.size())),
@@ -79,7 +79,7 @@ mod sealed {
 pub trait Element: sealed::Sealed + Copy + Default + 'static {
     /// Which.
     const KIND: Kind;
-    /// The slice as typed data.
+    /// Returns the slice as typed data.
     fn data(slice: &[Self]) -> Data<'_>;
 }
 
@@ -126,7 +126,7 @@ impl<'a, T: Element> From<&'a Vec<T>> for Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// The number type.
+    /// Returns the number type.
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
@@ -139,19 +139,19 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// How many numbers.
+    /// Returns the number of values.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bytes().len() / self.kind().size()
     }
 
-    /// No numbers.
+    /// Returns `true` if there are no values.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes().is_empty()
     }
 
-    /// The numbers as they lie in memory.
+    /// Returns the numbers as they lie in memory.
     #[must_use]
     pub fn bytes(&self) -> &'a [u8] {
         match self {
@@ -167,9 +167,9 @@ impl<'a> Data<'a> {
 
 /// Numbers that are made while they are written, a piece at a time, so that nothing holds all of them.
 pub trait Make {
-    /// The number type.
+    /// Returns the number type.
     fn kind(&self) -> Kind;
-    /// How many numbers there are.
+    /// Returns the number of values.
     fn count(&self) -> usize;
     /// Makes the numbers of a range, in C order, and shows them.
     fn show(&self, range: Range<usize>, show: &mut dyn FnMut(Data<'_>));
@@ -183,7 +183,8 @@ pub struct Maker<T, F> {
 }
 
 impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
-    /// `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range each time.
+    /// Makes `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range
+    /// each time.
     pub fn new(count: usize, append: F) -> Self {
         Self {
             count,
@@ -212,7 +213,7 @@ impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
 /// One rank's part of an array in C order: numbers in memory, or numbers made while they are written.
 #[derive(Clone, Copy)]
 pub enum Numbers<'a> {
-    /// In memory.
+    /// Numbers in memory.
     Held(Data<'a>),
     /// Made in pieces.
     Made(&'a dyn Make),
@@ -237,7 +238,7 @@ impl std::fmt::Debug for Numbers<'_> {
 }
 
 impl Numbers<'_> {
-    /// The number type.
+    /// Returns the number type.
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
@@ -246,7 +247,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// How many numbers there are.
+    /// Returns the number of values.
     #[must_use]
     pub fn count(&self) -> usize {
         match self {
@@ -290,13 +291,13 @@ pub struct Column<'a> {
     pub units: &'a str,
     /// 1, 3 (vector) or 9 (tensor, row by row).
     pub components: usize,
-    /// This rank's part, the component fastest.
+    /// Part of this rank, the component fastest.
     pub data: Data<'a>,
 }
 
 impl Column<'_> {
-    /// The name, type and component count are such that every reader takes them, and there is a value for each of
-    /// this rank's `places`.
+    /// Checks that name, type and component count are such that every reader takes them, and there is a value for each
+    /// of this rank's `places`.
     pub(crate) fn check(&self, places: usize) -> Result<()> {
         check_name(self.name)?;
         if !matches!(self.components, 1 | 3 | 9) {
@@ -324,7 +325,7 @@ impl Column<'_> {
         Ok(())
     }
 
-    /// The shape of an array over places of shape `places`, with the component last where there are several.
+    /// Returns the shape of an array over places of shape `places`, with the component last where there are several.
     pub(crate) fn shaped(&self, places: &[usize]) -> Vec<usize> {
         let mut shape = places.to_vec();
         if self.components > 1 {
@@ -342,7 +343,7 @@ impl Column<'_> {
     }
 }
 
-/// A name that needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
+/// Checks that a name needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
 pub(crate) fn check_name(name: &str) -> Result<()> {
     let fine = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name
@@ -358,12 +359,12 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
     }
 }
 
-/// A count from a group, as an index.
+/// Returns a count from a group, as an index.
 pub(crate) fn index(n: u64) -> Result<usize> {
     usize::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }
 
-/// An index, as files hold it.
+/// Returns an index, as files hold it.
 pub(crate) fn signed(n: usize) -> Result<i64> {
     i64::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }

@@ -1,7 +1,7 @@
 //! Errors of this crate: values that can be sent to the other ranks.
 //!
-//! HDF5 formats its errors lazily, from handles that are gone once MPI is shut down. They are therefore turned into text where
-//! they arise.
+//! HDF5 formats its errors lazily, from handles that are gone once MPI is shut down. They are therefore turned into
+//! text where they arise.
 
 use std::path::Path;
 
@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 /// Result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What went wrong with a file, in words that every rank can hold.
+/// Error of a file, in words that can be sent to every rank.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 pub enum Error {
     /// The operating system refused.
     #[error("cannot {action} {path}: {reason}")]
     Io {
-        /// What was tried, as a verb.
+        /// Action that failed, as a verb.
         action: String,
         /// The file or folder.
         path: String,
@@ -55,7 +55,7 @@ pub enum Error {
     Invalid {
         /// The array or name.
         what: String,
-        /// What is wrong with it.
+        /// Reason of the failure.
         reason: String,
     },
     /// A file is there but is not what was written.
@@ -63,7 +63,7 @@ pub enum Error {
     Corrupt {
         /// The file.
         path: String,
-        /// What does not fit.
+        /// Reason why it does not fit.
         reason: String,
     },
     /// A folder holds no checkpoint that verifies.
@@ -71,13 +71,13 @@ pub enum Error {
     NoCheckpoint {
         /// The folder.
         path: String,
-        /// What was wrong with each one, or empty.
+        /// Faults of each one, or empty.
         reason: String,
     },
 }
 
 impl Error {
-    /// True where leaving quietly could hang the other ranks or crash HDF5: call `MPI_Abort`.
+    /// Returns `true` if leaving quietly could hang the other ranks or crash HDF5: call `MPI_Abort`.
     #[must_use]
     pub fn must_abort(&self) -> bool {
         matches!(self, Self::Broken { .. })
@@ -120,7 +120,7 @@ impl Error {
         }
     }
 
-    /// The same error as part of a write that cannot be taken back.
+    /// Returns the error as part of a write that cannot be undone.
     pub(crate) fn broken(self, path: &Path) -> Self {
         let reason = match self {
             Self::Io { action, reason, .. } => format!("cannot {action} it: {reason}"),
@@ -133,7 +133,7 @@ impl Error {
         }
     }
 
-    /// The same error, naming the rank it arose on.
+    /// Returns the error with the rank that it arose on.
     pub(crate) fn on_rank(mut self, rank: usize) -> Self {
         match &mut self {
             Self::Io { reason, .. }

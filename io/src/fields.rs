@@ -18,27 +18,27 @@ use crate::hdf::{self, Transfer, product};
 /// One dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DatasetInfo {
-    /// From the root: `/VTKHDF/CellData/velocity`.
+    /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
-    /// Its shape.
+    /// Shape.
     pub shape: Vec<usize>,
-    /// Its number type; none for a type this crate does not write.
+    /// Number type; none for a type this crate does not write.
     pub kind: Option<Kind>,
-    /// Its unit, where it has one.
+    /// Unit, if it has one.
     pub units: Option<String>,
     /// All its attributes.
     pub attributes: Vec<(String, Value)>,
 }
 
 impl DatasetInfo {
-    /// The last part of the path.
+    /// Returns the last part of the path.
     #[must_use]
     pub fn name(&self) -> &str {
         self.path.rsplit('/').next().unwrap_or_default()
     }
 }
 
-/// What an HDF5 file holds.
+/// Contents of an HDF5 file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FileInfo {
     /// Groups with their attributes, from the root.
@@ -48,21 +48,21 @@ pub struct FileInfo {
 }
 
 impl FileInfo {
-    /// An attribute of a group.
+    /// Returns an attribute of a group.
     #[must_use]
     pub fn attribute(&self, group: &str, name: &str) -> Option<&Value> {
         let (_, attributes) = self.groups.iter().find(|g| g.0 == group)?;
         attributes.iter().find(|a| a.0 == name).map(|a| &a.1)
     }
 
-    /// A dataset by its path.
+    /// Returns a dataset by its path.
     #[must_use]
     pub fn dataset(&self, path: &str) -> Option<&DatasetInfo> {
         self.datasets.iter().find(|d| d.path == path)
     }
 }
 
-/// List groups, datasets and attributes.
+/// Lists groups, datasets and attributes.
 ///
 /// # Errors
 /// [`Error::Hdf`] where the file cannot be read.
@@ -121,7 +121,7 @@ fn attributes(place: &Location) -> hdf5::Result<Vec<(String, Value)>> {
     Ok(all)
 }
 
-/// An attribute as JSON: text, numbers and lists of numbers; null for anything else.
+/// Returns an attribute as JSON: text, numbers and lists of numbers; null for anything else.
 fn attribute(place: &Location, name: &str) -> hdf5::Result<Value> {
     let attribute = place.attr(name)?;
     let Ok(kind) = attribute.dtype()?.to_descriptor() else {
@@ -164,7 +164,7 @@ fn one_or_many<T: Into<Value> + Copy>(scalar: bool, values: Vec<T>) -> Value {
     }
 }
 
-/// Read one box of a dataset of any number type as f64.
+/// Reads one box of a dataset of any number type as f64.
 ///
 /// # Errors
 /// [`Error::Hdf`] where there is no such dataset or the box is not in it.
@@ -195,13 +195,13 @@ pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) ->
 pub struct Values {
     /// Shape, slowest axis first.
     pub shape: Vec<usize>,
-    /// Its unit, where it has one.
+    /// Unit, if it has one.
     pub units: Option<String>,
     /// The numbers, C order.
     pub values: Vec<f64>,
 }
 
-/// Where a column of this name may stand in a file.
+/// Returns the paths in a file at which a column of this name may be stored.
 fn places(name: &str) -> Vec<String> {
     if name.starts_with('/') {
         vec![name.to_owned()]
@@ -216,7 +216,7 @@ fn places(name: &str) -> Vec<String> {
     }
 }
 
-/// The shape of a column, found as by [`find_column`]; of the file only what describes it is read.
+/// Returns the shape of a column, found as by [`find_column`]; of the file only what describes it is read.
 ///
 /// # Errors
 /// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column of numbers.
@@ -246,7 +246,7 @@ pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
     }
 }
 
-/// Find a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
+/// Finds a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
 ///
 /// # Errors
 /// [`Error::Invalid`] where there is none; it lists the names there are.
@@ -264,7 +264,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
         })
 }
 
-/// Read a whole column as f64.
+/// Reads a whole column as f64.
 ///
 /// # Errors
 /// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column.

@@ -1,7 +1,7 @@
 //! The ranks that write one file together, and their agreement.
 //!
-//! A rank that leaves a joint write alone would leave the others waiting for ever. Every step of a write therefore ends in [`agree`]:
-//! all continue, or all return the error of the first failing rank.
+//! A rank that leaves a joint write alone would leave the others waiting for ever. Every step of a write therefore ends
+//! in [`agree`]: all continue, or all return the error of the first failing rank.
 
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -9,19 +9,19 @@ use crate::error::{Error, Result};
 
 /// The ranks that write one file together. Every method but the first three is called by all of them together.
 pub trait Group {
-    /// My number, from 0.
+    /// Returns the number of this rank, from 0.
     fn rank(&self) -> usize;
-    /// How many we are.
+    /// Returns the number of ranks.
     fn size(&self) -> usize;
-    /// The communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
+    /// Returns the communicator for HDF5's MPI driver; `None` makes every file go through rank 0's serial driver.
     fn raw(&self) -> Option<mpi_sys::MPI_Comm>;
-    /// Logical and over the ranks.
+    /// Returns `true` if `ok` is true on all ranks.
     fn all_ok(&self, ok: bool) -> bool;
-    /// Sum of `n` over the ranks before me, and over all.
+    /// Returns the sum of `n` over the ranks before this one, and over all.
     fn offset_and_total(&self, n: u64) -> (u64, u64);
-    /// Everyone's bytes, in order of rank, on every rank.
+    /// Returns the bytes of all ranks, in order of rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
-    /// Wait for all.
+    /// Waits for all.
     fn barrier(&self);
     /// Called on a rank whose part of a joint HDF5 call failed, before it tries to agree with the others: these may be
     /// waiting for it inside that call, where no agreement reaches them. An MPI program reports the error and calls
@@ -55,7 +55,7 @@ impl Group for Alone {
     fn barrier(&self) {}
 }
 
-/// My result if all ranks succeeded, else the first failing rank's error, the same on all.
+/// Returns the result of this rank if all ranks succeeded, else the first failing rank's error, the same on all.
 ///
 /// # Errors
 /// The first failing rank's error.
@@ -81,7 +81,7 @@ pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
     Err(Error::invalid("a rank", "failed without a message"))
 }
 
-/// Run `work` on rank 0 and give its result to every rank.
+/// Runs `work` on rank 0 and gives its result to every rank.
 ///
 /// # Errors
 /// Rank 0's error, on every rank.

@@ -1,12 +1,12 @@
 //! One HDF5 file written by many ranks. Each rank holds a box of every dataset.
 //!
-//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece by piece to
-//! rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer misbehaves. Both
-//! give the same datasets, byte for byte.
+//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece
+//! by piece to rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer
+//! misbehaves. Both give the same datasets, byte for byte.
 //!
-//! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create, groups, datasets,
-//! flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an object in it is open, and
-//! `Drop` hides this. Handles are therefore dropped early and `close` is explicit.
+//! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create,
+//! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an
+//! object in it is open, and `Drop` hides this. Handles are therefore dropped early and `close` is explicit.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
 use crate::plain;
 
-/// How several ranks write one file.
+/// Method by which several ranks write one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Mode {
     /// Together, through MPI-IO.
@@ -39,15 +39,15 @@ pub enum Mode {
     Gather,
 }
 
-/// Version of the HDF5 library that this program is linked with.
+/// Returns the version of the HDF5 library that this program is linked with.
 #[must_use]
 pub fn version() -> String {
     let (major, minor, patch) = hdf5::library_version();
     format!("{major}.{minor}.{patch}")
 }
 
-/// What the HDF5 library of this build can do beside the least: `mpio`, writing one file by all ranks through MPI, without which this
-/// crate does not build, and `threadsafe`.
+/// Returns the optional features of the linked HDF5: `mpio`, writing one file by all ranks through MPI, without which
+/// this crate does not build, and `threadsafe`.
 #[must_use]
 pub fn features() -> Vec<&'static str> {
     let mut features = vec!["mpio"];
@@ -58,8 +58,8 @@ pub fn features() -> Vec<&'static str> {
 }
 
 impl Mode {
-    /// The communicator for the MPI driver where this mode and this group use it. One rank alone writes serially:
-    /// the same bytes, and closing after an error cannot hang.
+    /// Returns the communicator for the MPI driver where this mode and this group use it. One rank alone writes
+    /// serially: the same bytes, and closing after an error cannot hang.
     fn communicator(self, group: &dyn Group) -> Option<mpi_sys::MPI_Comm> {
         match self {
             Self::Collective if group.size() > 1 => group.raw(),
@@ -89,16 +89,16 @@ pub const LONGEST_TEXT: usize = 32_000;
 /// A group with its attributes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Folder {
-    /// From the root: `/VTKHDF/CellData`.
+    /// Path from the root: `/VTKHDF/CellData`.
     pub path: String,
-    /// Its attributes.
+    /// Attributes.
     pub attributes: Vec<(String, Attribute)>,
 }
 
 /// A dataset, and the box of it that this rank holds.
 #[derive(Clone, Debug)]
 pub struct Part<'a> {
-    /// From the root: `/VTKHDF/CellData/velocity`.
+    /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
     /// Shape of the whole dataset, the same on all ranks.
     pub shape: Vec<usize>,
@@ -108,7 +108,7 @@ pub struct Part<'a> {
     pub count: Vec<usize>,
     /// My box, C order.
     pub data: Numbers<'a>,
-    /// Its attributes, the same on all ranks.
+    /// Attributes, the same on all ranks.
     pub attributes: Vec<(String, Attribute)>,
 }
 
@@ -122,7 +122,7 @@ pub struct Content<'a> {
 }
 
 impl<'a> Content<'a> {
-    /// Add a group.
+    /// Adds a group.
     pub fn folder(&mut self, path: &str, attributes: &[(&str, Attribute)]) {
         self.folders.push(Folder {
             path: path.to_owned(),
@@ -133,7 +133,7 @@ impl<'a> Content<'a> {
         });
     }
 
-    /// Add a group of texts, the same on all ranks: attributes, or byte datasets for the long ones (a case text).
+    /// Adds a group of texts, the same on all ranks: attributes, or byte datasets for the long ones (a case text).
     pub fn texts(&mut self, path: &str, texts: &'a [(String, String)], group: &dyn Group) {
         let (short, long): (Vec<_>, Vec<_>) = texts.iter().partition(|t| t.1.len() <= LONGEST_TEXT);
         self.folders.push(Folder {
@@ -157,7 +157,7 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// Bytes of all datasets together and a generous allowance for what describes them.
+    /// Returns the bytes of all datasets together and a generous allowance for what describes them.
     fn bytes(&self) -> u64 {
         let data: u64 = self
             .parts
@@ -177,7 +177,7 @@ impl<'a> Content<'a> {
         data + headers + texts
     }
 
-    /// All ranks describe the same file, every box fits its dataset, and the boxes fill it.
+    /// Checks that all ranks describe the same file, every box fits its dataset, and the boxes fill it.
     fn check(&self, group: &dyn Group) -> Result<()> {
         agree(group, self.parts.iter().try_for_each(Part::check))?;
         let mut description = format!("{:?}", self.folders);
@@ -208,7 +208,7 @@ impl<'a> Content<'a> {
 }
 
 impl Part<'_> {
-    /// How it is written: numbers in memory at once, others in pieces.
+    /// Returns the pieces in which it is written: numbers in memory at once, others one by one.
     fn pieces(&self) -> Pieces {
         match self.data {
             Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
@@ -243,7 +243,7 @@ impl Part<'_> {
     }
 }
 
-/// A box lies in a shape; an empty one lies anywhere.
+/// Returns `true` if a box lies in a shape; an empty box lies in every shape.
 pub(crate) fn is_inside(start: &[usize], count: &[usize], shape: &[usize]) -> bool {
     start.len() == shape.len()
         && count.len() == shape.len()
@@ -260,7 +260,7 @@ pub(crate) fn product(shape: &[usize]) -> usize {
     shape.iter().fold(1, |n, &m| n.saturating_mul(m))
 }
 
-/// Write a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
+/// Writes a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
 ///
 /// # Errors
 /// The same on all ranks: [`Error::Space`], [`Error::Io`] and [`Error::Invalid`] before anything is written,
@@ -271,7 +271,7 @@ pub fn write(path: &Path, content: &Content, group: &dyn Group, mode: Mode) -> R
     publish(path, group)
 }
 
-/// Everything up to the closed, complete `.part` file.
+/// Writes everything up to the closed, complete `.part` file.
 pub(crate) fn write_part(
     path: &Path,
     content: &Content,
@@ -310,7 +310,7 @@ pub(crate) fn write_part(
     Ok(())
 }
 
-/// Give a complete `.part` file its name.
+/// Gives a complete `.part` file its name.
 pub(crate) fn publish(path: &Path, group: &dyn Group) -> Result<()> {
     on_root(group, || atomic::publish(&atomic::part_of(path), path))
 }
@@ -322,7 +322,7 @@ fn write_together(
     communicator: mpi_sys::MPI_Comm,
 ) -> Result<()> {
     // From here on a failure on one rank leaves handles that cannot be closed without the others: they are leaked
-    // (ManuallyDrop) and the caller is told to abort, at once where it gave us the means.
+    // (ManuallyDrop) and the caller has to abort, at once if it passed the means.
     let together = |done: Result<()>| {
         let done = done.map_err(|e| e.broken(part));
         if let Err(error) = &done {
@@ -358,7 +358,7 @@ fn write_together(
         )?;
     }
     // An MPI-IO layer may swallow the error of a disk that fills up while it writes (Open MPI's OMPIO 4.1 does), so the
-    // disk promises the room first.
+    // disk space is allocated first.
     agree(
         group,
         match group.rank() {
@@ -450,7 +450,7 @@ fn write_piece(
         .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e))
 }
 
-/// The largest of the ranks' numbers.
+/// Returns the largest of the ranks' numbers.
 pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
@@ -464,7 +464,7 @@ pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
 /// Bytes of one message to rank 0: bounds its memory to this times the number of ranks.
 const PIECE: usize = 4 << 20;
 
-/// One dataset, in pieces, to rank 0. After an error there, the messages go on so that no rank waits.
+/// Sends one dataset, in pieces, to rank 0. After an error there, the messages continue so that no rank waits.
 fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Group) -> Result<()> {
     let made = file.map(|f| {
         make_dataset(f, part)
@@ -484,7 +484,7 @@ fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Gro
     written
 }
 
-/// The numbers of one dataset; rank 0 without a dataset takes part and drops them.
+/// Sends the numbers of one dataset; rank 0 without a dataset takes part and drops them.
 fn gather_numbers(
     path: &Path,
     dataset: Option<&Dataset>,
@@ -550,14 +550,14 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// The pieces of a box of numbers of so many bytes.
+    /// Returns the pieces of a box, given the bytes of each number.
     pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         let row = product(&count[axis + 1..]);
         Self::of_rows(start, count, row, PIECE / (row * size).max(1))
     }
 
-    /// The box as one piece.
+    /// Returns the box as one piece.
     fn whole(start: &[usize], count: &[usize]) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         Self::of_rows(start, count, product(&count[axis + 1..]), count[axis])
@@ -581,7 +581,7 @@ impl Pieces {
         }
     }
 
-    /// How many pieces there are.
+    /// Returns the number of pieces.
     pub(crate) fn rounds(&self) -> usize {
         self.rounds
     }
@@ -594,13 +594,13 @@ impl Pieces {
         (from, (from + self.rows).min(self.count[self.axis]))
     }
 
-    /// Which numbers of the box a piece has.
+    /// Returns the range of numbers of the box that a piece has.
     pub(crate) fn range(&self, round: usize) -> Range<usize> {
         let (from, to) = self.span(round);
         from * self.row..to * self.row
     }
 
-    /// Start and count of a piece.
+    /// Returns start and count of a piece.
     pub(crate) fn place(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
         let (from, to) = self.span(round);
         let (mut start, mut count) = (self.start.clone(), self.count.clone());
@@ -649,7 +649,8 @@ fn set_attributes(place: &Location, attributes: &[(String, Attribute)]) -> hdf5:
     Ok(())
 }
 
-/// A string of fixed length: texts of variable length live in HDF5's global heap, which several ranks cannot share.
+/// Writes a string of fixed length: texts of variable length live in HDF5's global heap, which several ranks cannot
+/// share.
 fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     if text.len() > LONGEST_TEXT {
         return Err(format!("the text {name} has {} bytes", text.len()).into());
@@ -673,7 +674,7 @@ fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     hdf5::h5check(code).map(|_| ())
 }
 
-/// How a transfer goes to the MPI driver; the serial driver takes only the independent one.
+/// Transfer mode of the MPI driver; the serial driver takes only the independent one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transfer {
     Independent,
@@ -705,7 +706,7 @@ impl Drop for TransferList {
     }
 }
 
-/// The file's and the memory's dataspace with one box selected, or nothing where the box is empty.
+/// Returns the file's and the memory's dataspace with one box selected, or nothing if the box is empty.
 fn select(
     dataset: &Dataset,
     start: &[usize],
@@ -744,7 +745,7 @@ fn select(
     Ok((space, memory))
 }
 
-/// Write one box from bytes that have the dataset's own type.
+/// Writes one box from bytes that have the dataset's own type.
 fn write_box(
     dataset: &Dataset,
     start: &[usize],
@@ -773,7 +774,7 @@ fn write_box(
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Read one box, converted to `T`.
+/// Reads one box, converted to `T`.
 pub(crate) fn read_box<T: crate::Element>(
     dataset: &Dataset,
     start: &[usize],
@@ -802,13 +803,14 @@ pub(crate) fn read_box<T: crate::Element>(
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Open a complete file to read: together through the MPI driver, or each rank for itself.
+/// Opens a complete file to read: together through the MPI driver, or each rank for itself.
 pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Result<File> {
     let opened = match communicator {
         Some(communicator) => File::with_options()
             .with_fapl(|access| access.mpio(communicator, None).all_coll_metadata_ops(true))
             .open(path),
-        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays open.
+        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays
+        // open.
         None => {
             plain::open(path, u64::MAX)?;
             File::with_options()
@@ -823,7 +825,7 @@ pub(crate) fn communicator(group: &dyn Group, mode: Mode) -> Option<mpi_sys::MPI
     mode.communicator(group)
 }
 
-/// The dataset's number type, where it is one of ours.
+/// Returns the dataset's number type, where it is one of ours.
 pub(crate) fn kind_of(dataset: &Dataset) -> hdf5::Result<Option<Kind>> {
     // A type this crate does not know (a compound, say) has no descriptor: none, not an error.
     Ok(dataset

@@ -1,7 +1,7 @@
 //! A lattice in one file for each output: static VTKHDF ImageData with cell data.
 //!
-//! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is the lower
-//! corner of the first cell. A lattice in two dimensions has one cell in z.
+//! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is
+//! the lower corner of the first cell. A lattice in two dimensions has one cell in z.
 
 use std::path::Path;
 
@@ -28,10 +28,10 @@ pub struct Image<'a> {
     pub fields: Vec<Column<'a>>,
 }
 
-/// Write one output of a lattice. Called by all ranks.
+/// Writes one output of a lattice. Called by all ranks.
 ///
 /// # Errors
-/// As [`hdf::write`].
+/// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
     when: Moment,
@@ -98,10 +98,10 @@ impl Image<'_> {
     }
 }
 
-/// What a lattice file holds.
+/// Contents of a lattice file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageInfo {
-    /// When it was written.
+    /// Step and time of the output.
     pub when: Moment,
     /// Lower corner of the first cell, x y z, m.
     pub origin: [f64; 3],
@@ -113,7 +113,7 @@ pub struct ImageInfo {
     pub columns: Vec<crate::fields::DatasetInfo>,
 }
 
-/// Read what a lattice file holds; [`crate::fields::read_column`] reads the numbers.
+/// Reads the description of a lattice file; [`crate::fields::read_column`] reads the numbers.
 ///
 /// # Errors
 /// [`Error::Hdf`] where it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.

@@ -1,7 +1,7 @@
 //! The tables of a run as a checkpoint records them: length and hash of each.
 //!
-//! A run that continues from a checkpoint cuts its tables back to the recorded length. The hash shows whether the remaining bytes are
-//! those that were written. A table that was changed meanwhile is reported and not continued.
+//! A run that continues from a checkpoint cuts its tables back to the recorded length. The hash shows whether the
+//! remaining bytes are those that were written. A table that was changed meanwhile is reported and not continued.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -16,7 +16,7 @@ use crate::plain;
 /// A table at the moment of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
-    /// Its length in bytes.
+    /// Length in bytes.
     pub bytes: u64,
     /// BLAKE3 hash of these bytes.
     pub blake3: String,
@@ -32,7 +32,7 @@ pub struct Marker {
 }
 
 impl Marker {
-    /// The marks of those of the named files that are there.
+    /// Returns the marks of those of the named files that are there.
     ///
     /// # Errors
     /// The system's error; [`Error::Corrupt`] where a table has become shorter.
@@ -85,12 +85,12 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
     }
 }
 
-/// Cut tables back to their marks. Every table is looked at before the first is cut; those that are gone are returned.
+/// Cuts tables back to their marks. Every table is checked before the first is cut; those that are gone are returned.
 ///
 /// # Errors
-/// As [`check`].
+/// Those of [`check`].
 pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
-    let (gone, longer) = look(folder, marks)?;
+    let (gone, longer) = compare(folder, marks)?;
     for (path, bytes) in longer {
         OpenOptions::new()
             .write(true)
@@ -104,18 +104,18 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(gone)
 }
 
-/// Compare tables with their marks and leave what came after them; those that are gone are returned.
+/// Compares tables with their marks and leaves what came after them; those that are gone are returned.
 ///
 /// # Errors
 /// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
 pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
-    Ok(look(folder, marks)?.0)
+    Ok(compare(folder, marks)?.0)
 }
 
 /// Tables that are gone, and those that are longer than their marks with the bytes up to there.
 type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
 
-fn look(folder: &Path, marks: &Marks) -> Result<Looked> {
+fn compare(folder: &Path, marks: &Marks) -> Result<Looked> {
     let mut gone = Vec::new();
     let mut longer = Vec::new();
     for (name, mark) in marks {

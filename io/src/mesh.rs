@@ -1,8 +1,8 @@
 //! Grains, contacts and blocks in one file for each output: static VTKHDF PolyData.
 //!
-//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds, polygons
-//! are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file they stand in the
-//! order of the ranks. Any rank, or all of them, may have none.
+//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds,
+//! polygons are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file
+//! they stand in the order of the ranks. Any rank, or all of them, may have none.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, Mode, Part};
 use crate::moment::Moment;
 
-/// What joins the points.
+/// Cells that join the points.
 #[derive(Clone, Copy, Debug)]
 pub enum Cells<'a> {
     /// Each point is its own cell: grains.
@@ -33,7 +33,7 @@ pub enum Cells<'a> {
 pub struct Mesh<'a> {
     /// Positions `[n][3]`, f32 or f64, m.
     pub points: Data<'a>,
-    /// What joins them.
+    /// Cells that join the points.
     pub cells: Cells<'a>,
     /// One row per point.
     pub point_columns: Vec<Column<'a>>,
@@ -54,10 +54,10 @@ impl Cells<'_> {
     }
 }
 
-/// Write one output of a mesh. Called by all ranks.
+/// Writes one output of a mesh. Called by all ranks.
 ///
 /// # Errors
-/// As [`hdf::write`].
+/// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
     when: Moment,
@@ -154,11 +154,11 @@ pub fn write(
     hdf::write(path, &content, group, mode)
 }
 
-/// Where polygons lie a second time in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file: the two
-/// formats share everything else.
+/// Path of a second copy of the polygons in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file:
+/// the two formats share everything else.
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
-/// A dataset of one integer, held by rank 0.
+/// Returns a dataset of one integer, held by rank 0.
 fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
     let held = usize::from(root);
     Part {
@@ -171,7 +171,7 @@ fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
     }
 }
 
-/// This rank's rows among all rows.
+/// Rows of this rank among all rows.
 struct Span {
     mine: usize,
     offset: usize,

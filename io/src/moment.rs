@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::fields::FileInfo;
 use crate::hdf::{Attribute, Content};
 
-/// When an output was written.
+/// Step and time of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
     /// Step from the start of the simulation.

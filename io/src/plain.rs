@@ -1,7 +1,7 @@
 //! Reading files of unknown origin at a bounded cost.
 //!
-//! Only plain files are read. A device, a pipe, a socket or a folder is refused before it is opened, because reading it may never
-//! end. A file longer than the limit of the caller is refused before its bytes are read.
+//! Only plain files are read. A device, a pipe, a socket or a folder is refused before it is opened, because reading it
+//! may never end. A file longer than the limit of the caller is refused before its bytes are read.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Read;
@@ -25,7 +25,7 @@ fn refused(path: &Path, reason: &str) -> Error {
     }
 }
 
-/// What a file is, where it is not a plain one.
+/// Returns a message that names the kind of a file that is not a plain one.
 fn kind(kind: fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     if kind.is_dir() {
@@ -39,7 +39,7 @@ fn kind(kind: fs::FileType) -> &'static str {
     }
 }
 
-/// Open a plain file of at most `limit` bytes to read it; also its length.
+/// Opens a plain file of at most `limit` bytes to read it; also its length.
 ///
 /// # Errors
 /// The system's error, or [`Error::Io`] with the reason where the file is not plain or too long.
@@ -57,7 +57,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
         }
         Ok(known.len())
     };
-    // Opening a pipe waits for its other end and opening a device may act on it, so the look comes first.
+    // Opening a pipe waits for its other end and opening a device may act on it, so the kind is checked first.
     look(&fs::metadata(path).map_err(|e| Error::io("read", path, &e))?)?;
     let file = OpenOptions::new()
         .read(true)
@@ -69,10 +69,10 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     Ok((file, length))
 }
 
-/// All bytes of a plain file of at most `limit` bytes.
+/// Returns all bytes of a plain file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open`].
+/// Those of [`open`].
 pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path, limit)?;
     let mut all = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
@@ -90,7 +90,7 @@ pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
 /// Returns the text of a plain file of at most `limit` bytes, without a byte order mark.
 ///
 /// # Errors
-/// As [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
+/// Those of [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
 pub fn text(path: &Path, limit: u64) -> Result<String> {
     let mut bytes = bytes(path, limit)?;
     if bytes.starts_with(b"\xef\xbb\xbf") {

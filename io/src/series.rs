@@ -1,8 +1,8 @@
 //! A series of outputs: data files `fluid_000000100.vtkhdf` and one index `fluid.xmf`.
 //!
-//! A data file is complete and in place before an index names it. The index is rewritten as a whole and renamed into place at every
-//! output: a viewer may reload at any moment. Steps without cells are omitted from the index. There is no index before the first
-//! step with cells.
+//! A data file is complete and in place before an index names it. The index is rewritten as a whole and renamed into
+//! place at every output: a viewer may reload at any moment. Steps without cells are omitted from the index. There is
+//! no index before the first step with cells.
 
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ const HEAD: &str = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<Xdmf Version=\"
 const TAIL: &str = " </Grid>\n</Domain></Xdmf>\n";
 
 impl Series {
-    /// Start a series from nothing: an index and heavy files that an earlier run left under this name are removed.
+    /// Starts a series from nothing: an index and heavy files that an earlier run left under this name are removed.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -56,7 +56,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Go on with a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
+    /// Continues a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -73,7 +73,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Make the index anew from the heavy files in the folder. Files that cannot be read are left out with a warning.
+    /// Makes the index anew from the heavy files in the folder. Files that cannot be read are left out with a warning.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -95,19 +95,19 @@ impl Series {
         }
     }
 
-    /// The index file.
+    /// Returns the index file.
     #[must_use]
     pub fn index(&self) -> PathBuf {
         self.folder.join(format!("{}.xmf", self.name))
     }
 
-    /// The heavy file of a step.
+    /// Returns the heavy file of a step.
     #[must_use]
     pub fn heavy(&self, step: u64) -> PathBuf {
         self.folder.join(format!("{}_{step:09}.vtkhdf", self.name))
     }
 
-    /// The steps written so far that hold cells, in order; only rank 0 knows them.
+    /// Returns the steps written so far that hold cells, in order; only rank 0 knows them.
     pub fn moments(&self) -> impl Iterator<Item = Moment> + '_ {
         self.steps
             .iter()
@@ -115,10 +115,10 @@ impl Series {
             .map(|s| s.when)
     }
 
-    /// Write one output of a lattice and the index. Called by all ranks; returns the heavy file.
+    /// Writes one output of a lattice and the index. Called by all ranks; returns the heavy file.
     ///
     /// # Errors
-    /// As [`crate::hdf::write`]; the index is then as it was.
+    /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_image(
         &mut self,
         when: Moment,
@@ -132,10 +132,10 @@ impl Series {
         self.add(path, group)
     }
 
-    /// Write one output of a mesh and the index. Called by all ranks; returns the heavy file.
+    /// Writes one output of a mesh and the index. Called by all ranks; returns the heavy file.
     ///
     /// # Errors
-    /// As [`crate::hdf::write`]; the index is then as it was.
+    /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_mesh(
         &mut self,
         when: Moment,
@@ -163,7 +163,7 @@ impl Series {
         Ok(path)
     }
 
-    /// Forget every step after `step` and remove its heavy files: a restart writes them again. Called by all ranks.
+    /// Forgets every step after `step` and removes its heavy files: a restart writes them again. Called by all ranks.
     ///
     /// # Errors
     /// The system's error.
@@ -201,7 +201,8 @@ impl Series {
         )
     }
 
-    /// The steps of the index, or nothing where it is missing, not of this form, or not in step with the heavy files.
+    /// Returns the steps of the index, or nothing if it is missing, not of this form, or not in step with the heavy
+    /// files.
     fn read_index(&self) -> Option<Vec<Step>> {
         let text = plain::text(&self.index(), plain::LONGEST_TABLE).ok()?;
         let body = text

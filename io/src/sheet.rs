@@ -1,9 +1,10 @@
 //! Tables that users write or export: samples, profiles, rasters, sieve curves.
 //!
-//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons, tabs or spaces.
-//! A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The names may stand in a comment line
-//! above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines, comments (`#`, `%`), a line `sep=;` and empty
-//! cells at the end of a line do not count. Rows of another length, decimal commas and a missing line of names are refused.
+//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons,
+//! tabs or spaces. A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The
+//! names may stand in a comment line above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines,
+//! comments (`#`, `%`), a line `sep=;` and empty cells at the end of a line do not count. Rows of another length,
+//! decimal commas and a missing line of names are refused.
 
 use crate::csv;
 use ::csv::{ReaderBuilder, StringRecord};
@@ -49,7 +50,7 @@ fn length(text: &str) -> Option<f64> {
 }
 
 impl Unit {
-    /// The unit that numbers have without one.
+    /// Returns the unit that numbers have without one.
     const fn name(self) -> &'static str {
         match self {
             Self::Length => "m",
@@ -61,7 +62,7 @@ impl Unit {
         }
     }
 
-    /// Divisor that converts numbers of a unit to SI; none for a unit of another dimension.
+    /// Returns the divisor that converts numbers of a unit to SI; none for a unit of another dimension.
     fn divisor(self, written: &str) -> Option<f64> {
         let text: String = written
             .chars()
@@ -106,7 +107,8 @@ impl Unit {
 pub struct Column {
     /// Name in messages and in tables of this program.
     pub name: &'static str,
-    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter stands for a radius.
+    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter
+    /// stands for a radius.
     pub others: &'static [(&'static str, f64)],
     /// Dimension of its numbers.
     pub unit: Unit,
@@ -139,7 +141,7 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Sign between the cells of a line.
+/// Returns the sign between the cells of a line.
 fn separator(line: &str) -> u8 {
     match line.trim() {
         line if line.contains(';') => b';',
@@ -197,7 +199,7 @@ fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
         .from_reader(text.as_bytes())
 }
 
-/// Returns a name for a message. A file that is no table may hold secrets: what does not look like a name is not quoted.
+/// Returns a name for a message. A file that is no table may hold secrets: text that is not like a name is not quoted.
 fn quotable(name: &str, at: usize) -> String {
     let plain =
         |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '[' | ']' | '.' | '^');
@@ -208,7 +210,7 @@ fn quotable(name: &str, at: usize) -> String {
     }
 }
 
-/// `true` if the line is blank or a comment.
+/// Returns `true` if the line is blank or a comment.
 fn skipped(line: &str) -> bool {
     let line = line.trim();
     line.is_empty() || line.starts_with(['#', '%'])
@@ -218,13 +220,13 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim_start()
 }
 
-/// `true` if all cells are numbers, also with decimal commas.
+/// Returns `true` if all cells are numbers, also with decimal commas.
 fn numeric(cells: &[String]) -> bool {
     let number = |cell: &String| cell.is_empty() || cell.replace(',', ".").parse::<f64>().is_ok();
     !cells.is_empty() && cells.iter().all(number)
 }
 
-/// Names of columns in a comment, if one of them is known.
+/// Returns the names of columns in a comment, if one of them is known.
 fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<String>> {
     let text = uncommented(line);
     let names = match text.strip_prefix("format ") {
@@ -317,7 +319,8 @@ impl<'t> Header<'t> {
                 let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
                 let example = needed.collect::<Vec<_>>().join(",");
                 return Err(format!(
-                    "line {} holds numbers where the names of the columns are expected: add a first line such as `{example}`",
+                    "line {} holds numbers where the names of the columns are expected: add a first line such as \
+                     `{example}`",
                     above + 1
                 ));
             }
@@ -472,7 +475,7 @@ impl<'t> Sheet<'t> {
         })
     }
 
-    /// `true` if the table has this column of the known ones.
+    /// Returns `true` if the table has this column of the known ones.
     #[must_use]
     pub fn has(&self, column: usize) -> bool {
         self.found[column].is_some()

@@ -1,7 +1,7 @@
 //! Numbers over time as CSV. Each row is written completely before the next step.
 //!
-//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know comments skip
-//! it. Numbers have the fewest digits that read back to the same bits.
+//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know
+//! comments skip it. Numbers have the fewest digits that read back to the same bits.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -56,7 +56,7 @@ fn check(columns: &[Heading]) -> Result<()> {
 }
 
 impl Table {
-    /// Start a table anew, with `step` and the given columns.
+    /// Starts a table anew, with `step` and the given columns.
     ///
     /// # Errors
     /// The system's error; [`Error::Invalid`] for a heading that would need quoting.
@@ -66,7 +66,7 @@ impl Table {
         Self::append(path, columns.len())
     }
 
-    /// Go on with a table after a restart: rows with a step after `step`, and a last row cut short by a crash, are
+    /// Continues a table after a restart: rows with a step after `step`, and a last row cut short by a crash, are
     /// dropped. A table that is not there is started.
     ///
     /// # Errors
@@ -111,7 +111,7 @@ impl Table {
         })
     }
 
-    /// Add a row in one write. Allocates nothing once a longest row has been written.
+    /// Adds a row in one write. Allocates nothing once a longest row has been written.
     ///
     /// # Errors
     /// The system's error; [`Error::Invalid`] where the number of values differs from that of the columns.
@@ -134,7 +134,7 @@ impl Table {
             .map_err(|e| Error::io("write", &self.path, &e))
     }
 
-    /// Flush the rows to the disk itself, as before a checkpoint.
+    /// Flushes the rows to the disk itself, as before a checkpoint.
     ///
     /// # Errors
     /// The system's error.
@@ -159,7 +159,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// One column by name.
+    /// Returns one column by name.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<Vec<f64>> {
         let at = self.columns.iter().skip(1).position(|c| c == name)?;
@@ -167,7 +167,7 @@ impl Rows {
     }
 }
 
-/// Read a table.
+/// Reads a table.
 ///
 /// # Errors
 /// The system's error; [`Error::Corrupt`] with the line where a row does not fit the header. A last line without its

@@ -1,8 +1,8 @@
 //! XDMF: the text file that refers to the arrays of a data file.
 //!
-//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field and step, counts
-//! in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text is made from the data file
-//! itself, so that types and shapes agree.
+//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field and
+//! step, counts in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text
+//! is made from the data file itself, so that types and shapes agree.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,8 +13,8 @@ use crate::image;
 use crate::mesh::MIXED;
 use crate::moment::Moment;
 
-/// The `<Grid>` of one heavy file and when it was written. The text is empty where the file holds no cells: readers
-/// complain about empty grids, so the index leaves them out.
+/// Returns the `<Grid>` of one heavy file and when it was written. The text is empty if the file holds no cells:
+/// readers complain about empty grids, so the index leaves them out.
 pub(crate) fn grid(path: &Path) -> Result<(Moment, String)> {
     let info = inspect(path)?;
     let when = Moment::of(&info, path)?;
@@ -35,7 +35,7 @@ fn stem(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-/// The first line of a grid; [`crate::series`] reads the time back from it.
+/// Returns the first line of a grid; [`crate::series`] reads the time back from it.
 fn head(path: &Path, when: Moment) -> String {
     format!(
         "  <Grid Name=\"{}\" GridType=\"Uniform\"><Time Value=\"{:?}\"/>\n",
@@ -109,7 +109,7 @@ fn mesh_grid(path: &Path, info: &FileInfo, when: Moment) -> Result<String> {
     Ok(text)
 }
 
-/// One field; `axes` are those of its places, one more is the component.
+/// Writes one field; `axes` are those of its places, one more is the component.
 fn attribute(
     text: &mut String,
     path: &Path,
@@ -148,7 +148,8 @@ fn item(path: &Path, dataset: &DatasetInfo) -> Result<String> {
         .and_then(|s| s.to_str())
         .unwrap_or_default();
     Ok(format!(
-        "<DataItem Format=\"HDF\" NumberType=\"{number}\" Precision=\"{precision}\" Dimensions=\"{}\">{file}:{}</DataItem>",
+        "<DataItem Format=\"HDF\" NumberType=\"{number}\" Precision=\"{precision}\" \
+         Dimensions=\"{}\">{file}:{}</DataItem>",
         shape.join(" "),
         dataset.path
     ))

@@ -1,4 +1,5 @@
-//! The same files from any number of ranks, in both modes, and no hang when a write fails: real `mpirun` under `timeout`.
+//! Files that are equal from any number of ranks, in both modes, and no hang when a write fails: real `mpirun` under
+//! `timeout`.
 
 #![cfg_attr(
     test,
@@ -17,7 +18,7 @@ use std::sync::Mutex;
 
 use io::{Alone, fields};
 
-/// The example beside this test's own binary: cargo builds examples along with integration tests.
+/// Returns the example in the folder of this test's own binary: cargo builds examples along with integration tests.
 fn program() -> PathBuf {
     let mut path = std::env::current_exe().unwrap();
     path.pop();
@@ -40,14 +41,15 @@ fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        // A socket of Munge that nobody answers costs two seconds at every start.
+        // A Munge socket without a server costs two seconds at every start.
         .env("PMIX_MCA_psec", "native")
-        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first cores.
+        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first
+        // cores.
         .env("OMPI_MCA_pml", "ob1")
         .env("OMPI_MCA_btl", "self,vader")
         .env("OMPI_MCA_hwloc_base_binding_policy", "none")
-        // A rank that waits lets another run, and mpirun waits twice this long [s] at an end other than success: a rank that ends has
-        // said why.
+        // A rank that waits lets another run, and mpirun waits twice this long [s] at an end other than success: a rank
+        // that ends has said why.
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .env("OMPI_MCA_odls_base_sigkill_timeout", "0")
         .output()
@@ -63,7 +65,7 @@ fn names(folder: &Path) -> Vec<String> {
     all
 }
 
-/// Everything in an HDF5 file: the description, and the numbers of every dataset as bits.
+/// Returns everything in an HDF5 file: the description, and the numbers of every dataset as bits.
 fn content(path: &Path) -> (fields::FileInfo, Vec<Vec<u64>>) {
     let mut info = fields::inspect(path).unwrap();
     info.datasets.sort_by(|a, b| a.path.cmp(&b.path));
@@ -136,8 +138,8 @@ fn any_ranks_and_modes_write_the_same() {
     }
 }
 
-/// D1: where the disk fails, early or in the middle, on one rank or on all, the job ends with code 5 and words that name
-/// the file; the checkpoint before it stays, and nothing half written has a name without `.part`.
+/// D1: where the disk fails, early or in the middle, on one rank or on all, the job ends with code 5 and words that
+/// name the file; the checkpoint before it stays, and nothing half written has a name without `.part`.
 #[test]
 fn a_failed_write_ends_and_spoils_nothing() {
     for (ranks, mode, who, agreements) in [

@@ -1,10 +1,10 @@
 //! `fissure_studies RUNS RESULTS`: tables and figures of error against cost from the members that
 //! `jobs/ground_fissure/studies.sh` has run.
 //!
-//! Per study one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the reference of its
-//! soil (the stiffest contact, one solid step per coupling, exact porosity): of the times of the stages, the largest of those that
-//! both reached; of the eroded mass at the end. The cost is processor time. Members that are missing or gave up
-//! are left out.
+//! Per study one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the reference
+//! of its soil (the stiffest contact, one solid step per coupling, exact porosity): of the times of the stages, the
+//! largest of those that both reached; of the eroded mass at the end. The cost is processor time. Members that are
+//! missing or gave up are left out.
 
 #![expect(
     clippy::print_stderr,
@@ -25,7 +25,8 @@ use std::process::ExitCode;
 
 const SOILS: [&str; 2] = ["sand", "clay"];
 
-/// A study, and its members from the cheapest to the reference. One that comes after the reference is compared with it as well.
+/// A study, and its members from the cheapest to the reference. One that comes after the reference is compared with it
+/// as well.
 struct Study {
     name: &'static str,
     knob: &'static str,
@@ -54,7 +55,7 @@ const STUDIES: [Study; 3] = [
     },
 ];
 
-/// What one run came to.
+/// Result of one run.
 struct Member {
     value: &'static str,
     /// Processor time [s].
@@ -131,7 +132,8 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
         return Ok(());
     }
     let header = format!(
-        "# {made} of physical time, {}, one core; bash jobs/ground_fissure/studies.sh {}\nsoil,{},processor time [s],t1 [ms],t2 [ms],t3 [ms],t4 [ms],eroded [%],settlement [mm],error of stages [%],error of eroded mass [%]{}\n",
+        "# {made} of physical time, {}, one core; bash jobs/ground_fissure/studies.sh {}\nsoil,{},processor time [s],\
+         t1 [ms],t2 [ms],t3 [ms],t4 [ms],eroded [%],settlement [mm],error of stages [%],error of eroded mass [%]{}\n",
         machine(),
         study.name,
         study.knob,
@@ -149,7 +151,7 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
     save(&results.join(format!("study_{}.svg", study.name)), &svg)
 }
 
-/// A finished run; none where there is none.
+/// Returns a finished run; none if there is none.
 fn read(folder: &Path, value: &'static str) -> Option<Member> {
     let summary = json(&folder.join("summary.json"))?;
     if summary["outcome"] != "done" {
@@ -214,7 +216,7 @@ fn row(table: &mut String, soil: &str, member: &Member, deviation: &Deviation) {
     );
 }
 
-/// Settled porosity, and between which pressures the clay erodes.
+/// Writes the settled porosity and the pressures between which the clay erodes.
 fn bed(table: &mut String, soil: &str, value: &str, runs: &Path) -> Result<(), Error> {
     let sample = runs.join("packing").join(value).join("sample.csv");
     let text = fs::read_to_string(&sample)
@@ -231,12 +233,12 @@ fn bed(table: &mut String, soil: &str, value: &str, runs: &Path) -> Result<(), E
     Ok(())
 }
 
-/// Porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair: away from the barrier and
-/// from the surface.
+/// Returns the porosity of the packing (`x,y,z,radius,...` [m]) between two heights in the fissure of the smaller pair:
+/// away from the barrier and from the surface.
 fn porosity(sample: &str) -> f64 {
     const BETWEEN: [f64; 2] = [0.015, 0.035];
     const LENGTH: f64 = 0.1;
-    /// Half the width at height z: 4 mm at 10 mm, 18 mm at 45 mm.
+    /// Returns half the width at height z: 4 mm at 10 mm, 18 mm at 45 mm.
     fn half_width(z: f64) -> f64 {
         0.004 + 0.4 * (z - 0.01)
     }

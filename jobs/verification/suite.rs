@@ -1,9 +1,9 @@
-//! Runs of the solver beside published and analytic numbers: what `expected.json` holds and how a run is compared with it.
+//! Runs of the solver compared with published and analytic numbers: the contents of `expected.json` and the comparison.
 //!
-//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one run
-//! or several of the same case under other `--set` values, so that an order of convergence is a quantity like any other.
-//! Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by formulas, and
-//! held against a reference under a tolerance that states its reason.
+//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one
+//! run or several of the same case under other `--set` values, so that an order of convergence is a quantity like any
+//! other. Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by
+//! formulas, and held against a reference under a tolerance that states its reason.
 
 use serde::Deserialize;
 use solver::analysis::expression::evaluate;
@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// What a case must show.
+/// Quantities that a case must show.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
     /// The problem and its equations, for a reader.
     #[serde(rename = "about")]
     _about: String,
-    /// Why the case is run although its verdict is `unstable`.
+    /// Reason for a run although the verdict is `unstable`.
     #[serde(default)]
     allow_unstable: Option<String>,
     /// Quantities of every form.
@@ -73,7 +73,7 @@ struct Check {
     reference: String,
     source: String,
     tolerance: Tolerance,
-    /// Why the tolerance is what it is.
+    /// Reason for the tolerance.
     reason: String,
 }
 
@@ -218,7 +218,7 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// One run of the binary into an empty folder.
+/// Makes one run of the binary into an empty folder.
 fn run(
     folder: &Path,
     set: &[String],
@@ -238,8 +238,9 @@ fn run(
     for assignment in set {
         command.arg("--set").arg(assignment);
     }
-    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without a daemon all
-    // such processes share one session folder, and one that ends removes it under another that starts: each has its own.
+    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without
+    // a daemon all such processes share one session folder, and one that ends removes it under another that starts:
+    // each has its own.
     let session = tempfile::tempdir().map_err(|e| format!("session folder: {e}"))?;
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", session.path());

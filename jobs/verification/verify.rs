@@ -1,7 +1,7 @@
 //! `verify short|long SOLVER WORK RESULTS [NAME…]`: the cases under `jobs/verification`, with a table of results.
 //!
-//! `RESULTS` gets one row per quantity; the status is 1 where one misses its reference. `jobs/verification/run.sh` calls
-//! this; the tests run the short forms through the same [`suite`].
+//! `RESULTS` gets one row per quantity; the status is 1 where one misses its reference. `jobs/verification/run.sh`
+//! calls this; the tests run the short forms through the same [`suite`].
 
 #![expect(
     clippy::print_stdout,
@@ -89,7 +89,7 @@ fn row(text: &mut String, o: &Outcome, commit: &str, machine: &str) {
     );
 }
 
-/// The commit of the sources, with a mark where they differ from it.
+/// Returns the commit of the sources, with a mark where they differ from it.
 fn commit() -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git")

@@ -1,7 +1,7 @@
 //! The erosion law of a piping run: eroded mass, hydraulic shear stress, erosion rate and their fit.
 //!
-//! The erosion of soil is described by `rate = k_d (tau_h - tau_c)` above a critical shear stress (equation 9 of Sibille,
-//! Lominé and Marot, ICSE-6, 2012). Each step from a run to the law is one file:
+//! The erosion of soil is described by `rate = k_d (tau_h - tau_c)` above a critical shear stress (equation 9 of
+//! Sibille, Lominé and Marot, ICSE-6, 2012). Each step from a run to the law is one file:
 //!
 //! | file | content |
 //! |---|---|
@@ -10,7 +10,8 @@
 //! | [`rate`] | the erosion rate per area of the faces, with its standard error |
 //! | [`fit`] | the critical stress and the erosion coefficient (equation 9) |
 //!
-//! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The area of the hole is then that of its two faces, `2 L`.
+//! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The area of the hole is then that of its two
+//! faces, `2 L`.
 
 pub mod fit;
 pub mod hole;

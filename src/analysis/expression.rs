@@ -1,15 +1,16 @@
 //! Arithmetic expressions of `study.json` and `expected.json`: `8*y*(1e-3 - y)/(2*rho*nu)`.
 //!
-//! An expression contains numbers, names, `+ - * / ^`, brackets and the functions below. `^` is right-associative and binds more
-//! strongly than a sign. Angles are in radians. A condition is a number: `x > 1` is 1 or 0. A name may be a path of a case:
-//! `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers nest at most 100 deep.
+//! An expression contains numbers, names, `+ - * / ^`, brackets and the functions below. `^` is right-associative and
+//! binds more strongly than a sign. Angles are in radians. A condition is a number: `x > 1` is 1 or 0. A name may be a
+//! path of a case: `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers
+//! nest at most 100 deep.
 
 /// Bytes of a formula at most.
 pub const LONGEST: usize = 10_000;
 /// Brackets, signs and powers within each other at most.
 pub const DEEPEST: usize = 100;
 
-/// The value of an expression; `lookup` gives the values of names.
+/// Returns the value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
 /// What cannot be read, with the expression.
@@ -40,7 +41,7 @@ pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64,
     }
 }
 
-/// The beginning of a formula, in quotes.
+/// Returns the beginning of a formula, in quotes.
 #[must_use]
 pub fn excerpt(text: &str) -> String {
     if text.len() <= 200 {
@@ -102,7 +103,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Every way into itself leads through here.
+    /// Parses a number with its sign. Every recursion of the parser passes through this function.
     fn signed(&mut self) -> Result<f64, String> {
         if self.depth > DEEPEST {
             return Err(format!(
@@ -174,7 +175,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Bytes of the number or name at the front; an exponent may have a sign.
+    /// Returns the bytes of the number or name at the front; an exponent may have a sign.
     fn word_length(&self) -> usize {
         let bytes = self.rest.as_bytes();
         let number = bytes

@@ -1,7 +1,8 @@
 //! A number from the files of a run: from a table (probes, records) or from `summary.json`.
 //!
-//! A formula of the columns selects the rows of a table, a second formula gives the value of each row, and a [`Take`] reduces the
-//! values to one number. A profile is the values at the last time over a coordinate. Two profiles are compared by a [`Norm`].
+//! A formula of the columns selects the rows of a table, a second formula gives the value of each row, and a [`Take`]
+//! reduces the values to one number. A profile is the values at the last time over a coordinate. Two profiles are
+//! compared by a [`Norm`].
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -32,7 +33,7 @@ pub struct Measure {
     pub take: Take,
 }
 
-/// What is made of the rows.
+/// Quantity computed from the rows.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Take {
@@ -43,13 +44,13 @@ pub enum Take {
     Max,
     /// The smallest.
     Min,
-    /// Their mean.
+    /// Mean of the values.
     Mean,
     /// Number of rows.
     Count,
     /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula [s].
     Cosine(String),
-    /// The same with the sine.
+    /// The sum of [`Self::Cosine`] with sin(2 pi time/period).
     Sine(String),
     /// Time between upward crossings of the mean, on average [s].
     Period,
@@ -59,14 +60,14 @@ pub enum Take {
     MeanError(String),
     /// Largest difference from a table, over the table's largest size; rows of the last time, interpolated by cubics.
     TableError {
-        /// CSV beside the case or study with two columns: coordinate and value.
+        /// CSV in the folder of the case or study with two columns: coordinate and value.
         table: String,
         /// Formula of the coordinate in the columns of the run.
         at: String,
     },
 }
 
-/// How far two profiles are apart, relative to the reference.
+/// Norm of the difference of two profiles, relative to the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -79,7 +80,7 @@ pub enum Norm {
 }
 
 impl Norm {
-    fn of(self, values: &[f64], reference: &[f64]) -> f64 {
+    fn distance(self, values: &[f64], reference: &[f64]) -> f64 {
         let pairs = values.iter().zip(reference);
         match self {
             Self::Largest => {
@@ -107,7 +108,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Two columns of a CSV file: coordinate and value.
+    /// Returns two columns of a CSV file: coordinate and value.
     ///
     /// # Errors
     /// What cannot be read.
@@ -127,7 +128,7 @@ impl Profile {
         })
     }
 
-    /// How far this profile, interpolated by cubics, is from the points of a reference.
+    /// Returns the error of this profile, interpolated by cubics, at the points of a reference.
     ///
     /// # Errors
     /// Fewer than four points, or coordinates that do not grow.
@@ -137,13 +138,13 @@ impl Profile {
             .iter()
             .map(|&at| cubic(&self.x, &self.y, at))
             .collect();
-        Ok(norm.of(&there?, &reference.y))
+        Ok(norm.distance(&there?, &reference.y))
     }
 }
 
 impl Measure {
-    /// The number, from the output folder of a run. `beside` is where tables of references lie, `known` gives numbers
-    /// named before.
+    /// Returns the number, from the output folder of a run. `beside` is where tables of references lie, `known` gives
+    /// numbers named before.
     ///
     /// # Errors
     /// What cannot be read or is not there.
@@ -174,11 +175,11 @@ impl Measure {
             Take::Period => period(&rows.numbers("time")?, &values),
             Take::LargestError(reference) => {
                 let rows = rows.of_last_time()?;
-                Ok(Norm::Largest.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+                Ok(Norm::Largest.distance(&rows.numbers(of)?, &rows.numbers(reference)?))
             }
             Take::MeanError(reference) => {
                 let rows = rows.of_last_time()?;
-                Ok(Norm::Mean.of(&rows.numbers(of)?, &rows.numbers(reference)?))
+                Ok(Norm::Mean.distance(&rows.numbers(of)?, &rows.numbers(reference)?))
             }
             Take::TableError { table, at } => {
                 let found = self.profile(output, at, known)?;
@@ -187,7 +188,7 @@ impl Measure {
         }
     }
 
-    /// The values of the last time over a coordinate.
+    /// Returns the values of the last time over a coordinate.
     ///
     /// # Errors
     /// What cannot be read or is not there.
@@ -226,7 +227,7 @@ impl Measure {
     }
 }
 
-/// A number of `summary.json`.
+/// Returns a number of `summary.json`.
 fn summary(output: &Path, path: &str) -> Result<f64, String> {
     let text = read(&output.join("summary.json"))?;
     let tree: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
@@ -269,7 +270,7 @@ impl Table {
     }
 }
 
-/// Rows of a table that count, with the numbers that formulas may name beside its columns.
+/// Rows of a table that count, with the numbers that formulas may name in addition to its columns.
 struct Rows<'a> {
     table: Table,
     kept: Vec<usize>,
@@ -303,7 +304,7 @@ fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
     2.0 * sum / real(values.len())
 }
 
-/// Cubic through the four points nearest to `at`; `x` grows.
+/// Returns the cubic through the four points nearest to `at`; `x` grows.
 fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
         return Err("a profile needs four or more points in rising order".into());
@@ -320,7 +321,7 @@ fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
         .sum())
 }
 
-/// Mean time between upward crossings of the mean.
+/// Returns the mean time between upward crossings of the mean.
 fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
     let mean = values.iter().sum::<f64>() / real(values.len());
     let crossings: Vec<f64> = time

@@ -1,12 +1,12 @@
 //! The erosion law across runs: reads run folders and fits the law of each cohesion.
 //!
-//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is used if it
-//! exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read from its `case.json`, and its
-//! masses from the record.
+//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is
+//! used if it exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read
+//! from its `case.json`, and its masses from the record.
 //!
-//! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it is fitted to the
-//! windows of the runs. The report also contains the fits with the other definitions; their differences are the uncertainty
-//! of the definition. `figures::erosion_law` writes tables and figures.
+//! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it
+//! is fitted to the windows of the runs. The report also contains the fits with the other definitions; their
+//! differences are the uncertainty of the definition. `figures::erosion_law` writes tables and figures.
 
 use super::erosion_law::{
     CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, Law, RatePoint, RateWindow,
@@ -17,13 +17,13 @@ use base::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// A bulk that moves by more than this many mean diameters fails; beside faces that erode, it stands.
+/// Displacement in mean diameters above which a bulk has failed; next to faces that erode, it stands.
 const MOVED: f64 = 1.0;
 
 /// One run as read.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
-    /// Its folder.
+    /// Folder.
     pub folder: PathBuf,
     /// `outcome` of its summary; `unfinished` without one.
     pub outcome: String,
@@ -37,7 +37,8 @@ pub struct RunReport {
     pub eroded_fraction: f64,
     /// Grains that left.
     pub eroded_grains: u64,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
+    /// broke.
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
     pub bulk_displacement: Option<f64>,
@@ -55,9 +56,9 @@ pub struct RunReport {
 pub struct CohesionReport {
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Its runs, by pressure.
+    /// Runs, by pressure.
     pub runs: Vec<RunReport>,
-    /// What the law is fitted to.
+    /// Points that the law is fitted to.
     pub points: Points,
     /// The law; `None` where no run has a point.
     pub law: Option<Law>,
@@ -65,7 +66,7 @@ pub struct CohesionReport {
     pub readings: Vec<Reading>,
 }
 
-/// What counts as a point of the law.
+/// Kind of the points of the law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Points {
@@ -75,15 +76,15 @@ pub enum Points {
     Windows,
 }
 
-/// How the stress is measured.
+/// Method by which the stress is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stress {
-    /// From the gradient of the velocity at the faces (the paper's equation 10).
+    /// Stress from the gradient of the velocity at the faces (the paper's equation 10).
     Gradient,
-    /// From the balance of forces on the hole.
+    /// Stress from the balance of forces on the hole.
     Balance,
-    /// From the summed traction on the grains of the faces.
+    /// Stress from the summed traction on the grains of the faces.
     Traction,
 }
 
@@ -98,16 +99,16 @@ pub struct Reading {
     pub law: Option<Law>,
 }
 
-/// What `solver erosion-law` found and wrote.
+/// Results and files of `solver erosion-law`.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
-    /// By cohesion.
+    /// Reports by cohesion.
     pub cohesions: Vec<CohesionReport>,
-    /// Over the cohesions; `None` for fewer than two fits.
+    /// Trend over the cohesions; `None` for fewer than two fits.
     pub trend: Option<CohesionTrend>,
     /// Files written.
     pub files: Vec<PathBuf>,
-    /// What a reader should know, such as runs that ended early.
+    /// Warnings for the reader, such as runs that ended early.
     pub warnings: Vec<String>,
 }
 
@@ -175,19 +176,19 @@ pub fn fit(runs: &[PathBuf]) -> Result<Report, Error> {
     })
 }
 
-/// Equal but for rounding in text.
+/// Returns `true` if the numbers are equal but for rounding in text.
 #[must_use]
 pub fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
-/// The points that the law is fitted to.
+/// Returns the points that the law is fitted to.
 #[must_use]
 pub fn points(cohesion: &CohesionReport) -> Vec<RatePoint> {
     points_of(cohesion, cohesion.points, Stress::Gradient)
 }
 
-/// The windows, or the whole, of a run.
+/// Returns the windows, or the whole, of a run.
 #[must_use]
 pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
     match points {
@@ -196,7 +197,7 @@ pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
     }
 }
 
-/// The points of a reading.
+/// Returns the points of a reading.
 #[must_use]
 pub fn points_of(cohesion: &CohesionReport, points: Points, stress: Stress) -> Vec<RatePoint> {
     let mut all = Vec::new();
@@ -252,7 +253,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     let mut whole = run_point(&records, jump, about.ramp_end, options);
     let left = records.last().map_or(0, |record| record.eroded_grains);
     if about.cohesion > 0.0 && left > 0 && records.iter().all(|r| r.bonds_broken == 0) {
-        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is whole.
+        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is
+        // whole.
         for window in windows.iter_mut().chain(whole.as_mut()) {
             window.eroding = false;
             window.rate = 0.0;
@@ -284,7 +286,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         && moved > MOVED
     {
         warnings.push(format!(
-            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the law describes erosion of the faces",
+            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the \
+             law describes erosion of the faces",
             folder.display(),
         ));
     }
@@ -304,7 +307,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     })
 }
 
-/// The file as JSON; `None` where there is none.
+/// Returns the file as JSON; `None` where there is none.
 fn read_json(path: &Path) -> Result<Option<Value>, Error> {
     if !path.exists() {
         return Ok(None);
@@ -316,7 +319,7 @@ fn read_json(path: &Path) -> Result<Option<Value>, Error> {
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
 }
 
-/// The contents of the summary, from the case as written.
+/// Returns the contents of the summary, from the case as written.
 fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<ErosionSummary, Error> {
     let path = folder.join("case.json");
     let missing = |what: &str| Error::Io(format!("{}: {what}", path.display()));
@@ -364,7 +367,7 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     })
 }
 
-/// The value itself where it is written with its source.
+/// Returns the value itself where it is written with its source.
 fn bare(value: &Value) -> &Value {
     match value {
         Value::Object(map)

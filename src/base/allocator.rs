@@ -1,9 +1,10 @@
 //! Memory for everything large: straight from the operating system, in huge pages, and given back at once.
 //!
-//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the lattice walks dozens of rows
-//! at the same time. In pages of 4 KiB the processor then waits for the translation of addresses: 100,000 packed spheres take a third longer, the
-//! mapping of spheres in water half as long again. And what the allocator of the C library took for a moment it keeps: the grids of a search for
-//! neighbours would be a fifth of the memory of a grain.
+//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the
+//! lattice walks dozens of rows at the same time. In pages of 4 KiB the processor then waits for the translation of
+//! addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water half as long again. And what
+//! the allocator of the C library took for a moment it keeps: the grids of a search for neighbours would be a fifth of
+//! the memory of a grain.
 //!
 //! A program takes it by
 //!
@@ -25,17 +26,18 @@ pub const LARGE: usize = 1 << 20;
 /// A huge page of x86 and of most others \[B\].
 const HUGE: usize = 2 << 20;
 
-/// Cache lines by which the starts of blocks differ from one to the next, of [`COLOURS`]: the golden section spreads any number of them evenly.
+/// Cache lines by which the starts of blocks differ from one to the next, of [`COLOURS`]: the golden section spreads
+/// any number of them evenly.
 const STRIDE: usize = 1265;
 /// Sets of a second-level cache: so many cache lines later the same set is meant.
 const COLOURS: usize = 2048;
 const LINE: usize = 64;
 
-/// How many blocks were taken.
+/// Number of blocks taken.
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
 
-/// A block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets of the caches wherever they are read
-/// side by side.
+/// Returns a block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets
+/// of the caches wherever they are read side by side.
 fn take(layout: &Layout) -> *mut u8 {
     let before = if layout.align() > LINE {
         0
@@ -53,13 +55,13 @@ fn take(layout: &Layout) -> *mut u8 {
     unsafe { start.add(before) }
 }
 
-/// Where a block starts in its huge page.
+/// Returns the offset of the start of a block in its huge page \[bytes\].
 fn before(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
 
-/// Zeroed memory of a whole number of huge pages, at least `bytes`; null where there is none. Pages come when they are first touched, near the
-/// thread that touches them.
+/// Returns zeroed memory of a whole number of huge pages, at least `bytes`; null if there is none. Pages come when they
+/// are first touched, near the thread that touches them.
 pub fn map(bytes: usize) -> *mut u8 {
     let Some(room) = bytes.max(1).checked_next_multiple_of(HUGE) else {
         return std::ptr::null_mut();
@@ -67,7 +69,7 @@ pub fn map(bytes: usize) -> *mut u8 {
     let mut start = anonymous(room);
     // Kernels before 6.7 put it anywhere.
     if !start.is_null() && !start.addr().is_multiple_of(HUGE) {
-        // SAFETY: the mapping made above, which nobody has seen.
+        // SAFETY: the mapping made above, which no other code has seen.
         unsafe { release(start, room) };
         start = anonymous(room.saturating_add(HUGE));
         if !start.is_null() {
@@ -90,10 +92,10 @@ pub fn map(bytes: usize) -> *mut u8 {
     start
 }
 
-/// Gives back what [`map`] gave for `bytes`.
+/// Releases the memory that [`map`] returned for `bytes`.
 ///
 /// # Safety
-/// `start` must be of [`map`] with these `bytes`, and nobody may use the memory any more.
+/// `start` must be of [`map`] with these `bytes`, and the memory may not be used any more.
 pub unsafe fn unmap(start: *mut u8, bytes: usize) {
     // SAFETY: promised by the caller; `map` could round `bytes` up.
     unsafe { release(start, bytes.max(1).next_multiple_of(HUGE)) };
@@ -118,7 +120,7 @@ fn anonymous(bytes: usize) -> *mut u8 {
 }
 
 /// # Safety
-/// These bytes must be whole pages of a mapping made here, and nobody may use them any more.
+/// These bytes must be whole pages of a mapping made here, and they may not be used any more.
 unsafe fn release(start: *mut u8, bytes: usize) {
     if bytes > 0 {
         // SAFETY: promised by the caller.
@@ -132,8 +134,9 @@ fn is_large(layout: &Layout) -> bool {
     layout.size() >= LARGE && layout.align() <= HUGE
 }
 
-// SAFETY: a block is large by its layout alone, so that it goes back to where it came from. `map` gives memory that nobody else has, aligned to
-// `HUGE`, and `take` moves its start by less than that, and by nothing where that would break the alignment; the rest is the promise of `System`.
+// SAFETY: a block is large by its layout alone, so that it is released to its source. `map` gives memory that no other
+// block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that would break the
+// alignment; everything else is the promise of `System`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {

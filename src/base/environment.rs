@@ -1,13 +1,16 @@
-//! Environment with which the program starts again: variables that libraries read before the first line of the program runs.
+//! Environment with which the program starts again: variables that libraries read before the first line of the program
+//! runs.
 //!
-//! **Huge pages** for the small blocks of memory that the program allocates; the large ones have pages of their own ([`crate::allocator`]).
-//! The maps of bodies are thousands of small blocks, 10 MB together for 343 spheres in water, which every step reads once. In pages of 4 KiB the
-//! processor waits for the translation of addresses: the mapping takes half as long again. The allocator of glibc (2.35 and later) advises huge pages only
-//! if the environment says so before the program starts (`glibc.malloc.hugetlb=1`, the tunables of the GNU C library manual).
+//! **Huge pages** for the small blocks of memory that the program allocates; the large ones have pages of their own
+//! ([`crate::allocator`]). The maps of bodies are thousands of small blocks, 10 MB together for 343 spheres in water,
+//! which every step reads once. In pages of 4 KiB the processor waits for the translation of addresses: the mapping
+//! takes half as long again. The allocator of glibc (2.35 and later) advises huge pages only if the environment says so
+//! before the program starts (`glibc.malloc.hugetlb=1`, the tunables of the GNU C library manual).
 //!
-//! **Waits that give the core away.** A rank of Open MPI polls for messages without pause. On a core that it shares with another rank or
-//! program, it takes the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA parameters)
-//! an idle rank yields its core at each poll, which costs nothing on a core of its own.
+//! **Waits that give the core away.** A rank of Open MPI polls for messages without pause. On a core that it shares
+//! with another rank or program, it takes the time that its partner needs to answer. With `mpi_yield_when_idle` (Open
+//! MPI manual, section on MCA parameters) an idle rank yields its core at each poll, which costs nothing on a core of
+//! its own.
 
 use std::ffi::OsString;
 
@@ -15,7 +18,7 @@ use std::ffi::OsString;
 const VARIABLE: &str = "GLIBC_TUNABLES";
 const NAME: &str = "glibc.malloc.hugetlb";
 
-/// Where Linux says who gets huge pages.
+/// File in which Linux states which processes get huge pages.
 const SWITCH: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
 
 /// Variable of Open MPI by which a rank that waits yields its core.
@@ -23,10 +26,11 @@ const YIELD: &str = "OMPI_MCA_mpi_yield_when_idle";
 /// Number of ranks of the job, as Open MPI sets it.
 const RANKS: &str = "OMPI_COMM_WORLD_SIZE";
 
-/// Starts the program again in the same process with the variables that it lacks: tunables where the operating system gives huge pages
-/// on request, yields for ranks of a job. Returns where all are there (`GLIBC_TUNABLES=glibc.malloc.hugetlb=0` and
-/// `OMPI_MCA_mpi_yield_when_idle=0` turn them off), and where the program cannot be started again. Call it first of all. Debuggers and
-/// tools that count instructions follow the first start alone: turn it off for them.
+/// Starts the program again in the same process with the variables that it lacks: tunables where the operating system
+/// gives huge pages on request, yields for ranks of a job. Returns where all are there
+/// (`GLIBC_TUNABLES=glibc.malloc.hugetlb=0` and `OMPI_MCA_mpi_yield_when_idle=0` turn them off), and where the program
+/// cannot be started again. Call it first of all. Debuggers and tools that count instructions follow the first start
+/// alone: turn it off for them.
 pub fn ask() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
@@ -45,17 +49,17 @@ pub fn ask() {
         again.arg0(name).args(words);
         again.envs(tunables.map(|tunables| (VARIABLE, tunables)));
         again.envs(yields.then_some((YIELD, "1")));
-        // It returns only if it failed: then everything goes on as it is.
+        // It returns only if it failed: then the process continues unchanged.
         let _ = again.exec();
     }
 }
 
-/// `true` if the ranks of a job do not know whether to yield.
+/// Returns `true` if the ranks of a job do not know whether to yield.
 fn yields(ranks: Option<OsString>, now: Option<OsString>) -> bool {
     ranks.is_some_and(|ranks| ranks != "1") && now.is_none()
 }
 
-/// The tunables with the word, given the switch of the system; none where there is nothing to ask for.
+/// Returns the tunables with the word, given the switch of the system; none if there is nothing to ask for.
 fn tunables(switch: &str, now: Option<OsString>) -> Option<OsString> {
     let word = format!("{NAME}=1");
     if !switch.contains("[madvise]") {

@@ -36,7 +36,7 @@ pub struct Problem {
     pub path: String,
     /// The value found, as JSON text (`missing` where there is none).
     pub value: String,
-    /// What is wrong and which range or choice is allowed.
+    /// Reason, and the allowed range or choice.
     pub reason: String,
     /// The smallest change that would pass.
     #[serde(flatten)]
@@ -45,12 +45,12 @@ pub struct Problem {
     pub severity: Severity,
 }
 
-/// What a model finds about its parameters: a [`Problem`] before its value is looked up in the case.
+/// Finding of a model about its parameters: a [`Problem`] before its value is found in the case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// JSON path of the field.
     pub path: String,
-    /// What is wrong and which range or choice is allowed.
+    /// Reason, and the allowed range or choice.
     pub reason: String,
     /// The smallest change that would pass.
     pub remedy: Remedy,
@@ -93,19 +93,20 @@ impl Remedy {
         self
     }
 
-    /// The values that are proposed; empty where the sentence names none.
+    /// Returns the values that are proposed; empty if the sentence names none.
     #[must_use]
     pub fn proposal(&self) -> &[Assignment] {
         &self.proposal
     }
 }
 
-/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that contains them.
+/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that
+/// contains them.
 pub trait Report {
-    /// The case is refused.
+    /// Adds an error: the case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);
 
-    /// The case is refused: it names a material that is none of `known`.
+    /// Adds an error: the case names a material that is none of `known`.
     fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]);
 }
 
@@ -143,7 +144,7 @@ impl fmt::Display for Remedy {
 }
 
 impl fmt::Display for Assignment {
-    /// As on a command line.
+    /// Writes the assignment as an option of a command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{}={}", self.path, self.value);
         let plain = |c: char| c.is_ascii_alphanumeric() || "._=+-".contains(c);
@@ -169,7 +170,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Why a run ended before its end.
+/// Reason why a run ended before its end.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The case cannot be run; every problem found is listed.
@@ -193,7 +194,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// The exit code of the process that ends with this error.
+    /// Returns the exit code of the process that ends with this error.
     #[must_use]
     pub fn exit_code(&self) -> i32 {
         match self {

@@ -1,13 +1,13 @@
 //! Families of models: what they share, and the list macro of the families of the seepage.
 //!
-//! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws, permeabilities and porosity
-//! methods use the macro of this file. Contact laws, collision operators, eddy viscosities, boundaries, solid operators and shapes of
-//! structures have list macros of their own, beside the lists. [`Description`] and `describe_choices` are shared by the families of the
-//! lattice and of structures.
+//! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws,
+//! permeabilities and porosity methods use the macro of this file. Contact laws, collision operators, eddy viscosities,
+//! boundaries, solid operators and shapes of structures have list macros of their own, next to the lists.
+//! [`Description`] and `describe_choices` are shared by the families of the lattice and of structures.
 //!
-//! A model in the macro of this file is a type that implements the trait of its family, such as a drag law. A model without
-//! parameters is a unit struct and stands in a case as its name; a model with parameters is a struct of the same name, whose
-//! fields stand in the case below the name.
+//! A model in the macro of this file is a type that implements the trait of its family, such as
+//! [`darcy::drag::Law`]. A model without parameters is a unit struct and stands in a case as its name; a model
+//! with parameters is a struct of the same name, whose fields stand in the case below the name.
 //!
 //! ```text
 //! family! {
@@ -20,9 +20,9 @@
 //! }
 //! ```
 //!
-//! The trait has a function `summary`: the line of the model in the schema. `DragLaw::model` gives the model as a trait object.
-//! Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the model is selected
-//! once, outside of the loop.
+//! The trait has a function `summary`: the line of the model in the schema. `DragLaw::model` gives the model as a trait
+//! object. Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the
+//! model is selected once, outside of the loop.
 
 use schemars::Schema;
 use serde_json::Value;
@@ -32,12 +32,12 @@ use serde_json::Value;
 pub struct Description {
     /// The model with its parameters.
     pub model: String,
-    /// Why this model is used, or what it does.
+    /// Reason for this model, or its effect.
     pub reason: String,
 }
 
 impl Description {
-    /// A description of two texts.
+    /// Returns a description of two texts.
     pub fn new(model: impl Into<String>, reason: impl Into<String>) -> Self {
         Self {
             model: model.into(),
@@ -87,7 +87,8 @@ macro_rules! model_family {
 
 pub use model_family as family;
 
-/// Describes each choice of a schema by the documentation of its model: an object with one field takes the description of that field.
+/// Describes each choice of a schema by the documentation of its model: an object with one field takes the description
+/// of that field.
 pub fn describe_choices(schema: &mut Schema) {
     let choices = schema.get_mut("oneOf").and_then(Value::as_array_mut);
     for choice in choices.into_iter().flatten() {

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 pub struct Vector(pub Vec<f64>);
 
 impl Vector {
-    /// Three components; a missing third one is zero.
+    /// Returns three components; a missing third one is zero.
     #[must_use]
     pub fn to_array(&self) -> [f64; 3] {
         let mut array = [0.0; 3];
@@ -22,7 +22,7 @@ impl Vector {
         array
     }
 
-    /// The three components; a finding where their number is not that of the dimensions.
+    /// Returns the three components; a finding where their number is not that of the dimensions.
     pub fn resolve(&self, dimension: usize, path: &str, report: &mut dyn Report) -> [f64; 3] {
         let have = self.0.len();
         if have != dimension {
@@ -36,7 +36,7 @@ impl Vector {
     }
 }
 
-/// The same velocity everywhere, as a list or as an object with `velocity`.
+/// Uniform velocity, as a list or as an object with `velocity`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "WrittenVelocity")]
 #[schemars(inline)]
@@ -45,7 +45,7 @@ pub struct UniformVelocity {
     pub velocity: Vector,
 }
 
-/// The same velocity everywhere: the list of its components, or an object.
+/// Uniform velocity: the list of its components, or an object.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
@@ -92,7 +92,7 @@ impl Default for Rotation {
 }
 
 impl Rotation {
-    /// The vector of rotation; in 2-D only its third component.
+    /// Returns the vector of rotation; in 2-D only its third component.
     #[must_use]
     pub fn to_array(&self) -> [f64; 3] {
         match self {
@@ -170,7 +170,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// 0, 1 or 2.
+    /// Returns 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -180,7 +180,7 @@ impl Axis {
         }
     }
 
-    /// `x`, `y` or `z`.
+    /// Returns `x`, `y` or `z`.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x", "y", "z"][self.index()]
@@ -217,7 +217,7 @@ impl Face {
         Self::ZMax,
     ];
 
-    /// Position in [`Face::ALL`].
+    /// Returns the position in [`Face::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -230,19 +230,19 @@ impl Face {
         }
     }
 
-    /// The axis normal to the face: 0, 1 or 2.
+    /// Returns the axis normal to the face: 0, 1 or 2.
     #[must_use]
     pub fn axis(self) -> usize {
         self.index() / 2
     }
 
-    /// Whether the face is at the upper end of its axis.
+    /// Returns `true` if the face is at the upper end of its axis.
     #[must_use]
     pub fn is_max(self) -> bool {
         self.index() % 2 == 1
     }
 
-    /// The unit vector that points from the face into the domain.
+    /// Returns the unit vector that points from the face into the domain.
     #[must_use]
     pub fn inward(self) -> [f64; 3] {
         let mut normal = [0.0; 3];
@@ -250,7 +250,7 @@ impl Face {
         normal
     }
 
-    /// The name in a case: `x_min` and so on.
+    /// Returns the name in a case: `x_min` and so on.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"][self.index()]

@@ -1,4 +1,7 @@
-//! Parts that every model uses: numbers, random numbers, units, errors, families of models, threads and memory.
+//! The models: lattice Boltzmann, discrete elements, Darcy seepage, structures, and the coupling between them.
+//!
+//! The models know nothing of cases, files and runs. They take numbers, fields and grains, and a communicator. The
+//! library `solver` above them reads a case, makes its plan, runs the models and writes the results.
 
 #![cfg_attr(
     test,

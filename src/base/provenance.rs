@@ -15,13 +15,13 @@ pub fn declare(commit: &'static str, profile: &'static str) {
     let _ = BUILD.set([commit, profile]);
 }
 
-/// `git describe` of the sources, `-dirty` where they were changed.
+/// Returns `git describe` of the sources, `-dirty` where they were changed.
 #[must_use]
 pub fn commit() -> &'static str {
     BUILD.get().map_or("unknown", |[commit, _]| commit)
 }
 
-/// Profile, level of optimisation and target of the build.
+/// Returns the profile, level of optimisation and target of the build.
 #[must_use]
 pub fn profile() -> &'static str {
     BUILD.get().map_or("unknown", |[_, profile]| profile)

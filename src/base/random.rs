@@ -1,10 +1,11 @@
 //! Random numbers.
 //!
-//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use, index), so that it is the same on any rank, in any order, and after a restart.
-//! Source: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11,
-//! doi:10.1145/2063384.2063405; checked against the known-answer vectors of their Random123 library.
+//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use,
+//! index), so that it is the same on any rank, in any order, and after a restart. Source: J. K. Salmon, M. A. Moraes,
+//! R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11, doi:10.1145/2063384.2063405; checked
+//! against the known-answer vectors of their Random123 library.
 
-/// The block function: ten rounds over a counter of four words with a key of two.
+/// Returns the block function: ten rounds over a counter of four words with a key of two.
 #[must_use]
 pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -23,7 +24,7 @@ pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// High and low word.
+/// Returns the high and the low word.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the two halves of 64 bits are 32 bits each"
@@ -44,7 +45,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The stream of `(seed, id, purpose)`, at its beginning.
+    /// Returns the stream of `(seed, id, purpose)`, at its beginning.
     #[must_use]
     pub fn new(seed: u64, id: u64, purpose: u32) -> Self {
         let [high, low] = halves(seed);
@@ -59,7 +60,7 @@ impl Stream {
         }
     }
 
-    /// The next 32 random bits.
+    /// Returns the next 32 random bits.
     pub fn bits(&mut self) -> u32 {
         if self.used == 4 {
             self.words =
@@ -71,7 +72,7 @@ impl Stream {
         self.words[self.used - 1]
     }
 
-    /// The next number, uniform over [0, 1) with 53 random bits.
+    /// Returns the next number, uniform over [0, 1) with 53 random bits.
     pub fn uniform(&mut self) -> f64 {
         const UNIT: f64 = 1.0 / 9_007_199_254_740_992.0;
         let high = f64::from(self.bits() >> 5);
@@ -89,13 +90,13 @@ pub struct SplitMix {
 }
 
 impl SplitMix {
-    /// The generator of a seed, at its beginning.
+    /// Returns the generator of a seed, at its beginning.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
     }
 
-    /// The next 64 random bits.
+    /// Returns the next 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;
@@ -104,13 +105,13 @@ impl SplitMix {
         z ^ (z >> 31)
     }
 
-    /// The next number, uniform over [0, 1) with 53 random bits.
+    /// Returns the next number, uniform over [0, 1) with 53 random bits.
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
-    /// The next whole number below `limit`, with a bias below `limit / 2^64`.
+    /// Returns the next whole number below `limit`, with a bias below `limit / 2^64`.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the product's high half is below `limit`"

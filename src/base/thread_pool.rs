@@ -1,15 +1,17 @@
 //! A pool of threads that start work within a few microseconds.
 //!
-//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size. The
-//! workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces therefore use this
-//! pool, for even pieces and for those that threads take when they are free; contacts of blocks and work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`] iterations, yields
-//! for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
+//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size.
+//! The workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces
+//! therefore use this pool, for even pieces and for those that threads take when they are free; contacts of blocks and
+//! work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`]
+//! iterations, yields for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
 //!
-//! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller therefore waits for helpers
-//! that have begun a piece, and not for those that the system has not given a core: on a machine with other work it does all pieces itself.
+//! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
+//! therefore waits for helpers that have begun a piece, and not for those that the system has not given a core: on a
+//! machine with other work it does all pieces itself.
 //!
-//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy with another caller's work
-//! processes its pieces itself.
+//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy
+//! with another caller's work processes its pieces itself.
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
@@ -29,7 +31,7 @@ const CALLER_YIELDS: u32 = 50;
 /// Groups of pieces, one bit each.
 const GROUPS: usize = 64;
 
-/// What the pool is to do: a function of the number of the piece.
+/// Work of the pool: a function of the number of the piece.
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 /// A function, its pieces, and the number of threads that may do them.
@@ -41,7 +43,7 @@ struct Job {
 }
 
 impl Job {
-    /// Number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
+    /// Returns the number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
     fn groups(&self) -> usize {
         self.pieces.min(GROUPS)
     }
@@ -52,19 +54,20 @@ const OPEN: u64 = 1 << 63;
 /// One job more; below it stands the number of helpers that have joined.
 const NEXT: u64 = 1 << 32;
 
-/// Number of helpers that have joined the job of a state.
+/// Returns the number of helpers that have joined the job of a state.
 const fn joined(state: u64) -> u64 {
     state % NEXT
 }
 
-/// Number of the job of a state.
+/// Returns the number of the job of a state.
 const fn number(state: u64) -> u64 {
     (state & !OPEN) / NEXT
 }
 
 /// Shared by the caller and its helpers.
 struct Board {
-    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that have joined it.
+    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that
+    /// have joined it.
     state: AtomicU64,
     /// Written while the state is not open and no helper has joined.
     work: UnsafeCell<Option<Job>>,
@@ -76,8 +79,8 @@ struct Board {
     caller: Mutex<Option<Thread>>,
 }
 
-// SAFETY: `work` is written by the caller alone and only while no helper has joined and none can join; what it points to is `Sync`
-// and lives until the caller has closed the job and seen the last helper leave.
+// SAFETY: `work` is written by the caller alone and only while no helper has joined and none can join; what it points
+// to is `Sync` and lives until the caller has closed the job and seen the last helper leave.
 unsafe impl Sync for Board {}
 // SAFETY: as above.
 unsafe impl Send for Board {}
@@ -98,7 +101,7 @@ static POOL: Mutex<Option<Pool>> = Mutex::new(None);
 /// The most threads that work is shared out to.
 pub const MOST: usize = 64;
 
-/// How many pieces an even loop is best cut into: the threads of this rank.
+/// Returns the best number of pieces for an even loop: the threads of this rank.
 #[must_use]
 pub fn threads() -> usize {
     rayon::current_num_threads().min(MOST)
@@ -123,12 +126,12 @@ pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     (0..pieces).for_each(work);
 }
 
-/// What is shared out to pieces: slices that were cut, one or several.
+/// Data that are divided among pieces: slices that were cut, one or several.
 pub trait Shared: Sync {
-    /// What a piece gets.
+    /// Data of one piece.
     type Share;
 
-    /// The share of a piece.
+    /// Returns the share of a piece.
     ///
     /// # Safety
     /// Each piece calls this once.
@@ -146,7 +149,7 @@ pub struct Cut<'a, T> {
 unsafe impl<T: Send> Sync for Cut<'_, T> {}
 
 impl<T> Cut<'_, T> {
-    /// Where an item of the slice is.
+    /// Returns the address of an item of the slice.
     fn item(&self, n: usize) -> *mut T {
         self.start.wrapping_add(n)
     }
@@ -206,14 +209,15 @@ several!(A, B);
 several!(A, B, C);
 several!(A, B, C, D);
 
-/// As [`each`], with each piece's share.
+/// Does [`each`], with the data of each piece.
 pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
-    // SAFETY: each piece is done once, and nobody else has what is shared.
+    // SAFETY: each piece is done once, and no other code accesses the shared data.
     each(pieces, |piece| work(piece, unsafe { shared.share(piece) }));
     drop(shared);
 }
 
-/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least `least`.
+/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least
+/// `least`.
 pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &mut T) + Sync) {
     let count = items.len();
     let pieces = threads().min(count / least.max(1)).max(1);
@@ -224,8 +228,8 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
-/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where there are fewer
-/// than `2 least` items.
+/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where
+/// there are fewer than `2 least` items.
 #[must_use]
 pub fn runs(items: usize, least: usize) -> usize {
     match threads().min(items / least.max(1)) {
@@ -234,13 +238,13 @@ pub fn runs(items: usize, least: usize) -> usize {
     }
 }
 
-/// How many of its runs a thread has begun, on a cache line of its own.
+/// Number of its runs that a thread has begun, on a cache line of its own.
 #[derive(Default)]
 #[repr(align(128))]
 struct Begun(AtomicUsize);
 
-/// As [`each_of`], for pieces of uneven work: a thread does those of its own even share, the same in each call, and then helps others with theirs.
-/// It meets most of what it wrote before.
+/// Does [`each_of`] for pieces of uneven work: a thread does those of its own even part, equal in each call, and then
+/// helps others with theirs. Most data that it reads are those that it wrote before.
 pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     let threads = threads().min(runs);
     if threads <= 1 {
@@ -256,7 +260,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
                 if run >= end {
                     break;
                 }
-                // SAFETY: nobody else has begun this run, and nobody else has what is shared.
+                // SAFETY: no other thread has begun this run, and no other code accesses the shared data.
                 work(run, unsafe { shared.share(run) });
             }
         }
@@ -264,7 +268,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
     drop(shared);
 }
 
-/// As [`each_item`], for items of uneven work: see [`each_run_of`].
+/// Does [`each_item`] for items of uneven work: see [`each_run_of`].
 pub fn each_item_in_runs<T: Send>(
     items: &mut [T],
     least: usize,
@@ -279,7 +283,8 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// As [`each_item_in_runs`], for items of very uneven work, in runs of `some` of them. `rooms` has one for each thread.
+/// Does [`each_item_in_runs`] for items of very uneven work, in runs of `some` of them. `rooms` has one buffer for each
+/// thread.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
@@ -308,7 +313,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
                     break;
                 }
                 for n in first..(first + some).min(share.end) {
-                    // SAFETY: within the slice, and nobody else has taken this number.
+                    // SAFETY: within the slice, and no other thread has taken this number.
                     work(room, unsafe { &mut *all.item(n) });
                 }
             }
@@ -316,7 +321,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     });
 }
 
-/// Room for new items of a list: the part of one piece of the work.
+/// Buffer for new items of a list: the part of one piece of the work.
 pub struct Room<'a, T> {
     slice: &'a mut [MaybeUninit<T>],
     count: usize,
@@ -326,7 +331,7 @@ impl<T> Room<'_, T> {
     /// Adds an item.
     ///
     /// # Panics
-    /// Where there is no more room.
+    /// If the buffer is full.
     #[inline]
     pub fn push(&mut self, item: T) {
         self.slice[self.count].write(item);
@@ -334,7 +339,8 @@ impl<T> Room<'_, T> {
     }
 }
 
-/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most `bound(p + 1) - bound(p)` items.
+/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most
+/// `bound(p + 1) - bound(p)` items.
 pub fn extend<T: Copy + Send>(
     list: &mut Vec<T>,
     pieces: usize,
@@ -410,7 +416,7 @@ impl Pool {
                 helper.thread.unpark();
             }
         }
-        let mine = catch_unwind(AssertUnwindSafe(|| board.share(&job, 0)));
+        let mine = catch_unwind(AssertUnwindSafe(|| board.work_on(&job, 0)));
         board.state.fetch_and(!OPEN, Ordering::SeqCst);
         board.wait_for_helpers();
         if let Err(panic) = mine {
@@ -425,7 +431,7 @@ impl Pool {
 
 impl Board {
     /// Does the pieces of a thread, then those that no other thread has begun.
-    fn share(&self, job: &Job, thread: usize) {
+    fn work_on(&self, job: &Job, thread: usize) {
         let groups = job.groups();
         let all = u64::MAX >> (GROUPS - groups);
         // SAFETY: the caller keeps the function alive until this thread has left the job.
@@ -446,7 +452,7 @@ impl Board {
         }
     }
 
-    /// Joins the job of a state; false if it is closed or another one by now.
+    /// Joins the job of a state; returns `true` unless it is closed or another one by now.
     fn join(&self, job: u64) -> bool {
         let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
         self.state
@@ -485,7 +491,7 @@ impl Board {
     }
 }
 
-/// One turn of waiting; false once it is time to sleep.
+/// Waits for one turn; returns `true` until it is time to sleep.
 fn wait(turns: &mut u32, yields: u32) -> bool {
     *turns = turns.saturating_add(1);
     if *turns < SPINS {
@@ -497,7 +503,7 @@ fn wait(turns: &mut u32, yields: u32) -> bool {
 }
 
 impl Helper {
-    /// None where the system gives no more threads.
+    /// Starts a helper; none if the system gives no more threads.
     fn start(board: &Arc<Board>, thread: usize) -> Option<Self> {
         let sleeps = Arc::new(AtomicBool::new(false));
         let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
@@ -519,7 +525,8 @@ fn help(board: &Board, sleeps: &AtomicBool, thread: usize, mut seen: u64) {
         let mut turns = 0;
         while number(board.state.load(Ordering::SeqCst)) == seen {
             if !wait(&mut turns, YIELDS) {
-                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by the second check.
+                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by
+                // the second check.
                 sleeps.store(true, Ordering::SeqCst);
                 if number(board.state.load(Ordering::SeqCst)) == seen {
                     std::thread::park();
@@ -533,7 +540,7 @@ fn help(board: &Board, sleeps: &AtomicBool, thread: usize, mut seen: u64) {
         }
         // SAFETY: the caller wrote it before it opened the job, and writes it again only after this helper has left.
         if let Some(job) = unsafe { *board.work.get() } {
-            let mine = || board.share(&job, thread);
+            let mine = || board.work_on(&job, thread);
             if catch_unwind(AssertUnwindSafe(mine)).is_err() {
                 board.failed.store(true, Ordering::Relaxed);
             }
@@ -565,7 +572,7 @@ mod tests {
         }
     }
 
-    /// A helper that has no core keeps nobody waiting: the caller does its pieces.
+    /// Checks that no thread waits for a helper without a core: the caller does its pieces.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
         let board = Board {
@@ -591,8 +598,8 @@ mod tests {
                 threads: 4,
             };
             board.begun.store(0, Ordering::Relaxed);
-            board.share(&job, 0);
-            board.share(&job, 3);
+            board.work_on(&job, 0);
+            board.work_on(&job, 3);
             assert!(
                 done.iter().all(|n| n.load(Ordering::Relaxed) == 1),
                 "{pieces}"
@@ -673,7 +680,7 @@ mod tests {
                 4,
                 |p| bounds[p],
                 |piece, room| {
-                    // Of its room a piece takes what it needs.
+                    // A piece takes the part of its buffer that it needs.
                     for n in bounds[piece]..bounds[piece + 1] {
                         if n % 3 > 0 {
                             room.push(n);

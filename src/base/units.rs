@@ -2,7 +2,8 @@
 //!
 //! On the lattice the spacing h, the time step dt and the density at rest rho_0 are 1. Every other scale follows:
 //! velocity C = h/dt, pressure rho_0 C², kinematic viscosity h C. In 2-D forces are per metre of depth, so that the
-//! unit of force is rho_0 h³/dt² [N/m]; in 3-D it is rho_0 h⁴/dt² \[N\]. The same holds for torque, with one more power of h.
+//! unit of force is rho_0 h³/dt² [N/m]; in 3-D it is rho_0 h⁴/dt² \[N\]. The same holds for torque, with one more
+//! power of h.
 
 use serde::Serialize;
 
@@ -23,97 +24,98 @@ impl LatticeUnits {
     /// Speed of sound squared on the lattice.
     pub const SOUND_SPEED_SQUARED: f64 = 1.0 / 3.0;
 
-    /// C = h/dt [m/s]: the scale of velocity.
+    /// Returns C = h/dt [m/s]: the scale of velocity.
     #[must_use]
     pub fn velocity_scale(&self) -> f64 {
         self.spacing / self.time_step
     }
 
-    /// Speed of sound C/√3 [m/s].
+    /// Returns the speed of sound C/√3 [m/s].
     #[must_use]
     pub fn speed_of_sound(&self) -> f64 {
         self.velocity_scale() * Self::SOUND_SPEED_SQUARED.sqrt()
     }
 
-    /// Velocity [m/s] to the lattice.
+    /// Converts the velocity [m/s] to the lattice.
     #[must_use]
     pub fn velocity_to_lattice(&self, velocity: f64) -> f64 {
         velocity / self.velocity_scale()
     }
 
-    /// Velocity on the lattice to m/s.
+    /// Converts the velocity on the lattice to m/s.
     #[must_use]
     pub fn velocity_to_si(&self, velocity: f64) -> f64 {
         velocity * self.velocity_scale()
     }
 
-    /// Length \[m\] to cells.
+    /// Converts the length \[m\] to cells.
     #[must_use]
     pub fn length_to_lattice(&self, length: f64) -> f64 {
         length / self.spacing
     }
 
-    /// Time \[s\] to fluid steps (not rounded).
+    /// Converts the time \[s\] to fluid steps (not rounded).
     #[must_use]
     pub fn time_to_lattice(&self, time: f64) -> f64 {
         time / self.time_step
     }
 
-    /// Rotation rate [rad/s] to rad per fluid step.
+    /// Converts a rotation rate [rad/s] to rad per fluid step.
     #[must_use]
     pub fn angular_velocity_to_lattice(&self, rate: f64) -> f64 {
         rate * self.time_step
     }
 
-    /// Rad per fluid step to rad/s.
+    /// Converts rad per fluid step to rad/s.
     #[must_use]
     pub fn angular_velocity_to_si(&self, rate: f64) -> f64 {
         rate / self.time_step
     }
 
-    /// Kinematic viscosity [m2/s] to the lattice.
+    /// Converts the kinematic viscosity [m2/s] to the lattice.
     #[must_use]
     pub fn viscosity_to_lattice(&self, viscosity: f64) -> f64 {
         viscosity / (self.spacing * self.velocity_scale())
     }
 
-    /// Kinematic viscosity on the lattice to m2/s.
+    /// Converts the kinematic viscosity on the lattice to m2/s.
     #[must_use]
     pub fn viscosity_to_si(&self, viscosity: f64) -> f64 {
         viscosity * (self.spacing * self.velocity_scale())
     }
 
-    /// Relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
+    /// Returns the relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
     #[must_use]
     pub fn relaxation_time(&self, viscosity: f64) -> f64 {
         self.viscosity_to_lattice(viscosity) / Self::SOUND_SPEED_SQUARED + 0.5
     }
 
-    /// Time step \[s\] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing \[m\].
+    /// Returns the time step \[s\] that gives the relaxation time `tau` to the viscosity [m2/s] on the spacing \[m\].
     #[must_use]
     pub fn time_step_for(tau: f64, spacing: f64, viscosity: f64) -> f64 {
         (tau - 0.5) * Self::SOUND_SPEED_SQUARED * spacing * spacing / viscosity
     }
 
-    /// rho_0 C² \[Pa\]: the scale of pressure and stress.
+    /// Returns rho_0 C² \[Pa\]: the scale of pressure and stress.
     #[must_use]
     pub fn pressure_scale(&self) -> f64 {
         self.density * self.velocity_scale().powi(2)
     }
 
-    /// Pressure above the reference \[Pa\] to the density deviation rho/rho_0 - 1 on the lattice: p = c_s² rho.
+    /// Converts the pressure above the reference \[Pa\] to the density deviation rho/rho_0 - 1 on the lattice: p =
+    /// c_s² rho.
     #[must_use]
     pub fn pressure_to_density_deviation(&self, pressure: f64) -> f64 {
         pressure / (self.pressure_scale() * Self::SOUND_SPEED_SQUARED)
     }
 
-    /// Density deviation on the lattice to the pressure above the reference \[Pa\].
+    /// Converts the density deviation on the lattice to the pressure above the reference \[Pa\].
     #[must_use]
     pub fn density_deviation_to_pressure(&self, deviation: f64) -> f64 {
         deviation * self.pressure_scale() * Self::SOUND_SPEED_SQUARED
     }
 
-    /// Density [kg/m3] of a deviation rho/rho_0 - 1.
+    /// Returns the density [kg/m3] of a deviation rho/rho_0 - 1.
     #[must_use]
     pub fn density_deviation_to_density(&self, deviation: f64) -> f64 {
         self.density * (1.0 + deviation)
@@ -125,49 +127,49 @@ impl LatticeUnits {
         stress * self.pressure_scale()
     }
 
-    /// Rate of strain or vorticity per fluid step to 1/s.
+    /// Converts the rate of strain or vorticity per fluid step to 1/s.
     #[must_use]
     pub fn rate_to_si(&self, rate: f64) -> f64 {
         rate / self.time_step
     }
 
-    /// Acceleration [m/s2] to the lattice.
+    /// Converts the acceleration [m/s2] to the lattice.
     #[must_use]
     pub fn acceleration_to_lattice(&self, acceleration: f64) -> f64 {
         acceleration * self.time_step / self.velocity_scale()
     }
 
-    /// Force per volume [N/m3] to the lattice: h³ of fluid of unit mass feels this force.
+    /// Converts the force per volume [N/m3] to the lattice: h³ of fluid of unit mass feels this force.
     #[must_use]
     pub fn force_density_to_lattice(&self, force: f64) -> f64 {
         self.acceleration_to_lattice(force / self.density)
     }
 
-    /// Unit of force: N in 3-D, N/m in 2-D (h²/dt times a momentum density).
+    /// Returns the unit of force: N in 3-D, N/m in 2-D (h²/dt times a momentum density).
     #[must_use]
     pub fn force_scale(&self) -> f64 {
         self.pressure_scale() * self.area_scale()
     }
 
-    /// Force on the lattice to N (2-D: N per metre of depth).
+    /// Converts the force on the lattice to N (2-D: N per metre of depth).
     #[must_use]
     pub fn force_to_si(&self, force: f64) -> f64 {
         force * self.force_scale()
     }
 
-    /// Force \[N\] (2-D: per metre of depth) to the lattice.
+    /// Converts the force \[N\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn force_to_lattice(&self, force: f64) -> f64 {
         force / self.force_scale()
     }
 
-    /// Torque on the lattice, arms in cells, to N m (2-D: per metre of depth).
+    /// Converts the torque on the lattice, arms in cells, to N m (2-D: per metre of depth).
     #[must_use]
     pub fn torque_to_si(&self, torque: f64) -> f64 {
         torque * self.force_scale() * self.spacing
     }
 
-    /// Torque \[N m\] (2-D: per metre of depth) to the lattice.
+    /// Converts the torque \[N m\] (2-D: per metre of depth) to the lattice.
     #[must_use]
     pub fn torque_to_lattice(&self, torque: f64) -> f64 {
         torque / (self.force_scale() * self.spacing)
@@ -179,7 +181,7 @@ impl LatticeUnits {
         self.density * self.area_scale() * self.spacing
     }
 
-    /// h² in 3-D, h in 2-D.
+    /// Returns h² in 3-D, h in 2-D.
     fn area_scale(&self) -> f64 {
         if self.dimension == 2 {
             self.spacing
@@ -194,7 +196,7 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// Piping paper: h = 2e-5 m, tau = 1.1, water.
+    /// Returns the units of the piping paper: h = 2e-5 m, tau = 1.1, water.
     fn piping() -> LatticeUnits {
         LatticeUnits {
             spacing: 2e-5,

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Accuracy level or target error of fluid forces. Each level is based on measured errors; `solver plan` names the measurement.
+/// Accuracy level or target error of fluid forces. Each level is based on measured errors; `solver plan` names the
+/// measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
@@ -19,7 +20,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// The target of the largest relative error of a force.
+    /// Returns the target of the largest relative error of a force.
     #[must_use]
     pub fn target(self) -> f64 {
         match self {
@@ -30,7 +31,7 @@ impl Accuracy {
         }
     }
 
-    /// The name of the level in a case.
+    /// Returns the name of the level in a case.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,7 +1,7 @@
 //! Values with a note of their source.
 //!
-//! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is `assumed`, `paper`
-//! or any text. [`strip`] leaves the value in place and returns the rest in a table.
+//! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is
+//! `assumed`, `paper` or any text. [`strip`] leaves the value in place and returns the rest in a table.
 
 use super::text::join;
 use serde::Serialize;
@@ -18,7 +18,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// A source without a note.
+    /// Returns a source without a note.
     #[must_use]
     pub fn of(source: &str) -> Self {
         Self {
@@ -37,7 +37,7 @@ pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     sources
 }
 
-/// Whether anything in the tree may be annotated. Paths are written only where it is.
+/// Returns `true` if any part of the tree may be annotated. Paths are written only in that case.
 fn any(node: &Value) -> bool {
     match node {
         Value::Object(map) => {
@@ -74,7 +74,7 @@ fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
     }
 }
 
-/// `value` beside `source` or `note` and nothing else.
+/// Returns `value` and the annotation of an object with `value`, `source` or `note` and nothing else.
 fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     let text = |key| match map.get(key) {
         None => Some(String::new()),
@@ -92,7 +92,7 @@ fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     Some((value, Source { source, note }))
 }
 
-/// A schema in which every property may also be annotated.
+/// Returns a schema in which every property may also be annotated.
 pub(crate) fn allow(mut schema: Value) -> Value {
     allow_in(&mut schema);
     schema

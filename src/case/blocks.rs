@@ -17,8 +17,8 @@ pub struct Blocks {
     /// Boxes of fixed bedrock [m]: a block whose centroid lies in one of them never moves.
     #[serde(default)]
     pub fixed: Vec<Extent>,
-    /// JSON file to which the initial blocks are written, in the format that `initial.file` reads, so that other runs can reuse them. A
-    /// file name in the output folder, different from the output files of the program.
+    /// JSON file to which the initial blocks are written, in the format that `initial.file` reads, so that other runs
+    /// can reuse them. A file name in the output folder, different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
 }
@@ -38,7 +38,8 @@ pub enum BlockSource {
     List(Vec<Block>),
 }
 
-/// A convex rock mass that joint sets cut into blocks, one set after another. A seed gives the same blocks on any number of ranks.
+/// A convex rock mass that joint sets cut into blocks, one set after another. A seed gives the same blocks on any
+/// number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joints {
@@ -56,8 +57,8 @@ pub struct Joints {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub aperture: f64,
-    /// Smallest thickness of a block [m], measured by its inscribed sphere: a joint does not cut off thinner parts. Default: a twentieth
-    /// of the smallest mean spacing.
+    /// Smallest thickness of a block [m], measured by its inscribed sphere: a joint does not cut off thinner parts.
+    /// Default: a twentieth of the smallest mean spacing.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub smallest_thickness: Option<f64>,
@@ -77,7 +78,8 @@ pub enum Mass {
     Mesh(Mesh),
 }
 
-/// A set of parallel joints. Orientation follows the geological convention, with x to the east, y to the north and z up.
+/// A set of parallel joints. Orientation follows the geological convention, with x to the east, y to the north and z
+/// up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointSet {

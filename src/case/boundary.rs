@@ -5,7 +5,8 @@ use lbm::boundary::Condition;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A condition on a face or on a part of it. A condition on a part takes precedence over the condition of the whole face.
+/// A condition on a face or on a part of it. A condition on a part takes precedence over the condition of the whole
+/// face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Boundary {

@@ -1,5 +1,5 @@
-//! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing, mistyped or
-//! out-of-range field. Ranges are stated beside the fields.
+//! Validation of a case tree against the schema of [`Case`](super::Case). One pass reports every unknown, missing,
+//! mistyped or out-of-range field. Ranges are stated with the fields.
 
 pub mod absent;
 mod controls;
@@ -18,7 +18,8 @@ use serde_json::{Map, Value};
 use std::sync::OnceLock;
 use template::Template;
 
-/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one is known.
+/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one
+/// is known.
 const RENAMED: [(&str, &str); 5] = [
     ("mach", "lattice_velocity"),
     ("max_mach", "max_lattice_velocity"),
@@ -27,39 +28,40 @@ const RENAMED: [(&str, &str); 5] = [
     ("rain", "deposition"),
 ];
 
-/// No quantity of a case is larger than this, in any unit of the SI.
+/// Maximum of any quantity of a case, in any unit of the SI.
 const LARGEST: f64 = 1e30;
 
-/// No quantity that must be above 0 is smaller than this, in any unit of the SI.
+/// Minimum of any quantity that must be above 0, in any unit of the SI.
 const SMALLEST: f64 = 1e-30;
 
-/// The schema as it comes from the structs.
+/// Returns the schema as it comes from the structs.
 pub(crate) fn bare_schema() -> Value {
     schema_of::<super::Case>()
 }
 
-/// The schema of any text that is read as a tree.
+/// Returns the schema of any text that is read as a tree.
 pub fn schema_of<T: JsonSchema>() -> Value {
     SchemaGenerator::new(SchemaSettings::draft2020_12())
         .into_root_schema_for::<T>()
         .to_value()
 }
 
-/// What a walk over a tree found.
+/// Findings of a walk over a tree.
 pub(crate) struct Checked {
     /// The first [`MOST_PROBLEMS`] problems, and how many more there are.
     pub(crate) problems: Vec<Problem>,
-    /// A list has another number of values than what is read from it: what the values mean together cannot be asked.
+    /// `true` if a list has another number of values than the reader expects: its values cannot be interpreted
+    /// together.
     pub(crate) misshapen: bool,
 }
 
-/// All problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
+/// Returns all problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
 pub(crate) fn against_schema(tree: &mut Value) -> Checked {
     static ROOT: OnceLock<Value> = OnceLock::new();
     walk(ROOT.get_or_init(bare_schema), tree)
 }
 
-/// All problems of a tree with respect to a schema.
+/// Returns all problems of a tree with respect to a schema.
 pub fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
@@ -84,7 +86,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     }
 }
 
-/// From so many values on the values of a list are first compared with a template of their schema.
+/// Number of values of a list from which on they are first compared with a template of their schema.
 const MANY: usize = 16;
 
 /// Keywords by which a schema restricts a value; without one of them any value is valid.
@@ -123,7 +125,8 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Whether another problem is only counted; it is, then. Asked before its sentences are made.
+    /// Counts a further problem once the list is full; returns `true` if it did. Called before the sentences of the
+    /// problem are made.
     fn only_counted(&mut self) -> bool {
         let full = self.problems.len() >= MOST_PROBLEMS;
         self.more += usize::from(full);
@@ -261,7 +264,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports fields and choices under an old name, and goes on as if the new one had been written: one mistake, one problem.
+    /// Reports fields and choices under an old name, and continues as if the new one had been written: one mistake, one
+    /// problem.
     fn rename(&mut self, map: &mut Map<String, Value>, known: &[&str], path: &str) {
         for (old, new) in RENAMED {
             if known.contains(&old) || !known.contains(&new) {
@@ -358,7 +362,7 @@ impl<'a> Walk<'a> {
         );
     }
 
-    /// An externally tagged enum: a word, or an object with one key that names the choice.
+    /// Checks an externally tagged enum: a word, or an object with one key that names the choice.
     fn tagged(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
         let mut names: Vec<&str> = Vec::new();
         let mut plain: Vec<&str> = Vec::new();
@@ -423,7 +427,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Optional things and untagged enums: the option of the value's own type decides what is reported.
+    /// Checks optional values and untagged enums: the option of the value's own type decides what is reported.
     fn any_of(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
         // Something optional: a copy for an attempt could be one of a million grains.
         if let [option, null] = options
@@ -473,7 +477,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// The words a schema of strings allows; empty where any text is allowed.
+/// Returns the words a schema of strings allows; empty if any text is allowed.
 fn words(schema: &Value) -> Vec<&str> {
     let listed = schema.get("enum").and_then(Value::as_array);
     let single = schema.get("const");
@@ -528,7 +532,7 @@ fn wanted(schema: &Value) -> String {
     }
 }
 
-/// The first sentence of the documentation of a field, in brackets.
+/// Returns the first sentence of the documentation of a field, in brackets.
 fn about(schema: &Value) -> String {
     let text = schema
         .get("description")

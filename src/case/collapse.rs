@@ -4,8 +4,8 @@ use super::geometry::{Axis, Extent};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Ground collapse over seepage points: eroded grains, voids over the points, settlement and extent of the surface depression, stages of
-/// the collapse, and clusters of loose grains. 3-D only, with gravity along one axis.
+/// Ground collapse over seepage points: eroded grains, voids over the points, settlement and extent of the surface
+/// depression, stages of the collapse, and clusters of loose grains. 3-D only, with gravity along one axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroundCollapse {
@@ -18,8 +18,8 @@ pub struct GroundCollapse {
     /// Horizontal axis along which the ground extends. Default: the longer horizontal edge of the domain.
     #[serde(default)]
     pub long_axis: Option<Axis>,
-    /// Edge of the cells in which voids, displacements and the surface are measured [m]. Default: two initial mean diameters. Smaller cells
-    /// would count pores as voids.
+    /// Edge of the cells in which voids, displacements and the surface are measured [m]. Default: two initial mean
+    /// diameters. Smaller cells would count pores as voids.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub cell_size: Option<f64>,
@@ -44,39 +44,43 @@ pub struct GroundCollapse {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeepagePoint {
-    /// Name of a region that removes grains: the grains it removes count for this point. With `box`, any name: grains removed within the
-    /// box count.
+    /// Name of a region that removes grains: the grains it removes count for this point. With `box`, any name: grains
+    /// removed within the box count.
     pub name: String,
     /// The opening above which voids are measured [m]. Default: the box of the region with this name.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
 }
 
-/// Thresholds at which the stages of the collapse begin. Lengths are in initial mean diameters, the scale of a single grain.
+/// Thresholds at which the stages of the collapse begin. Lengths are in initial mean diameters, the scale of a single
+/// grain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StageThresholds {
-    /// Number of consecutive samples that must show a stage; it begins with the first of them. A single sample may be noise.
+    /// Number of consecutive samples that must show a stage; it begins with the first of them. A single sample may be
+    /// noise.
     #[schemars(range(min = 1, max = 1000))]
     pub samples: u32,
-    /// Stage t1, hidden hole: number of grains that have left through one point. It must exceed the few that initially lie in the opening.
+    /// Stage t1, hidden hole: number of grains that have left through one point. It must exceed the few that initially
+    /// lie in the opening.
     #[schemars(range(min = 1))]
     pub hole_grains: u32,
     /// Stage t1 also begins with a void of this volume over one point [m3]. Default: the volume of one cell.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub hole_volume: Option<f64>,
-    /// Mean downward displacement, in mean diameters, above which a cell counts as moving [1]. It lies above the settlement under water and
-    /// load and below one grain spacing.
+    /// Mean downward displacement, in mean diameters, above which a cell counts as moving [1]. It lies above the
+    /// settlement under water and load and below one grain spacing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub moving_diameters: f64,
-    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover, while the surface stands [1].
+    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover, while the surface stands
+    /// [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub arch_reach: f64,
     /// Stage t2 also requires a void of this volume over that point [m3]. Default: the volume of one cell.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub arch_void: Option<f64>,
-    /// Stage t3, sinkhole: settlement of a surface column over a point, or of two neighbouring ones elsewhere, in mean diameters, measured by
-    /// elevation and by the initial surface grains [1]. Columns beyond it form the depression.
+    /// Stage t3, sinkhole: settlement of a surface column over a point, or of two neighbouring ones elsewhere, in mean
+    /// diameters, measured by elevation and by the initial surface grains [1]. Columns beyond it form the depression.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sinkhole_diameters: f64,
     /// Stage t4, extension: length of the longest depression over the larger extent of the sinkhole at t3 [1].

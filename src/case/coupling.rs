@@ -15,7 +15,7 @@ pub enum Coupling {
 }
 
 impl Coupling {
-    /// Hydraulic radius of grains over their contact radius.
+    /// Returns the hydraulic radius of grains over their contact radius.
     #[must_use]
     pub fn hydraulic_radius_factor(&self) -> f64 {
         match self {
@@ -25,26 +25,27 @@ impl Coupling {
     }
 }
 
-/// Moving bounce-back (Ladd 1994): a link from fluid to solid returns its population with the velocity of the surface, and the momentum
-/// exchanged on the link is the force on the solid.
+/// Moving bounce-back (Ladd 1994): a link from fluid to solid returns its population with the velocity of the surface,
+/// and the momentum exchanged on the link is the force on the solid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BounceBack {
     /// Position of the surface on a link.
     pub scheme: Scheme,
-    /// Whether forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
+    /// `true` if forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
     pub force_average: bool,
     /// Hydraulic radius of a grain over its contact radius [1]. A value below 1 makes a dense 2-D packing permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
-    /// Fluid nodes with at least this many solid neighbours treat the surface as at rest, which stabilises narrow gaps; 0 turns this off.
-    /// Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone accounts for 5 of 18 or 9 of 26.
+    /// Fluid nodes with at least this many solid neighbours treat the surface as at rest, which stabilises narrow gaps;
+    /// 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone accounts for 5
+    /// of 18 or 9 of 26.
     #[schemars(range(min = 0, max = 26))]
     pub drop_wall_velocity_at_solid_neighbours: Option<u32>,
 }
 
 impl BounceBack {
-    /// Solid neighbours from which a node drops the velocity of the surface; none where no node does.
+    /// Returns the solid neighbours from which a node drops the velocity of the surface; none if no node does.
     #[must_use]
     pub fn isolated(&self, dimension: usize) -> Option<u32> {
         let usual = if dimension == 2 { 5 } else { 0 };
@@ -76,20 +77,20 @@ pub enum Scheme {
     Interpolated,
 }
 
-/// Partially saturated cells (Noble and Torczynski 1998): the collision in a cell is weighted between fluid and solid by its solid
-/// fraction. Works for bodies of any shape; forces change smoothly as bodies move.
+/// Partially saturated cells (Noble and Torczynski 1998): the collision in a cell is weighted between fluid and solid
+/// by its solid fraction. Works for bodies of any shape; forces change smoothly as bodies move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PartiallySaturated {
-    /// Solid collision operator. Default: `viscosity_matched` in slow flow (BGK or TRT, relaxation time of at least 0.52, no turbulence
-    /// model), else `non_equilibrium_bounce_back`, which stays stable at high Reynolds numbers.
+    /// Solid collision operator. Default: `viscosity_matched` in slow flow (BGK or TRT, relaxation time of at least
+    /// 0.52, no turbulence model), else `non_equilibrium_bounce_back`, which stays stable at high Reynolds numbers.
     pub solid_operator: Option<SolidOperator>,
     /// Weighting of the solid fraction.
     pub weighting: Weighting,
     /// Method that computes the solid fraction of a cell.
     pub solid_fraction: SolidFraction,
-    /// Whether the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the displaced fluid adds to the
-    /// mass of the body.
+    /// `true` if the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the
+    /// displaced fluid adds to the mass of the body.
     pub exclude_inner_fluid: bool,
 }
 
@@ -114,6 +115,7 @@ pub enum SolidFraction {
     Exact,
     /// Sampling with this many points along each edge of a cell.
     Samples(#[schemars(range(min = 1, max = 32))] u32),
-    /// From the distance between cell centre and surface: cheapest, with errors of about 0.02 in cells at the surface of a sphere.
+    /// From the distance between cell centre and surface: cheapest, with errors of about 0.02 in cells at the surface
+    /// of a sphere.
     Linear,
 }

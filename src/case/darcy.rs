@@ -6,7 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Darcy seepage with drag on the grains. The pressure is solved on a coarse grid whose cells hold several grains. No `coupling` is needed.
+/// Darcy seepage with drag on the grains. The pressure is solved on a coarse grid whose cells hold several grains. No
+/// `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Darcy {
@@ -22,11 +23,12 @@ pub struct Darcy {
     /// Part of the grid that the water fills.
     #[serde(default)]
     pub enclosure: Enclosure,
-    /// Boundary conditions on faces of the coarse grid or parts of them. All other faces are impermeable. A later condition takes
-    /// precedence over an earlier one.
+    /// Boundary conditions on faces of the coarse grid or parts of them. All other faces are impermeable. A later
+    /// condition takes precedence over an earlier one.
     #[serde(default)]
     pub boundaries: Vec<SeepageBoundary>,
-    /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it states.
+    /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it
+    /// states.
     #[serde(default)]
     pub zones: Vec<Zone>,
     /// Form of the equations.
@@ -58,16 +60,18 @@ pub struct Darcy {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub roughness: Option<f64>,
-    /// Whether moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water and in the mean drag,
-    /// and a bed that moves as a whole is stopped. Default: true; false with the equations of the paper.
-    #[serde(default)]
-    pub transient_porosity: Option<bool>,
-    /// Drag law. Any other law than `reaction` is independent of the resistance: the forces on the grains then differ from the loss of
-    /// pressure, and the closure of momentum in the log states by how much. Default: `reaction`; `di_felice` with the equations of the
+    /// `true` if moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water
+    /// and in the mean drag, and a bed that moves as a whole is stopped. Default: true; false with the equations of the
     /// paper.
     #[serde(default)]
+    pub transient_porosity: Option<bool>,
+    /// Drag law. Any other law than `reaction` is independent of the resistance: the forces on the grains then differ
+    /// from the loss of pressure, and the closure of momentum in the log states by how much. Default: `reaction`;
+    /// `di_felice` with the equations of the paper.
+    #[serde(default)]
     pub drag: Option<DragLaw>,
-    /// Whether the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling interval.
+    /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
+    /// interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those
@@ -87,7 +91,7 @@ pub struct Darcy {
 }
 
 impl Darcy {
-    /// The law of flow resistance.
+    /// Returns the law of flow resistance.
     #[must_use]
     pub fn resistance(&self) -> Resistance {
         self.resistance.unwrap_or(match self.equations {
@@ -96,7 +100,7 @@ impl Darcy {
         })
     }
 
-    /// The drag law.
+    /// Returns the drag law.
     #[must_use]
     pub fn drag(&self) -> DragLaw {
         self.drag.unwrap_or(match self.equations {
@@ -105,7 +109,8 @@ impl Darcy {
         })
     }
 
-    /// The largest porosity in the permeability [1]. Cells without grains have the permeability at this porosity: nearly no resistance.
+    /// Returns the largest porosity in the permeability [1]. Cells without grains have the permeability at this
+    /// porosity: nearly no resistance.
     #[must_use]
     pub fn porosity_cap(&self) -> f64 {
         self.porosity_cap.unwrap_or(match self.equations {
@@ -114,7 +119,7 @@ impl Darcy {
         })
     }
 
-    /// Whether moving grains displace the water.
+    /// Returns `true` if moving grains displace the water.
     #[must_use]
     pub fn transient_porosity(&self) -> bool {
         let usual = self.equations == Equations::Corrected;
@@ -172,8 +177,8 @@ pub struct Plane {
     pub normal: Vector,
 }
 
-/// A region of the ground with its own permeability or porosity. A cell that a boundary of zones cuts conducts as its layers do: by the
-/// harmonic mean across them, by the arithmetic mean along them.
+/// A region of the ground with its own permeability or porosity. A cell that a boundary of zones cuts conducts as its
+/// layers do: by the harmonic mean across them, by the arithmetic mean along them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
@@ -185,16 +190,17 @@ pub struct Zone {
     /// Permeability. Default: that of the grains by the `resistance` of the case.
     #[serde(default)]
     pub permeability: Option<ZonePermeability>,
-    /// Porosity in the law of resistance and in the drag law, in place of that of the grains [1]. The mass balance of the water and buoyancy
-    /// keep the porosity of the grains.
+    /// Porosity in the law of resistance and in the drag law, in place of that of the grains [1]. The mass balance of
+    /// the water and buoyancy keep the porosity of the grains.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity: Option<f64>,
     /// Values that vary within the region.
     #[serde(default)]
     pub raster: Option<RasterFile>,
-    /// Whether the zone holds in cells without grains as well, as a porous body at rest that the case does not resolve. Otherwise cells with
-    /// a porosity of the grains of 0.95 or more are open water. In a case without grains all zones hold.
+    /// `true` if the zone also holds in cells without grains, as a porous body at rest that the case does not resolve.
+    /// Otherwise cells with a porosity of the grains of 0.95 or more are open water. In a case without grains all zones
+    /// hold.
     #[serde(default)]
     pub without_grains: bool,
 }
@@ -217,9 +223,10 @@ pub enum ZonePermeability {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RasterFile {
-    /// Table, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of `permeability` [m2],
-    /// `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes are all combinations of the coordinates in the file, in any
-    /// order. A node stands for the points that are closest to it along each axis.
+    /// Table, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of
+    /// `permeability` [m2], `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes are
+    /// all combinations of the coordinates in the file, in any order. A node stands for the points that are closest to
+    /// it along each axis.
     pub path: PathBuf,
 }
 

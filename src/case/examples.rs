@@ -65,17 +65,18 @@ pub const EXAMPLES: [Example; 25] = [
     },
     Example {
         name: "sheet-pile",
-        summary: "seepage under a sheet pile, beside the solution by conformal mapping (Harr 1962)",
+        summary: "seepage under a sheet pile, with the solution by conformal mapping (Harr 1962)",
         text: include_str!("examples/sheet-pile.json"),
     },
     Example {
         name: "cut-off",
-        summary: "a cut-off wall under a dam on layered ground, beside the exact solution for its equivalent permeability (Harr 1962)",
+        summary: "a cut-off wall under a dam on layered ground, with the exact solution for its equivalent \
+            permeability (Harr 1962)",
         text: include_str!("examples/cut-off.json"),
     },
     Example {
         name: "filter",
-        summary: "sand on a layer of gravel under seepage, beside Terzaghi's criterion for a filter",
+        summary: "sand on a layer of gravel under seepage, with Terzaghi's criterion for a filter",
         text: include_str!("examples/filter.json"),
     },
     Example {
@@ -130,7 +131,7 @@ pub const EXAMPLES: [Example; 25] = [
     },
     Example {
         name: "dam-break",
-        summary: "a column of water collapses over a dry floor, beside the front and height of Martin and Moyce (1952)",
+        summary: "a column of water collapses over a dry floor, compared with Martin and Moyce (1952)",
         text: include_str!("examples/dam-break.json"),
     },
     Example {
@@ -147,7 +148,7 @@ pub const STUDY: Example = Example {
     text: include_str!("examples/sweep.json"),
 };
 
-/// The example of this name.
+/// Returns the example of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Example> {
     EXAMPLES.iter().find(|example| example.name == name)

@@ -25,8 +25,8 @@ pub enum Fluid {
     Darcy(Darcy),
 }
 
-/// A weakly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and `reference_velocity` sets the time step.
-/// Without them the program chooses it to meet the `accuracy` of the case.
+/// A weakly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and `reference_velocity`
+/// sets the time step. Without them the program chooses it to meet the `accuracy` of the case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatticeBoltzmann {
@@ -39,14 +39,16 @@ pub struct LatticeBoltzmann {
     /// Velocity set of the lattice.
     #[serde(default)]
     pub lattice: LatticeChoice,
-    /// Collision operator. Default: TRT; in 3-D cumulants if the program chooses the time step and the flow is too fast for TRT.
+    /// Collision operator. Default: TRT; in 3-D cumulants if the program chooses the time step and the flow is too fast
+    /// for TRT.
     #[serde(default)]
     pub collision: Option<Collision>,
-    /// Turbulence model for eddies smaller than a cell. Default: none; if the program chooses the cell size or the time step, WALE where the
-    /// Reynolds number requires it.
+    /// Turbulence model for eddies smaller than a cell. Default: none; if the program chooses the cell size or the time
+    /// step, WALE where the Reynolds number requires it.
     #[serde(default)]
     pub turbulence: Option<TurbulenceChoice>,
-    /// Relaxation time tau [1], above 0.5. The lattice viscosity is (tau - 1/2)/3 and the time step is (tau - 1/2) h²/(3 nu).
+    /// Relaxation time tau [1], above 0.5. The lattice viscosity is (tau - 1/2)/3 and the time step is (tau - 1/2)
+    /// h²/(3 nu).
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub relaxation_time: Option<f64>,
@@ -58,24 +60,25 @@ pub struct LatticeBoltzmann {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub reference_velocity: Option<f64>,
-    /// Reference velocity in lattice units, U dt/h [1]. Required with `reference_velocity`. The Mach number is √3 times this value, because
-    /// the lattice speed of sound is h/(√3 dt).
+    /// Reference velocity in lattice units, U dt/h [1]. Required with `reference_velocity`. The Mach number is √3
+    /// times this value, because the lattice speed of sound is h/(√3 dt).
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.3))]
     pub lattice_velocity: Option<f64>,
-    /// Storage precision of the populations; arithmetic is always f64. Default: f64; f32 if the program chooses the time step of a 3-D run
-    /// with `draft` accuracy.
+    /// Storage precision of the populations; arithmetic is always f64. Default: f64; f32 if the program chooses the
+    /// time step of a 3-D run with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
-    /// What the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk, trt or mrt, with trt and mrt also
-    /// bodies in partially saturated cells; d3q19 with trt; in f64 without a force d3q19 and d2q9 with bgk. The state is the same on both.
+    /// Device that the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk,
+    /// trt or mrt, with trt and mrt also bodies in partially saturated cells; d3q19 with trt; in f64 without a force
+    /// d3q19 and d2q9 with bgk. The state is the same on both.
     #[serde(default)]
     pub device: Device,
     /// Body force that drives the fluid [N/m3], in addition to gravity.
     #[serde(default)]
     pub body_force: Option<BodyForce>,
-    /// Where gravity acts on the fluid. Where it does not, pressure is the excess over the hydrostatic pressure, and solids have their
-    /// buoyancy.
+    /// Choice of the axes along which gravity acts on the fluid. Along the others, pressure is the excess over the
+    /// hydrostatic pressure, and solids have their buoyancy.
     #[serde(default)]
     pub gravity_acts_on_fluid: GravityOnFluid,
     /// Initial velocity and pressure.
@@ -129,7 +132,7 @@ pub struct Pilot {
 pub enum GravityOnFluid {
     /// Along all axes, or along none.
     All(bool),
-    /// By axis.
+    /// Choice by axis.
     Where(Where),
 }
 
@@ -144,7 +147,8 @@ impl Default for GravityOnFluid {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Where {
-    /// As `along_periodic_axes` below a surface, a face of free slip that gravity points away from; else along none.
+    /// Like `along_periodic_axes` below a surface, a face of free slip that gravity points away from; otherwise along
+    /// no axis.
     Auto,
     /// Along the periodic axes, where it drives a stream down its slope.
     AlongPeriodicAxes,
@@ -178,7 +182,7 @@ pub enum TurbulenceChoice {
 }
 
 impl TurbulenceChoice {
-    /// The model, if it is one.
+    /// Returns the model, if it is one.
     #[must_use]
     pub fn model(self) -> Option<Turbulence> {
         match self {
@@ -232,10 +236,11 @@ pub enum BodyForce {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
-    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the openings with a pressure,
-    /// without such openings zero on the mean.
+    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the
+    /// openings with a pressure, without such openings zero on the mean.
     Rest {},
-    /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity` and `pressure`.
+    /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity`
+    /// and `pressure`.
     Uniform(UniformFlow),
     /// Taylor-Green vortices with their pressure and stress: u = -U cos(ax) sin(by) cos(cz),
     /// v = (a/b) U sin(ax) cos(by) cos(cz), with a = 2 pi n/size.
@@ -249,8 +254,9 @@ pub enum Initial {
         #[serde(default)]
         waves_along_z: u32,
     },
-    /// Two shear layers that roll up (Minion and Brown 1997): u = U tanh((y - L_y/4)/d) in the lower half, U tanh((3 L_y/4 - y)/d) in the
-    /// upper half, v = p U sin(2 pi (x/L_x + 1/4)). Underresolved runs show spurious vortices or fail.
+    /// Two shear layers that roll up (Minion and Brown 1997): u = U tanh((y - L_y/4)/d) in the lower half, U tanh((3
+    /// L_y/4 - y)/d) in the upper half, v = p U sin(2 pi (x/L_x + 1/4)). Underresolved runs show spurious vortices or
+    /// fail.
     ShearLayers {
         /// Velocity U outside the layers [m/s].
         velocity: f64,
@@ -267,10 +273,10 @@ pub enum Initial {
         flow: super::geometry::Axis,
         /// Axis from wall to wall.
         across: super::geometry::Axis,
-        /// Where the flow begins along `across` [m], such as the surface of a bed. Default: 0.
+        /// Coordinate at which the flow begins along `across` [m], such as the surface of a bed. Default: 0.
         #[serde(default)]
         from: Option<f64>,
-        /// Where it ends [m]. Default: the size of the domain.
+        /// Coordinate at which it ends [m]. Default: the size of the domain.
         #[serde(default)]
         to: Option<f64>,
         /// Velocity at the centre of the channel [m/s].
@@ -286,7 +292,7 @@ pub enum Initial {
     },
 }
 
-/// The same velocity and pressure everywhere. The list of the components stands for the velocity alone.
+/// Uniform velocity and pressure. The list of the components stands for the velocity alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "WrittenFlow")]
 #[schemars(inline)]

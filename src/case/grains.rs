@@ -15,18 +15,21 @@ pub struct Grains {
     pub material: String,
     /// Source of the grains.
     pub initial: GrainSource,
-    /// CSV file to which the prepared sample is written before cutting, so that other runs can reuse it. A file name in the output folder,
-    /// different from the output files of the program.
+    /// CSV file to which the prepared sample is written before cutting, so that other runs can reuse it. A file name in
+    /// the output folder, different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
-    /// Regions whose grains have a material and an initial velocity of their own after the preparation, such as the layers of a ground. A later
-    /// zone takes precedence. Density follows from the material; friction, cohesion and strength of bonds from `pairs` of the contact law.
+    /// Regions whose grains have a material and an initial velocity of their own after the preparation, such as the
+    /// layers of a ground. A later zone takes precedence. Density follows from the material; friction, cohesion and
+    /// strength of bonds from `pairs` of the contact law.
     #[serde(default)]
     pub zones: Vec<GrainZone>,
-    /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the box.
+    /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the
+    /// box.
     #[serde(default)]
     pub cut: Vec<Cut>,
-    /// Whether contacts that exist after preparation and cutting are bonded. Contacts that form later are never bonded.
+    /// `true` if contacts that exist after preparation and cutting are bonded. Contacts that form later are never
+    /// bonded.
     #[serde(default)]
     pub bond_at_start: bool,
 }
@@ -60,11 +63,12 @@ pub enum GrainSource {
     Deposition(Deposition),
     /// A saved sample.
     File {
-        /// Table, relative to the case, whose first line names the columns: `x`, `y`, `z` and `radius` or `diameter` [m]; optionally
-        /// `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`, `angular_velocity_y`, `angular_velocity_z`
-        /// [rad/s] and `id`, which gives the order of the grains. In 2-D without `z`, `velocity_z` and the rotations about x and y. Cells are
-        /// separated by commas, semicolons, tabs or spaces, and numbers have decimal points. Other units stand in brackets: `x [mm]`.
-        /// Dumps of LAMMPS and LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
+        /// Table, relative to the case, whose first line names the columns: `x`, `y`, `z` and `radius` or `diameter`
+        /// [m]; optionally `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`,
+        /// `angular_velocity_y`, `angular_velocity_z` [rad/s] and `id`, which gives the order of the grains. In 2-D
+        /// without `z`, `velocity_z` and the rotations about x and y. Cells are separated by commas, semicolons, tabs
+        /// or spaces, and numbers have decimal points. Other units stand in brackets: `x [mm]`. Dumps of LAMMPS and
+        /// LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
         /// as well, without types, groups and forces.
         path: PathBuf,
     },
@@ -72,8 +76,9 @@ pub enum GrainSource {
     List(Vec<Grain>),
 }
 
-/// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional walls, also where the
-/// domain is open; grains that then lie in structures are taken out. A seed gives the same sample on any number of ranks.
+/// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional
+/// walls, also where the domain is open; grains that then lie in structures are taken out. A seed gives the same sample
+/// on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {
@@ -87,7 +92,8 @@ pub struct Growth {
     /// The box that is filled [m]. Default: the whole domain.
     #[serde(default, rename = "box")]
     pub region: Option<Extent>,
-    /// Friction angle during the growth [degrees]. A small angle gives a dense sample. Default: the friction angle of the contact law.
+    /// Friction angle during the growth [degrees]. A small angle gives a dense sample. Default: the friction angle of
+    /// the contact law.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
@@ -96,9 +102,9 @@ pub struct Growth {
     pub stop: Stop,
 }
 
-/// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and `box_walls`, and is
-/// trimmed. No grain starts in a structure, or in a closed hollow of one that has no connection with the surface. A seed gives the same sample
-/// on any number of ranks.
+/// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and
+/// `box_walls`, and is trimmed. No grain starts in a structure, or in a closed hollow of one that has no connection
+/// with the surface. A seed gives the same sample on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposition {
@@ -110,8 +116,8 @@ pub struct Deposition {
     /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
     #[serde(rename = "box")]
     pub region: Extent,
-    /// Further clouds of the same deposition with gradings and materials of their own, such as the upper layers of a ground. All fall at once,
-    /// each from its box; the grains of the lowest box come to rest at the bottom.
+    /// Further clouds of the same deposition with gradings and materials of their own, such as the upper layers of a
+    /// ground. All fall at once, each from its box; the grains of the lowest box come to rest at the bottom.
     #[serde(default)]
     pub layers: Vec<DepositedLayer>,
     /// Seed of the random numbers.
@@ -120,8 +126,9 @@ pub struct Deposition {
     /// Coordinate along the axis of gravity above which settled grains are removed [m].
     #[serde(default)]
     pub trim_above: Option<f64>,
-    /// Normal stiffness during the fall [N/m]. A value below that of the contact law allows larger time steps. The settled sample then comes
-    /// to rest at ten times this stiffness, and so on, until it reaches the stiffness of the law.
+    /// Normal stiffness during the fall [N/m]. A value below that of the contact law allows larger time steps. The
+    /// settled sample then comes to rest at ten times this stiffness, and so on, until it reaches the stiffness of the
+    /// law.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub falling_stiffness: Option<f64>,
@@ -171,7 +178,8 @@ pub struct Settled {
     /// Unbalanced force: mean resultant force on a grain over the mean contact force [1].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// Largest number of solid steps per stage. A sample that is not settled by then is used as it is, with a note in the report.
+    /// Largest number of solid steps per stage. A sample that is not settled by then is used as it is, with a note in
+    /// the report.
     #[schemars(range(min = 1))]
     pub at_most_steps: u32,
 }
@@ -186,7 +194,8 @@ impl Default for Settled {
     }
 }
 
-/// Size distribution: size classes and the quantity to which their fractions refer, which add up to 1; or a sieve curve.
+/// Size distribution: size classes and the quantity to which their fractions refer, which add up to 1; or a sieve
+/// curve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {
@@ -194,13 +203,13 @@ pub enum Grading {
     ByCount(Vec<SizeClass>),
     /// Fractions of the mass.
     ByMass(Vec<SizeClass>),
-    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with the logarithm of the
-    /// diameter between two sieves. In 2-D it is that of discs.
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with
+    /// the logarithm of the diameter between two sieves. In 2-D it is that of discs.
     Sieve(Vec<Sieve>),
 }
 
 impl Grading {
-    /// Smallest and largest radius [m].
+    /// Returns the smallest and largest radius [m].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         match self {
@@ -238,8 +247,8 @@ pub struct SizeClass {
 pub enum Amount {
     /// Number of grains.
     Number(#[schemars(range(min = 1))] u32),
-    /// Solid fraction of the box at full size (2-D: area fraction) [1]. Compact samples have 0.80 to 0.86 for discs and 0.58 to 0.64 for
-    /// spheres.
+    /// Solid fraction of the box at full size (2-D: area fraction) [1]. Compact samples have 0.80 to 0.86 for discs and
+    /// 0.58 to 0.64 for spheres.
     SolidFraction(#[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))] f64),
 }
 
@@ -258,13 +267,13 @@ pub enum Radii {
     },
     /// Values drawn with equal probability [m].
     List(Vec<f64>),
-    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with the logarithm of the
-    /// diameter between two sieves. In 2-D it is that of discs.
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with
+    /// the logarithm of the diameter between two sieves. In 2-D it is that of discs.
     Sieve(Vec<Sieve>),
 }
 
 impl Radii {
-    /// Smallest and largest radius [m].
+    /// Returns the smallest and largest radius [m].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         match self {
@@ -279,7 +288,7 @@ impl Radii {
         }
     }
 
-    /// Mean over the number of grains of a power of the radius, for discs (2) or spheres (3).
+    /// Returns the mean over the number of grains of a power of the radius, for discs (2) or spheres (3).
     #[must_use]
     pub fn mean_power(&self, power: i32, dimension: usize) -> f64 {
         match self {
@@ -304,8 +313,9 @@ pub struct Stop {
     /// Unbalanced force: mean resultant force on a grain over the mean contact force [1].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub unbalanced_force: f64,
-    /// Mean overlap of contacts over the mean diameter to which the jammed sample is released [1]. For bonded grains it must lie well below
-    /// the opening at which a bond breaks (strength over stiffness); otherwise cutting the sample breaks bonds.
+    /// Mean overlap of contacts over the mean diameter to which the jammed sample is released [1]. For bonded grains it
+    /// must lie well below the opening at which a bond breaks (strength over stiffness); otherwise cutting the sample
+    /// breaks bonds.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mean_overlap: f64,
     /// Largest number of solid steps of the preparation. A sample that is not ready by then is an error.

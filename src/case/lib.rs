@@ -1,11 +1,12 @@
 //! The case file as written: SI units, no derived values, unknown fields are refused.
 //!
-//! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are generated from
-//! these comments. A case is read in four steps, and each step reports all errors that it finds:
+//! The comment of a field states its unit. The JSON schema (`solver schema`) and the reference (`solver reference`) are
+//! generated from these comments. A case is read in four steps, and each step reports all errors that it finds:
 //!
 //! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
-//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each value is kept.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each
+//!    value is kept.
 //! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
 //!
 //! [`plan::scene`] and [`plan`] then check whether the values are consistent.
@@ -75,9 +76,9 @@ pub struct Case {
     /// Purpose of the run.
     #[serde(default)]
     pub description: String,
-    /// Target accuracy of the fluid forces. The program chooses the missing ones of cell size, time step, collision operator,
-    /// eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step and names no accuracy gets
-    /// `normal`.
+    /// Target accuracy of the fluid forces. The program chooses the missing ones of cell size, time step, collision
+    /// operator, eddy viscosity and storage precision to meet it. A case that leaves out the cell size or the time step
+    /// and names no accuracy gets `normal`.
     #[serde(default)]
     pub accuracy: Option<accuracy::Accuracy>,
     /// The box and its cells.
@@ -97,8 +98,9 @@ pub struct Case {
     /// Convex polyhedral blocks (3-D).
     #[serde(default)]
     pub blocks: Option<blocks::Blocks>,
-    /// Contact law of grains, bodies and blocks. Default for spheres: `hertz_mindlin` if all materials have elastic moduli. Default for discs,
-    /// and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1 % of a diameter.
+    /// Contact law of grains, bodies and blocks. Default for spheres: `hertz_mindlin` if all materials have elastic
+    /// moduli. Default for discs, and for spheres without moduli: `linear`, with a stiffness that limits overlaps to 1
+    /// % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
     /// Solids at rest that water and grains meet: sheet piles, weirs, steps, piers.
@@ -110,14 +112,15 @@ pub struct Case {
     /// Faces of the domain that act as walls for grains and blocks.
     #[serde(default)]
     pub box_walls: Vec<Face>,
-    /// Material of the `box_walls`. Default: the material of the grains, else of the blocks, else of the first free body.
+    /// Material of the `box_walls`. Default: the material of the grains, else of the blocks, else of the first free
+    /// body.
     #[serde(default)]
     pub box_wall_material: Option<String>,
     /// Named solids in the fluid.
     #[serde(default)]
     pub bodies: Vec<solids::Body>,
-    /// Method that couples fluid and solids. Default: interpolated bounce-back at discs and spheres, partially saturated cells at
-    /// polyhedra, and at spheres that grow or fall into a packing.
+    /// Method that couples fluid and solids. Default: interpolated bounce-back at discs and spheres, partially
+    /// saturated cells at polyhedra, and at spheres that grow or fall into a packing.
     #[serde(default)]
     pub coupling: Option<coupling::Coupling>,
     /// Duration and time steps.
@@ -225,8 +228,8 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`, `{"raster": {"path": ..}}`. `written` gets
-/// them as they were.
+/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`,
+/// `{"raster": {"path": ..}}`. `written` gets them as they were.
 fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     each_path(tree, &mut |path| {
         written.push(path.clone());
@@ -247,7 +250,7 @@ fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
     });
 }
 
-/// The paths of all input files, in an order that does not depend on them.
+/// Calls a function with the paths of all input files, in an order that does not depend on them.
 fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
@@ -265,7 +268,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     }
 }
 
-/// The JSON schema of a case, for editors: every value may also be written with its source.
+/// Returns the JSON schema of a case, for editors: every value may also be written with its source.
 #[must_use]
 pub fn schema() -> Value {
     restart::mark(annotation::allow(check::bare_schema()))

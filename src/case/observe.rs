@@ -83,8 +83,8 @@ pub struct Probe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProbeAt {
-    /// Velocity and pressure at a point. In seepage also the hydraulic head; the velocity is that of the cell that holds the point, and
-    /// pressure and head follow from the gradient in this cell.
+    /// Velocity and pressure at a point. In seepage also the hydraulic head; the velocity is that of the cell that
+    /// holds the point, and pressure and head follow from the gradient in this cell.
     Point {
         /// The point [m].
         position: Vector,
@@ -112,27 +112,28 @@ pub enum ProbeAt {
         /// Name of the body.
         name: String,
     },
-    /// Force [N] and torque [N m] of the fluid of a lattice on a structure (2-D: per metre of depth). The torque is about the lower corner
-    /// of the domain. The pressure is that of the lattice: without gravity on the fluid it is the excess over hydrostatic.
-    /// The force is the mean over the last step, and `time` the middle of this step.
+    /// Force [N] and torque [N m] of the fluid of a lattice on a structure (2-D: per metre of depth). The torque is
+    /// about the lower corner of the domain. The pressure is that of the lattice: without gravity on the fluid it is
+    /// the excess over hydrostatic. The force is the mean over the last step, and `time` the middle of this step.
     Structure {
         /// Name of the structure.
         name: String,
     },
-    /// Discharge of seepage through a plane between cells of the coarse grid, or a part of it, and the mean hydraulic heads [m] of the cells
-    /// before and behind it. The mean heads over the base of a prism of ground give its uplift and with it the factor of safety against heave.
+    /// Discharge of seepage through a plane between cells of the coarse grid, or a part of it, and the mean hydraulic
+    /// heads [m] of the cells before and behind it. The mean heads over the base of a prism of ground give its uplift
+    /// and with it the factor of safety against heave.
     Section {
         /// Axis normal to the plane; the discharge along it is positive.
         axis: Axis,
         /// Coordinate of the plane [m]; the nearest plane between cells is taken.
         position: f64,
-        /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has no effect. The column
-        /// `open_area` tells the part that was taken. Default: the whole plane.
+        /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has
+        /// no effect. The column `open_area` shows the part that was taken. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
     },
-    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
-    /// of cells that holds a point.
+    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of
+    /// water [m] in the column of cells that holds a point.
     Gauge {
         /// The point [m]; its coordinate along the axis of gravity has no effect.
         position: Vector,
@@ -143,11 +144,11 @@ pub enum ProbeAt {
         /// The face.
         face: Face,
     },
-    /// A bed of grains under a stream on a lattice: surface, scour, shear stress, Shields number and bedload. `summary.json` and the table at the
-    /// end have the means over time.
+    /// A bed of grains under a stream on a lattice: surface, scour, shear stress, Shields number and bedload.
+    /// `summary.json` and the table at the end have the means over time.
     Bed(Bed),
-    /// Grains in a box: number, solid fraction, coordination number, mean stress (compression positive) and d50, also of the grains that
-    /// regions removed. `summary.json` and the table at the end have the means over time.
+    /// Grains in a box: number, solid fraction, coordination number, mean stress (compression positive) and d50, also
+    /// of the grains that regions removed. `summary.json` and the table at the end have the means over time.
     Grains(Fabric),
 }
 
@@ -162,25 +163,27 @@ pub struct Fabric {
     pub mean_from: Option<f64>,
 }
 
-/// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed lies there. The shear stress by
-/// the balance of forces, and the Shields number of it, hold where the stream is steady in the mean: choose `mean_from` so.
+/// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed
+/// lies there. The shear stress by the balance of forces, and the Shields number of it, hold where the stream is steady
+/// in the mean: choose `mean_from` so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bed {
     /// Axis of the stream.
     #[serde(default = "along_x")]
     pub flow_axis: Axis,
-    /// Part of the domain that is measured [m]. Vertically, the surface of the bed is looked for within it; the stream above the bed is
-    /// measured up to the top of the domain. Default: the whole domain.
+    /// Part of the domain that is measured [m]. Vertically, the surface of the bed is looked for within it; the stream
+    /// above the bed is measured up to the top of the domain. Default: the whole domain.
     #[serde(default)]
     pub part: Option<Extent>,
-    /// Solid fraction at the surface of the bed, of a mean over two diameters along the bed and one across it [1]. Solids are grains, bodies
-    /// and structures; lines of cells that are solid up to the top of the part, as in a pier, do not count. Default: 0.4 in 2-D and 0.3 in
-    /// 3-D, half of that inside a bed.
+    /// Solid fraction at the surface of the bed, of a mean over two diameters along the bed and one across it [1].
+    /// Solids are grains, bodies and structures; lines of cells that are solid up to the top of the part, as in a pier,
+    /// do not count. Default: 0.4 in 2-D and 0.3 in 3-D, half of that inside a bed.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub threshold: Option<f64>,
-    /// Diameter of the Shields number and of the dimensionless flux [m]. Default: the median d50 by volume of the grains present.
+    /// Diameter of the Shields number and of the dimensionless flux [m]. Default: the median d50 by volume of the
+    /// grains present.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub diameter: Option<f64>,
@@ -217,11 +220,12 @@ pub struct AveragesOutput {
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub from: f64,
-    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, counted from the first sample.
+    /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, counted from the first
+    /// sample.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub sample_every: f64,
-    /// Time between outputs of the averages [s], written at the steps nearest to its multiples and at the end of the run. Default: only at
-    /// the end of the run.
+    /// Time between outputs of the averages [s], written at the steps nearest to its multiples and at the end of the
+    /// run. Default: only at the end of the run.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
@@ -270,14 +274,15 @@ pub enum FieldName {
     EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
-    /// Part of a cell that is water [1], between 0 and 1: its contour 0.5 is the free surface. 1 everywhere without one.
+    /// Part of a cell that is water [1], between 0 and 1: its contour 0.5 is the free surface. 1 everywhere without
+    /// one.
     Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
 }
 
 impl FieldName {
-    /// Numbers per cell.
+    /// Returns the numbers per cell.
     #[must_use]
     pub fn components(self, dimension: usize) -> usize {
         match self {
@@ -295,7 +300,7 @@ pub struct GrainOutput {
     /// Time between outputs [s]. They are written at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// Whether the displacement of each grain since time 0 [m] is also written.
+    /// `true` if the displacement of each grain since time 0 [m] is also written.
     #[serde(default)]
     pub displacement: bool,
 }
@@ -319,7 +324,8 @@ pub struct Analysis {
     pub ground_collapse: Option<GroundCollapse>,
 }
 
-/// Erosion law: eroded mass M_e(t), hydraulic shear stress on the hole by three methods, and erosion rate per area of the hole.
+/// Erosion law: eroded mass M_e(t), hydraulic shear stress on the hole by three methods, and erosion rate per area of
+/// the hole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ErosionLaw {
@@ -334,8 +340,8 @@ pub struct ErosionLaw {
     /// Region whose removed grains count as eroded. Default: all regions that remove grains.
     #[serde(default)]
     pub outlet: Option<String>,
-    /// Fraction of the mass of the grains whose removal ends the run, even before `time.end` [1]: the remaining channel only flows faster.
-    /// Default: the run continues to `time.end`.
+    /// Fraction of the mass of the grains whose removal ends the run, even before `time.end` [1]: the remaining channel
+    /// only flows faster. Default: the run continues to `time.end`.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub end_at_eroded_fraction: Option<f64>,

@@ -1,7 +1,7 @@
 //! Reference of a case: path, type, unit, default, range, meaning and example of every parameter.
 //!
-//! All texts come from the schema and all values from the example cases, so that the reference agrees with the program. Each page
-//! describes one section of the case. [`markdown`] and [`html`] render the pages.
+//! All texts come from the schema and all values from the example cases, so that the reference agrees with the program.
+//! Each page describes one section of the case. [`markdown`] and [`html`] render the pages.
 
 pub mod html;
 pub mod markdown;
@@ -60,7 +60,7 @@ pub struct Parameter {
     pub kind: String,
     /// Unit; `1` for numbers without dimension.
     pub unit: Option<String>,
-    /// Whether the field must be given where its section is given.
+    /// `true` if the field must be given when its section is given.
     pub required: bool,
     /// Default value, as JSON.
     pub default: Option<Value>,
@@ -77,20 +77,20 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Last part of the path: the key in the JSON text.
+    /// Returns the last part of the path: the key in the JSON text.
     #[must_use]
     pub fn key(&self) -> &str {
         let last = self.path.rsplit('.').next().unwrap_or(&self.path);
         last.trim_end_matches("[]")
     }
 
-    /// Name of the anchor on the page.
+    /// Returns the name of the anchor on the page.
     #[must_use]
     pub fn anchor(&self) -> String {
         self.path.replace("[]", "").replace('.', "-")
     }
 
-    /// The example as a member of a JSON object.
+    /// Returns the example as a member of a JSON object.
     #[must_use]
     pub fn example_text(&self) -> Option<String> {
         let value = self.example.as_ref()?;
@@ -98,7 +98,7 @@ impl Parameter {
     }
 }
 
-/// The pages of the reference: the front page first, then one page for each section.
+/// Returns the pages of the reference: the front page first, then one page for each section.
 #[must_use]
 pub fn pages() -> Vec<Page> {
     let root = restart::mark(check::bare_schema());
@@ -152,7 +152,7 @@ pub fn pages() -> Vec<Page> {
     pages
 }
 
-/// The first part of a path.
+/// Returns the first part of a path.
 fn section_of(path: &str) -> &str {
     path.split(['.', '[']).next().unwrap_or(path)
 }
@@ -160,7 +160,7 @@ fn section_of(path: &str) -> &str {
 /// The longest example of a section that a page shows, as compact JSON [characters].
 const LONGEST_SECTION: usize = 900;
 
-/// The section in the case that uses it most, within a page; without one the shortest.
+/// Returns the section in the case that uses it most, within a page; without one the shortest.
 fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example> {
     cases
         .iter()
@@ -177,7 +177,7 @@ fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example
         })
 }
 
-/// The section with its defaults.
+/// Returns the section with its defaults.
 fn defaults(section: &Parameter) -> Option<Example> {
     let mut value = section.default.clone()?;
     value.as_object_mut()?.retain(|_, value| !value.is_null());
@@ -187,7 +187,7 @@ fn defaults(section: &Parameter) -> Option<Example> {
     })
 }
 
-/// The first value of every known path.
+/// Collects the first value of every known path.
 fn collect(value: &Value, path: &str, known: &[String], seen: &mut BTreeMap<String, Value>) {
     if !path.is_empty() {
         seen.entry(path.to_owned()).or_insert_with(|| value.clone());
@@ -220,13 +220,13 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn at(&self, pointer: &str) -> &'a Value {
+    fn node(&self, pointer: &str) -> &'a Value {
         self.root.pointer(pointer).unwrap_or(&Value::Null)
     }
 
-    /// The schemas among which a value may choose: references resolved, `null` left out.
+    /// Returns the schemas among which a value may choose: references resolved, `null` left out.
     fn alternatives(&self, pointer: &str) -> Vec<String> {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         if let Some(target) = node.get("$ref").and_then(Value::as_str) {
             return self.alternatives(target.trim_start_matches('#'));
         }
@@ -241,9 +241,9 @@ impl<'a> Reader<'a> {
 
     /// Lists a field or variant and all below it.
     fn parameter(&mut self, path: String, pointer: &str, about: Option<&str>, required: bool) {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         let alternatives = self.alternatives(pointer);
-        let described = |pointer: &str| self.at(pointer).get("description")?.as_str();
+        let described = |pointer: &str| self.node(pointer).get("description")?.as_str();
         let mut meaning = Vec::from_iter(about.or_else(|| described(pointer)));
         for one in &alternatives {
             let items = format!("{one}/items");
@@ -265,7 +265,7 @@ impl<'a> Reader<'a> {
             unit: unit(&meaning).map(str::to_owned),
             required,
             default: node.get("default").cloned(),
-            range: alternatives.iter().find_map(|one| range(self.at(one))),
+            range: alternatives.iter().find_map(|one| range(self.node(one))),
             words: alternatives
                 .iter()
                 .flat_map(|one| self.words(one))
@@ -287,7 +287,7 @@ impl<'a> Reader<'a> {
 
     /// Lists what lies below a resolved schema: required fields first.
     fn children(&mut self, path: &str, pointer: &str) {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         if let Some(properties) = node.get("properties").and_then(Value::as_object) {
             let required = |key: &str| {
                 let list = node.get("required").and_then(Value::as_array);
@@ -329,7 +329,7 @@ impl<'a> Reader<'a> {
 
     /// Words that a schema allows, with their meanings.
     fn words(&self, pointer: &str) -> Vec<(String, String)> {
-        let node = self.at(pointer);
+        let node = self.node(pointer);
         let word = |option: &Value| {
             let text = option.get("const")?.as_str()?;
             let about = option.get("description").and_then(Value::as_str);
@@ -351,7 +351,7 @@ impl<'a> Reader<'a> {
     fn kind(&self, alternatives: &[String]) -> String {
         let mut kinds: Vec<String> = Vec::new();
         for one in alternatives {
-            let kind = self.kind_of(self.at(one), one);
+            let kind = self.kind_of(self.node(one), one);
             if !kinds.contains(&kind) {
                 kinds.push(kind);
             }
@@ -397,7 +397,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The unit in a description: the first brackets that hold one.
+/// Returns the unit in a description: the first brackets that hold one.
 fn unit(meaning: &str) -> Option<&str> {
     let in_brackets = meaning.match_indices('[').find_map(|(at, _)| {
         let rest = &meaning[at + 1..];
@@ -408,7 +408,7 @@ fn unit(meaning: &str) -> Option<&str> {
     in_brackets.or_else(|| meaning.contains("without unit").then_some("1"))
 }
 
-/// The range that a schema allows for a number.
+/// Returns the range that a schema allows for a number.
 fn range(node: &Value) -> Option<String> {
     let bound = |key, words: &str| Some(format!("{words} {}", node.get(key)?.as_f64()?));
     let lower = bound("exclusiveMinimum", "above").or_else(|| bound("minimum", "at least"));
@@ -417,7 +417,8 @@ fn range(node: &Value) -> Option<String> {
     (!both.is_empty()).then(|| both.join(", "))
 }
 
-/// The parameter that a name in a description means: a neighbour, else one further up, else the only one of that name.
+/// Returns the parameter that a name in a description means: a neighbour, else one further up, else the only one of
+/// that name.
 fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {
@@ -442,7 +443,7 @@ fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a
     (all.next().is_none() && only.1.path != from).then_some(only)
 }
 
-/// A description in parts: text, and names in backticks.
+/// Returns a description in parts: text, and names in backticks.
 fn parts(text: &str) -> impl Iterator<Item = (bool, &str)> {
     text.split('`')
         .enumerate()

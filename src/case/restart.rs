@@ -1,6 +1,7 @@
 //! The changes of a case that a restart allows and refuses, each with its reason.
 //!
-//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields concerned.
+//! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields
+//! concerned.
 
 use base::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
@@ -10,7 +11,7 @@ use serde_json::{Map, Value, json};
 pub struct Changeable {
     /// Path as in messages; `[*]` is any item of a list. Everything below the path is meant too.
     pub path: &'static str,
-    /// What a change means.
+    /// Consequence of a change.
     pub effect: &'static str,
 }
 
@@ -18,7 +19,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
     Changeable { path, effect }
 }
 
-/// What a restart may change.
+/// Fields that a restart may change.
 pub const CHANGEABLE: [Changeable; 33] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
@@ -31,7 +32,8 @@ pub const CHANGEABLE: [Changeable; 33] = [
     may("domain.slab_bounds", "affects the cost only"),
     may(
         "output",
-        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep `from` and `sample_every`",
+        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep \
+         `from` and `sample_every`",
     ),
     may("probes", "from the checkpoint on"),
     may("checkpoint", "from the checkpoint on"),
@@ -42,7 +44,8 @@ pub const CHANGEABLE: [Changeable; 33] = [
     ),
     may(
         "walls",
-        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and times",
+        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and \
+         times",
     ),
     may("box_walls", "walls on faces may be added and removed"),
     may(
@@ -115,7 +118,7 @@ pub const CHANGEABLE: [Changeable; 33] = [
     may("accuracy", "has no effect: the choices at the start remain"),
 ];
 
-/// Why the rest may not change, by the first part of the path that fits.
+/// Reason why the other fields may not change, by the first part of the path that fits.
 const KEPT: [(&str, &str); 12] = [
     ("domain", "the saved state has the cells of this domain"),
     (
@@ -146,8 +149,8 @@ const KEPT: [(&str, &str); 12] = [
     ("analysis", "its records start with the run"),
 ];
 
-/// Where two trees differ: path and both values. Lists of another length differ as a whole, and so do numbers that are not equal as
-/// numbers.
+/// Finds the differences of two trees: path and both values. Lists of another length differ as a whole, and so do
+/// numbers that are not equal as numbers.
 fn differences<'a>(
     old: &'a Value,
     new: &'a Value,
@@ -175,7 +178,7 @@ fn differences<'a>(
     }
 }
 
-/// Whether a path is this pattern or lies below it.
+/// Returns `true` if a path is equal to this pattern or below it.
 fn fits(pattern: &str, path: &str) -> bool {
     let mut rest = path;
     for (n, part) in pattern.split("[*]").enumerate() {
@@ -197,7 +200,8 @@ fn fits(pattern: &str, path: &str) -> bool {
     rest.is_empty() || rest.starts_with('.') || rest.starts_with('[')
 }
 
-/// What differs between two cases, as serialised with all their defaults: paths that may change, and a problem for each that may not.
+/// Returns the differences of two cases, as serialised with all their defaults: paths that may change, and a problem
+/// for each that may not.
 #[must_use]
 pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     let mut found = Vec::new();
@@ -231,12 +235,13 @@ fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
         path,
         value: format!("{} (was {})", brief(new), brief(old)),
         reason: format!("a restart may not change this: {reason}"),
-        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may change".into(),
+        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may \
+            change".into(),
         severity: Severity::Error,
     }
 }
 
-/// Puts the list into a schema: whole under `x-restart` of the root, and each effect beside its field.
+/// Adds the list to a schema: as a whole under `x-restart` of the root, and each effect at its field.
 #[must_use]
 pub fn mark(mut schema: Value) -> Value {
     let list: Vec<Value> = CHANGEABLE
@@ -259,7 +264,7 @@ pub fn mark(mut schema: Value) -> Value {
     schema
 }
 
-/// The JSON pointer of a field's schema.
+/// Returns the JSON pointer of a field's schema.
 fn locate(root: &Value, path: &str) -> Option<String> {
     let mut at = String::new();
     for part in path.split('.') {
@@ -275,7 +280,7 @@ fn locate(root: &Value, path: &str) -> Option<String> {
     Some(at)
 }
 
-/// The schema that a pointer means, `$ref`, optional fields and annotated values looked through.
+/// Returns the schema that a pointer means, `$ref`, optional fields and annotated values looked through.
 fn follow(root: &Value, at: &str) -> Option<String> {
     let node = root.pointer(at)?;
     if let Some(name) = node.get("$ref").and_then(Value::as_str) {
@@ -293,7 +298,7 @@ fn follow(root: &Value, at: &str) -> Option<String> {
     Some(at.to_owned())
 }
 
-/// The property of this name of an object, or of one of its variants.
+/// Returns the property of this name of an object, or of one of its variants.
 fn property(root: &Value, at: &str, key: &str) -> Option<String> {
     let at = follow(root, at)?;
     let direct = format!("{at}/properties/{key}");

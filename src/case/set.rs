@@ -1,7 +1,7 @@
 //! `--set path=value`: changes any field of a case from the command line.
 //!
-//! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing objects on the path
-//! are created. An index one past the end of a list appends.
+//! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing
+//! objects on the path are created. An index one past the end of a list appends.
 
 use super::text::brief;
 use base::error::{Problem, Severity};
@@ -86,7 +86,7 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
     Ok(path.to_string())
 }
 
-/// Whether `known` is `path` or lies below it.
+/// Returns `true` if `known` is `path` or below it.
 #[must_use]
 pub fn covers(path: &str, known: &str) -> bool {
     known
@@ -94,7 +94,7 @@ pub fn covers(path: &str, known: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || rest.starts_with('['))
 }
 
-/// No path of a case has more steps; a tree that is deeper could not be walked.
+/// Maximum number of steps of a path; a tree that is deeper could not be walked.
 const MOST_STEPS: usize = 64;
 
 fn parse(path: &str) -> Option<Vec<Step>> {
@@ -117,7 +117,7 @@ fn parse(path: &str) -> Option<Vec<Step>> {
     Some(steps)
 }
 
-/// The value at a path written as in messages.
+/// Returns the value at a path written as in messages.
 #[must_use]
 pub fn lookup<'a>(tree: &'a Value, path: &str) -> Option<&'a Value> {
     parse(path)?.iter().try_fold(tree, |node, step| match step {

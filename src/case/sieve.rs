@@ -1,7 +1,7 @@
 //! A grading by a sieve curve: the fraction of the mass that passes each sieve.
 //!
-//! Between two sieves of openings a < b the passing mass rises in proportion to the logarithm of the diameter, as drawn on paper. With the
-//! fraction m of the mass between them, the mass and the number of grains per diameter are
+//! Between two sieves of openings a < b the passing mass rises in proportion to the logarithm of the diameter, as drawn
+//! on paper. With the fraction m of the mass between them, the mass and the number of grains per diameter are
 //!
 //! ```text
 //! dm/dd = m/[d ln(b/a)]        dn/dd = m/[d^(D+1) ln(b/a)]        D = 3 for spheres, 2 for discs of the plane
@@ -9,8 +9,8 @@
 //! d(u) = [a^-D - u (a^-D - b^-D)]^(-1/D)                          diameter below which the part u of the number lies
 //! ```
 //!
-//! because the mass of a grain grows as d^D at one density. Percentile diameters and the coefficients of uniformity and curvature are
-//! those of ISO 14688-2: C_u = d60/d10, C_c = d30^2/(d10 d60).
+//! because the mass of a grain grows as d^D at one density. Percentile diameters and the coefficients of uniformity and
+//! curvature are those of ISO 14688-2: C_u = d60/d10, C_c = d30^2/(d10 d60).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,13 +39,13 @@ pub struct Span {
 }
 
 impl Span {
-    /// Number of grains over their mass in units of one of diameter 1, in 2 or 3 dimensions.
+    /// Returns the number of grains over their mass in units of one of diameter 1, in 2 or 3 dimensions.
     #[must_use]
     pub fn number(&self, dimension: usize) -> f64 {
         self.mass * self.moment(0, dimension)
     }
 
-    /// Integral of d^power over the number of grains, for a mass of 1 \[m^(power - D)\].
+    /// Returns the integral of d^power over the number of grains, for a mass of 1 \[m^(power - D)\].
     #[must_use]
     pub fn moment(&self, power: i32, dimension: usize) -> f64 {
         let log = (self.to / self.from).ln();
@@ -57,7 +57,7 @@ impl Span {
         self.from.powi(rest) * (f64::from(rest) * log).exp_m1() / (f64::from(rest) * log)
     }
 
-    /// The diameter below which this part of the number of grains lies \[m\].
+    /// Returns the diameter below which this part of the number of grains lies \[m\].
     #[must_use]
     pub fn diameter(&self, part: f64, dimension: usize) -> f64 {
         let power = exponent(dimension);
@@ -71,7 +71,7 @@ fn exponent(dimension: usize) -> i32 {
     if dimension == 2 { 2 } else { 3 }
 }
 
-/// The parts of a curve that hold grains.
+/// Returns the parts of a curve that hold grains.
 pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
     let pairs = curve.windows(2).map(|pair| Span {
         from: pair[0].diameter,
@@ -81,10 +81,10 @@ pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
     pairs.filter(|span| span.mass > 0.0)
 }
 
-/// What is wrong with a curve.
+/// Checks a sieve curve.
 ///
 /// # Errors
-/// A sentence that names the sieve.
+/// A sentence that names the sieve at fault.
 pub fn check(curve: &[Sieve]) -> Result<(), String> {
     if curve.len() < 2 {
         return Err("a sieve curve needs two sieves at least".into());
@@ -121,7 +121,8 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     let (finest, coarsest) = (curve[0], curve[curve.len() - 1]);
     if finest.passing > 0.0 {
         return Err(format!(
-            "{} of the mass passes the finest sieve of {} m, and no size is known below it: begin with a diameter that nothing passes",
+            "{} of the mass passes the finest sieve of {} m, and no size is known below it: begin with a diameter \
+             that nothing passes",
             finest.passing, finest.diameter
         ));
     }
@@ -134,7 +135,7 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     Ok(())
 }
 
-/// Smallest and largest diameter of the grains \[m\].
+/// Returns the smallest and largest diameter of the grains \[m\].
 #[must_use]
 pub fn bounds(curve: &[Sieve]) -> (f64, f64) {
     spans(curve).fold((f64::INFINITY, 0.0), |(low, high), span| {
@@ -142,7 +143,7 @@ pub fn bounds(curve: &[Sieve]) -> (f64, f64) {
     })
 }
 
-/// Mean over the number of grains of a power of the diameter \[m^power\].
+/// Returns the mean over the number of grains of a power of the diameter \[m^power\].
 #[must_use]
 pub fn mean_power(curve: &[Sieve], power: i32, dimension: usize) -> f64 {
     let (mut sum, mut number) = (0.0, 0.0);
@@ -153,7 +154,7 @@ pub fn mean_power(curve: &[Sieve], power: i32, dimension: usize) -> f64 {
     sum / number
 }
 
-/// The diameter below which this part of the number of grains lies \[m\].
+/// Returns the diameter below which this part of the number of grains lies \[m\].
 #[must_use]
 pub fn diameter(curve: &[Sieve], part: f64, dimension: usize) -> f64 {
     let all: f64 = spans(curve).map(|span| span.number(dimension)).sum();
@@ -188,8 +189,8 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter of the grain with which the mass
-    /// of all smaller ones reaches it.
+    /// Returns those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter
+    /// of the grain with which the mass of all smaller ones reaches it.
     #[must_use]
     pub fn of(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
         let mut diameters: Vec<f64> = radii.map(|r| 2.0 * r).collect();

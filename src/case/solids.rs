@@ -18,15 +18,17 @@ pub struct Wall {
     /// Velocity [m/s]. The tangential component drags grains along, the normal component moves the wall. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
-    /// Period in which the wall exists. A wall of the preparation supports the grains while they settle and are bonded, and is removed when the
-    /// run begins.
+    /// Period in which the wall exists. A wall of the preparation supports the grains while they settle and are bonded,
+    /// and is removed when the run begins.
     #[serde(default)]
     pub during: WallStage,
-    /// Time of the run from which the wall exists [s]. A body that it cuts into then ends the run. Default: the wall exists from the start.
+    /// Time of the run from which the wall exists [s]. A body that it cuts into then ends the run. Default: the wall
+    /// exists from the start.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub from: Option<f64>,
-    /// Time of the run until which the wall exists [s], such as the time at which a gate opens or a sheet is pulled. Default: until the end.
+    /// Time of the run until which the wall exists [s], such as the time at which a gate opens or a sheet is pulled.
+    /// Default: until the end.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until: Option<f64>,
@@ -39,8 +41,8 @@ pub enum WallStage {
     /// During the preparation and the run.
     #[default]
     Always,
-    /// Only during the preparation, such as a gate or a plug in an opening. It acts on grains that are deposited, or that come to rest
-    /// after they are bonded.
+    /// Only during the preparation, such as a gate or a plug in an opening. It acts on grains that are deposited, or
+    /// that come to rest after they are bonded.
     Preparation,
 }
 
@@ -127,7 +129,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Whether it is a disc or a sphere.
+    /// Returns `true` if it is a disc or a sphere.
     #[must_use]
     pub fn round(&self) -> bool {
         matches!(self, Self::Disc { .. } | Self::Sphere { .. })

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use structure::Shape;
 
-/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another, leave the
-/// domain and cross its periodic faces.
+/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another,
+/// leave the domain and cross its periodic faces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Structure {
@@ -16,12 +16,12 @@ pub struct Structure {
     /// Material in contacts. Default: the material of the grains, else of the blocks, else of the first free body.
     #[serde(default)]
     pub material: Option<String>,
-    /// What the structure stops.
+    /// Materials that the structure stops.
     #[serde(default)]
     pub stops: Stops,
 }
 
-/// What a structure stops.
+/// Materials that a structure stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -36,13 +36,13 @@ pub enum Stops {
 }
 
 impl Stops {
-    /// Whether water meets it.
+    /// Returns `true` if it stops water.
     #[must_use]
     pub fn water(self) -> bool {
         self != Self::Grains
     }
 
-    /// Whether grains and blocks meet it.
+    /// Returns `true` if it stops grains and blocks.
     #[must_use]
     pub fn grains(self) -> bool {
         self != Self::Water

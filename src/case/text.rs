@@ -1,5 +1,6 @@
-//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects with more keys than
-//! [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most 127 deep.
+//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects
+//! with more keys than [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most
+//! 127 deep.
 
 mod plain;
 
@@ -16,7 +17,7 @@ pub const MOST_VALUES: usize = 20_000_000;
 /// Problems of one text that are listed; the rest is counted.
 pub const MOST_PROBLEMS: usize = 50;
 
-/// The message about problems that are not listed.
+/// Returns the message about problems that are not listed.
 #[must_use]
 pub fn unlisted(more: usize) -> Option<Problem> {
     (more > 0).then(|| Problem {
@@ -28,7 +29,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     })
 }
 
-/// The tree, as far as the text is valid, and its problems.
+/// Returns the tree, as far as the text is valid, and its problems.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     let text = text.trim_start_matches('\u{feff}');
@@ -66,10 +67,10 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     }
 }
 
-/// How the sentence begins about an object whose last keys were not read.
+/// Beginning of the message about an object whose last keys were not read.
 const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
 
-/// Whether an object of the text was read in part.
+/// Returns `true` if an object of the text was read in part.
 #[must_use]
 pub(crate) fn cut_short(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.reason.starts_with(TOO_MANY))
@@ -197,7 +198,7 @@ impl<'de> Visitor<'de> for Node<'_> {
     }
 }
 
-/// The path of a field of the object at `path`.
+/// Returns the path of a field of the object at `path`.
 #[must_use]
 pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() {
@@ -207,7 +208,7 @@ pub fn join(path: &str, key: &str) -> String {
     }
 }
 
-/// A value as text short enough for a sentence.
+/// Returns a value as text short enough for a sentence.
 #[must_use]
 pub fn brief(value: &Value) -> String {
     let mut head = Head(Vec::new());

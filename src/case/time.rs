@@ -10,21 +10,22 @@ pub struct Time {
     /// Physical end time [s], counted from the end of the warm-up.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub end: f64,
-    /// Solid steps per fluid step. `auto` takes the smallest number that keeps the solid time step below `solid_time_step_safety` times the
-    /// critical time step.
+    /// Solid steps per fluid step. `auto` takes the smallest number that keeps the solid time step below
+    /// `solid_time_step_safety` times the critical time step.
     #[serde(default)]
     pub solid_steps_per_fluid_step: SolidSteps,
     /// Solid time step [s] of a case without fluid. Default: `solid_time_step_safety` times the critical time step.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub solid_time_step: Option<f64>,
-    /// Largest solid time step over the critical one [1]. The critical time step is 2 sqrt(m/k) of the lightest grain; for Hertz-Mindlin
-    /// contacts the shorter of that and the Rayleigh time. Above about 0.2 the plan checks every grain with all of its contacts.
+    /// Largest solid time step over the critical one [1]. The critical time step is 2 sqrt(m/k) of the lightest grain;
+    /// for Hertz-Mindlin contacts the shorter of that and the Rayleigh time. Above about 0.2 the plan checks every
+    /// grain with all of its contacts.
     #[serde(default = "default_safety")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub solid_time_step_safety: f64,
-    /// Skin of the neighbour lists over the mean grain radius [1]. A larger skin gives longer lists that are rebuilt less often. Results do
-    /// not depend on it.
+    /// Skin of the neighbour lists over the mean grain radius [1]. A larger skin gives longer lists that are rebuilt
+    /// less often. Results do not depend on it.
     #[serde(default = "default_skin")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 4))]
     pub neighbour_skin: f64,
@@ -33,7 +34,8 @@ pub struct Time {
     pub warm_up: Option<WarmUp>,
 }
 
-// Of 0.003 to 2, on spheres at rest and in a fast flow (benches/accuracy/neighbour-skin): at rest 0.2 to 1 cost the same.
+// Of 0.003 to 2, on spheres at rest and in a fast flow (benches/accuracy/neighbour-skin): at rest 0.2 to 1 cost the
+// same.
 fn default_skin() -> f64 {
     0.5
 }
@@ -52,7 +54,7 @@ fn default_safety() -> f64 {
 pub enum SolidSteps {
     /// A fixed number.
     Number(#[schemars(range(min = 1, max = 100_000))] u32),
-    /// As many as stability requires.
+    /// Number that stability requires.
     Auto(Auto),
 }
 
@@ -90,8 +92,8 @@ pub enum WarmUp {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Physical time between checkpoints [s], written at the steps nearest to its multiples and at the end of the run. Default: no
-    /// checkpoints by physical time.
+    /// Physical time between checkpoints [s], written at the steps nearest to its multiples and at the end of the run.
+    /// Default: no checkpoints by physical time.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: Option<f64>,
     /// Wall-clock time between checkpoints [s]. 0 turns them off.
@@ -122,24 +124,25 @@ pub struct Guards {
     /// Largest velocity in lattice units, |u| dt/h [1]. The Mach number is √3 times this value.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
     pub max_lattice_velocity: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns [1]. The errors of pressure and mass conservation of an
-    /// incompressible flow are of this size.
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns [1]. The errors of pressure and mass
+    /// conservation of an incompressible flow are of this size.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub warn_compression: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and the plan is refused [1]. Cells enclosed by
-    /// bodies are excluded, because moving bodies compress them. Corners of fast lid-driven flows may need more than the default.
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and the plan is refused
+    /// [1]. Cells enclosed by bodies are excluded, because moving bodies compress them. Corners of fast lid-driven
+    /// flows may need more than the default.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
-    /// Overlap of a contact over the radius of the smaller body above which the run ends (exit code 4) [1]; of a polyhedron the radius is
-    /// that from its centroid to the nearest face. Every solid step counts. At 1 the centre of a body has come to the surface of the
-    /// other: a thin wall is passed through.
+    /// Overlap of a contact over the radius of the smaller body above which the run ends (exit code 4) [1]; of a
+    /// polyhedron the radius is that from its centroid to the nearest face. Every solid step counts. At 1 the centre of
+    /// a body has come to the surface of the other: a thin wall is passed through.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_overlap: f64,
     /// Memory of all nodes of the run together [GiB]. Default: the memory of this node.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub memory_gib: Option<f64>,
-    /// Consequence of a limit of the method that the plan finds exceeded: lattice velocity, density change, cells per diameter, solid time
-    /// step.
+    /// Consequence of a limit of the method that the plan finds exceeded: lattice velocity, density change, cells per
+    /// diameter, solid time step.
     pub limits: Limits,
 }
 

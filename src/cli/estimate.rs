@@ -13,7 +13,7 @@ use std::time::Duration;
 use studies::sweep::study::Run;
 use studies::uncertainty::{self, Members, Options};
 
-/// What to estimate, and how.
+/// Options of an estimate.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -43,7 +43,7 @@ pub(super) struct Arguments {
     max_walltime: Option<Duration>,
 }
 
-/// The runs are separate processes, as the members of a sweep.
+/// Runs an estimate, whose runs are separate processes like the members of a sweep.
 pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -105,7 +105,7 @@ fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
     asked.map_or_else(share, u32::from)
 }
 
-/// What an estimate of a plan costs, or why there is none.
+/// Returns the cost of an estimate of a plan, or why there is none.
 pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     match Members::of(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_lines(),
@@ -113,7 +113,7 @@ pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     }
 }
 
-/// The same as data.
+/// Returns the cost of an estimate as JSON.
 pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
     match Members::of(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_json(),
@@ -121,7 +121,7 @@ pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
     }
 }
 
-/// The first reason.
+/// Returns the first reason.
 fn why(error: &Error) -> String {
     match error {
         Error::Case(problems) => problems

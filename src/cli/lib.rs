@@ -1,7 +1,8 @@
-//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as well.
+//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as
+//! well.
 //!
-//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the number of ranks are
-//! found when MPI has started, before the verdict is printed. Only the first rank reports them.
+//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the
+//! number of ranks are found when MPI has started, before the verdict is printed. Only the first rank reports them.
 
 #![cfg_attr(
     test,
@@ -47,7 +48,8 @@ use studies::uncertainty::pilot;
 
 /// Water eroding soil and rock: lattice Boltzmann, discrete elements and Darcy seepage on MPI.
 #[derive(Debug, Parser)]
-#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES, subcommand_required = true, arg_required_else_help = true)]
+#[command(name = "solver", version = VERSION.as_str(), about = ABOUT, after_help = EXIT_CODES,
+    subcommand_required = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -156,7 +158,7 @@ enum Command {
     Sweep {
         /// Study file.
         study: PathBuf,
-        /// Output folder [default: beside the study, with its name].
+        /// Output folder [default: next to the study, with its name].
         #[arg(long, value_name = "DIR")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -233,7 +235,7 @@ struct CriticalArgs {
     #[arg(long, allow_hyphen_values = true)]
     to: f64,
     /// Width of the final bracket over its upper end [1].
-    #[arg(long, default_value_t = 0.05, value_parser = share)]
+    #[arg(long, default_value_t = 0.05, value_parser = fraction)]
     tolerance: f64,
     /// Minimum outflow counted as erosion: number of grains that leave in a run.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
@@ -322,8 +324,8 @@ struct Stability {
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
-    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word. The
-    // flag itself is never looked at.
+    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word.
+    // The flag itself is never looked at.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
@@ -458,7 +460,7 @@ fn ended(result: Result<(), Error>) -> i32 {
 /// Delay of the other ranks behind the first one, which reports the error.
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
-/// `solver case.json` is `solver run case.json`.
+/// Adds the default command: `solver case.json` is `solver run case.json`.
 ///
 /// # Errors
 /// [`Error::Usage`] where the first word is neither a command nor a file.
@@ -499,7 +501,8 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
     if !Verdict::of(&plan.warnings).runs(stability.allow_unstable) {
         return accept(&plan);
     }
-    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are known.
+    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are
+    // known.
     let mut accepted = false;
     let outcome = simulation::run::run(plan, options, |plan| {
         accepted = true;
@@ -511,7 +514,7 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
     }
 }
 
-/// The members are separate processes. If several ranks were started, only the first one runs them.
+/// Runs a sweep, whose members are separate processes. If several ranks were started, only the first one runs them.
 fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -520,13 +523,13 @@ fn sweep(sweep: &Sweep) -> Result<(), Error> {
     report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
-/// The folder of a case where none is named.
+/// Returns the folder of a case where none is named.
 fn folder_of(case: &Path) -> PathBuf {
     Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
 }
 
-/// A part of a whole, above 0 and below 1.
-fn share(text: &str) -> Result<f64, String> {
+/// Returns a part of a whole, above 0 and below 1.
+fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err("a number above 0 and below 1".into()),
@@ -541,7 +544,7 @@ fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
-/// As [`report_problems`], with the verdict on a case that only the work itself has read.
+/// Reports problems like [`report_problems`], with the verdict on a case that only the work itself has read.
 fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     let outcome = report_problems(outcome);
     if let Err(Error::Case(findings)) = &outcome {
@@ -550,7 +553,7 @@ fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     outcome
 }
 
-/// The verdict on a case that is not run.
+/// Returns the verdict on a case that is not run.
 fn refusal(findings: &[Problem], name: &Path) -> String {
     let sentence = match Verdict::of(findings) {
         // Files that are not text have no findings.
@@ -628,7 +631,7 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     judge(&plan.warnings, case, stability)
 }
 
-/// Returns the plan of the case with its pilot, which is run and written beside the case.
+/// Returns the plan of the case with its pilot, which is run and written to the folder of the case.
 fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     let report = |line: &str| {
         if !case.json {
@@ -656,7 +659,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     Plan::prepare(document).map_err(Error::Case)
 }
 
-/// The findings, then the plan.
+/// Prints the findings, then the plan.
 fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
         print(&pretty(&shown(plan)))
@@ -666,14 +669,14 @@ fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     }
 }
 
-/// The plan and its verdict as data.
+/// Returns the plan and its verdict as data.
 fn shown(plan: &Plan) -> serde_json::Value {
     let mut tree = serde_json::to_value(plan).unwrap_or_default();
     tree["verdict"] = Verdict::of(&plan.warnings).name().into();
     tree
 }
 
-/// The findings as data.
+/// Returns the findings as data.
 fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
     let verdict = Verdict::of(findings);
     let allowed = stability.allow_unstable;
@@ -755,7 +758,8 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             .iter()
             .map(|e| format!("{:14}  {}", e.name, e.summary))
             .collect();
-        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > study.json; solver sweep study.json";
+        let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > \
+            study.json; solver sweep study.json";
         return print(&format!("{}\n{last}", lines.join("\n")));
     };
     match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {
@@ -788,8 +792,8 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of a shell: there it
-/// counts only with a number of ranks above it.
+/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of
+/// a shell: there it counts only with a number of ranks above it.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
     let ranks: [(&str, &[&str]); 3] = [
@@ -808,7 +812,7 @@ fn first_rank() -> bool {
         })
 }
 
-/// A text to the standard output; a reader that has gone away is no error.
+/// Prints a text to the standard output; a reader that has gone away is no error.
 fn print(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -816,7 +820,7 @@ fn print(text: &str) -> Result<(), Error> {
     put(format!("{}\n", printable_lines(text)).as_bytes())
 }
 
-/// Bytes to the standard output as they are; a reader that has gone away is no error.
+/// Writes bytes to the standard output as they are; a reader that has gone away is no error.
 fn put(bytes: &[u8]) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -830,7 +834,7 @@ fn put(bytes: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// A text to the standard error; nothing can be done if that fails.
+/// Prints a text to the standard error; nothing can be done if that fails.
 fn report_error(text: &str) {
     if first_rank() {
         let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));

@@ -5,14 +5,14 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 use std::io::Write;
 
-/// The script that completes commands and options in a shell.
+/// Returns the script that completes commands and options in a shell.
 pub(super) fn completions<C: CommandFactory>(shell: Shell) -> Vec<u8> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut C::command(), "solver", &mut script);
     script
 }
 
-/// The manual page of the program and, below, of each of its commands, in roff: `solver man | man -l -`.
+/// Returns the manual page of the program and, below, of each of its commands, in roff: `solver man | man -l -`.
 ///
 /// # Errors
 /// None of a writer into memory; the signature is that of the renderer.
@@ -34,7 +34,7 @@ pub(super) fn page<C: CommandFactory>() -> std::io::Result<Vec<u8>> {
     Ok(page)
 }
 
-/// A section for a command: its sections one level lower, so that all of them make one page.
+/// Writes a section for a command: its sections one level lower, so that all of them make one page.
 fn one_command(command: &Command, page: &mut Vec<u8>) -> std::io::Result<()> {
     let man = Man::new(command.clone());
     let mut section = Vec::new();

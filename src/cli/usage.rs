@@ -5,16 +5,16 @@ use case::check::nearest;
 use std::ffi::OsStr;
 use std::path::Path;
 
-/// More threads in a rank than this are a slip: no machine has as many cores for one rank.
+/// Maximum number of threads in a rank; more are a slip: no machine has as many cores for one rank.
 pub(super) const MOST_THREADS: u16 = 1024;
 
-/// A first word that is no command has to be a case: a file that is there, or what may be the name of one.
+/// Checks that a first word that is no command can be a case: a file that is there, or a possible name of one.
 ///
 /// # Errors
 /// [`Error::Usage`] where it is neither.
 pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
     let text = word.to_string_lossy();
-    // A dot or a slash: somebody means a file, and the reader says what is wrong with it.
+    // A path: the reader reports the error.
     if text.starts_with('-') || text.contains(['.', '/']) || Path::new(word).exists() {
         return Ok(());
     }
@@ -32,7 +32,7 @@ pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The number of threads of a rank.
+/// Returns the number of threads of a rank.
 pub(super) fn threads(text: &str) -> Result<u16, String> {
     match text.parse() {
         Ok(threads) if (1..=MOST_THREADS).contains(&threads) => Ok(threads),

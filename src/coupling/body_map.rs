@@ -1,11 +1,12 @@
 //! The cells inside each body and the links that cross the surfaces, updated where bodies moved.
 //!
-//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a body is the smallest
-//! distance of any nearby cell centre from its surface. The cells of a body cannot change until it has moved by its slack; until then
-//! it costs one comparison per step. A packing at rest therefore costs almost nothing. The map is a function of the positions alone: it is the same
-//! after a restart and on any number of ranks.
+//! A cell belongs to the body that contains its centre, and to the body of lowest id if several do. The *slack* of a
+//! body is the smallest distance of any nearby cell centre from its surface. The cells of a body cannot change until it
+//! has moved by its slack; until then it costs one comparison per step. A packing at rest therefore costs almost
+//! nothing. The map is a function of the positions alone: it is the same after a restart and on any number of ranks.
 //!
-//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same bits.
+//! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
+//! bits.
 
 mod links;
 mod look;
@@ -29,7 +30,8 @@ use slab::Slab;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the highest bit free.
+/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the
+/// highest bit free.
 const OUTSIDE: u32 = u32::MAX >> 1;
 /// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
@@ -52,7 +54,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+    /// Returns the distance in cells from the raw frame of a body to the local cells of the slab, for its image.
     pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|a| {
             if a < dimension {
@@ -68,7 +70,7 @@ impl Grid {
 /// second. Grains within this many cells of a slab must be known there.
 pub const GHOSTS: i32 = 2;
 
-/// What a link needs to know beyond geometry.
+/// Data of a link beyond its geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// Radius that the fluid sees over the radius of a grain.
@@ -77,7 +79,7 @@ pub struct Rules {
     pub first_grain: u64,
     /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
     pub isolated: Option<usize>,
-    /// Links look at the cell behind their outer one, two from the body: interpolation needs water there.
+    /// `true` if links read the cell behind their outer one, two from the body: interpolation needs fluid there.
     pub interpolated: bool,
 }
 
@@ -91,20 +93,20 @@ struct Mapped {
     radius: f64,
     /// Quaternion of a polyhedron when it was mapped.
     orientation: [f64; 4],
-    /// It cannot change cells until it has moved this far; negative: not mapped yet.
+    /// Displacement before which it cannot change cells; negative: not mapped yet.
     slack: f64,
     nearest: Nearest,
-    /// It shares cells with another body: mapped again whenever anything is.
+    /// `true` if it shares cells with another body: mapped again whenever any body is.
     shares: bool,
-    /// It is to be mapped again in this update.
+    /// `true` if it is to be mapped again in this update.
     again: bool,
-    /// Its cells in local coordinates, with those that a body of lower id or a structure holds.
+    /// Cells in local coordinates, with those that a body of lower id or a structure holds.
     rows: Rows,
-    /// Room for the next look; after one that found other cells those before.
+    /// Buffer for the next search; after a search that found other cells, the previous cells.
     other: Rows,
 }
 
-/// How a polyhedron stands.
+/// Orientation and faces of a polyhedron.
 #[derive(Clone, Debug, Default)]
 struct Turned {
     quaternion: [f64; 4],
@@ -121,19 +123,20 @@ pub struct BodyMap {
     entries: HashMap<u32, Vec<u32>>,
     /// Places of the bodies that share cells.
     sharing: Vec<usize>,
-    /// Whether the entries refreshed last are those mapped, image by image.
+    /// `true` if the entries refreshed last are those mapped, image by image.
     adopted: bool,
     links: Vec<Vec<BodyLink>>,
     directions: Vec<Direction>,
     motion: Vec<Rigid>,
-    /// How polyhedra stand now, by entry; without faces for the others, and empty where there is none.
+    /// Present orientations of the polyhedra, by entry; without faces for other bodies, and empty if there are no
+    /// polyhedra.
     blocks: Vec<Turned>,
     changes: Vec<Change>,
     again: Vec<Again>,
     relink: Vec<AtomicBool>,
-    /// What looks at the bodies that moved have found, for each run of bodies.
+    /// Results of the search of the bodies that moved, for each run of bodies.
     found: Vec<Found>,
-    /// What threads that settle cells have found, and how many rows they settle below each layer.
+    /// Results of the threads that settle cells, and the number of rows they settle below each layer.
     settled: Vec<Settled>,
     rows_below: Vec<usize>,
     /// Links between two cells of water that sheets cut: place of the cell and direction.
@@ -144,9 +147,9 @@ pub struct BodyMap {
 #[derive(Clone, Copy, Debug)]
 struct Again {
     body: usize,
-    /// Its cells are others than before.
+    /// `true` if its cells have changed.
     moved: bool,
-    /// It shared cells before.
+    /// `true` if it shared cells before.
     shared: bool,
 }
 
@@ -155,7 +158,7 @@ struct Again {
 struct Change {
     cell: [i32; 3],
     before: u32,
-    /// What a body gains or loses by it.
+    /// Impulse that a body gains or loses by it.
     impulse: Option<Impulse>,
 }
 
@@ -176,7 +179,7 @@ fn tag(id: u64) -> u32 {
 }
 
 impl BodyMap {
-    /// A map without bodies for the slab of `populations`.
+    /// Returns a map without bodies for the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, rules: Rules) -> Self {
         let slab = Slab::new(populations, grid);
         Self {
@@ -201,8 +204,8 @@ impl BodyMap {
         }
     }
 
-    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction), before any body is
-    /// mapped.
+    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction),
+    /// before any body is mapped.
     pub fn stand_in(
         &mut self,
         cells: impl Iterator<Item = [i32; 3]>,
@@ -215,31 +218,31 @@ impl BodyMap {
         self.sheets.clone_from(sheets);
     }
 
-    /// Whether neither body nor structure holds the cell at a place in the map.
+    /// Returns `true` if neither body nor structure holds the cell at an index of the map.
     #[must_use]
     pub fn is_water(&self, place: u32) -> bool {
         self.owner[place as usize] == FLUID
     }
 
-    /// The links of each entry of the particles.
+    /// Returns the links of each entry of the particles.
     #[must_use]
     pub fn links(&self) -> &[Vec<BodyLink>] {
         &self.links
     }
 
-    /// Whether no body is mapped.
+    /// Returns `true` if no body is mapped.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Whether the last update changed no cell and no link.
+    /// Returns `true` if the last update changed no cell and no link.
     #[must_use]
     pub fn is_as_before(&self) -> bool {
         self.again.is_empty() && self.changes.is_empty()
     }
 
-    /// Motion of each entry in lattice units, as last refreshed.
+    /// Returns the motion of each entry in lattice units, as last refreshed.
     #[must_use]
     pub fn motion(&self) -> &[Rigid] {
         &self.motion
@@ -251,7 +254,7 @@ impl BodyMap {
         self.blocks.get(k).map_or(&[], |block| &block.planes)
     }
 
-    /// Id of the body that holds a cell of the slab (local coordinates).
+    /// Returns the id of the body that holds a cell of the slab (local coordinates).
     #[must_use]
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
@@ -323,8 +326,8 @@ impl BodyMap {
         Ok(())
     }
 
-    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered cells
-    /// is taken from it (Aidun, Lu and Ding 1998).
+    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered
+    /// cells is taken from it (Aidun, Lu and Ding 1998).
     ///
     /// Call after [`Self::refresh`].
     pub fn update_bodies<Sp: Space, S: Stored>(
@@ -419,7 +422,7 @@ impl BodyMap {
         self.links = links;
     }
 
-    /// What covering or uncovering a cell of the slab gives to the body that does it.
+    /// Returns the impulse on the body that covers or uncovers a cell of the slab.
     fn impulse<S: Stored>(
         &self,
         cell: [i32; 3],
@@ -451,7 +454,7 @@ impl BodyMap {
     }
 }
 
-/// Motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
+/// Returns the motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
 pub(super) fn in_cells<Sp: Space>(
     motion: &Motion<Sp>,
     grid: &Grid,

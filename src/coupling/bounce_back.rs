@@ -1,12 +1,13 @@
 //! Lattice Boltzmann with moving bounce-back around discs, spheres or convex polyhedra.
 //!
-//! In each step the lattice advances, and populations bounce back on the links that cross a body's surface ([`lbm::links`]). The
-//! loads are known at the middle of the step. They are averaged with those of the previous step (Ladd 1994) and are constant over the
-//! solid steps. Then the map of bodies is updated ([`super::body_map`]). Bodies keep fluid inside their shells, so that covering and
-//! uncovering cells creates no mass. The momentum of cells that change sides is exchanged with the body.
+//! In each step the lattice advances, and populations bounce back on the links that cross a body's surface
+//! ([`lbm::links`]). The loads are known at the middle of the step. They are averaged with those of the previous
+//! step (Ladd 1994) and are constant over the solid steps. Then the map of bodies is updated ([`super::body_map`]).
+//! Bodies keep fluid inside their shells, so that covering and uncovering cells creates no mass. The momentum of cells
+//! that change sides is exchanged with the body.
 //!
-//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse of
-//! cells covered since then (6 … 11).
+//! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse
+//! of cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, Grid, Rules};
 use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
@@ -30,9 +31,9 @@ use structure::Images;
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Where the surface lies on a link.
+    /// Position of the surface on a link.
     pub scheme: Scheme,
-    /// Average the loads of two half steps.
+    /// `true` if the loads of two half steps are averaged.
     pub average: bool,
     /// Radius and narrow gaps.
     pub rules: Rules,
@@ -50,9 +51,9 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
-    /// Motions by which gradients were told of the links.
+    /// Motions for which the gradients know the links.
     told: Vec<Rigid>,
-    /// The grains are held by nothing but the fluid's own start: no loads yet, the map is not yet made.
+    /// `true` if the grains have no loads yet, only the initial state of the fluid, and the map is not yet made.
     fresh: bool,
     space: PhantomData<Sp>,
 }
@@ -98,7 +99,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         self
     }
 
-    /// Which cells lie inside which body.
+    /// Returns the map of the cells inside bodies.
     #[must_use]
     pub fn map(&self) -> &BodyMap {
         &self.map
@@ -111,7 +112,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         )
     }
 
-    /// The eddy viscosity asks for gradients beside the links.
+    /// Registers the links with the gradients of the eddy viscosity.
     fn tell_gradients(&mut self) {
         if self.fluid.velocities().is_none() {
             return;
@@ -141,7 +142,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// How many steps may be made at once where there are no grains. The same on every rank.
+    /// Returns the number of steps that may be made at once if there are no grains. It is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         if self.structures.is_none() {
@@ -334,7 +335,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// What is inside the shells is not the water's.
+    /// Leaves cells inside the shells out of the balance of the fluid.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: Some(&self.map),

@@ -1,10 +1,12 @@
 //! The solid fraction of every cell that a body covers, updated where bodies moved.
 //!
-//! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row. The cells inside
-//! follow from where the row enters and leaves the body. Only the cells at its surface are measured ([`super::solid_fraction`]), and only
-//! cells with a changed fraction are passed to the lattice ([`lbm::saturation::Cover`]). The cover is a function of the positions
-//! alone: it is the same after a restart and on any number of ranks, because the geometry is computed in the frame of a body's raw position.
-//! A slab holds its own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the next one.
+//! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row.
+//! The cells inside follow from where the row enters and leaves the body. Only the cells at its surface are measured
+//! ([`super::solid_fraction`]), and only cells with a changed fraction are passed to the lattice
+//! ([`lbm::saturation::Cover`]). The cover is a function of the positions alone: it is the same after a restart
+//! and on any number of ranks, because the geometry is computed in the frame of a body's raw position. A slab holds its
+//! own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the
+//! next one.
 
 mod alone;
 mod runs;
@@ -24,7 +26,7 @@ use lbm::saturation::{Cover, DEEP, Solid};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Who is mapped: id, and which image.
+/// Body id and periodic image.
 type Name = (u64, [i32; 3]);
 
 /// One body, or one image of a body, near this slab.
@@ -32,14 +34,14 @@ type Name = (u64, [i32; 3]);
 struct Mapped {
     name: Name,
     slot: u32,
-    /// What it was mapped as; none before the first time.
+    /// Pose at which it was mapped; none before the first time.
     at: Option<Pose>,
-    /// Its cells, and those that it has from the next update on.
+    /// Cells, and those that it has from the next update on.
     cells: Runs,
     next: Runs,
-    /// Of a polyhedron; without faces that of a disc or sphere.
+    /// Surface of a polyhedron; without faces that of a disc or sphere.
     surface: Surface,
-    /// Since its cells were covered.
+    /// `true` if the body has moved since its cells were covered.
     moved: bool,
 }
 
@@ -63,7 +65,8 @@ impl Mapped {
         }
     }
 
-    /// The planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share tables, so that it stays whole.
+    /// Returns the planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share
+    /// tables, so that it stays whole.
     fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
         /// Fewer planes are not worth a piece.
         const FEWEST: i32 = 2;
@@ -83,7 +86,7 @@ impl Mapped {
     }
 }
 
-/// Where a body stands, in cells, and how large it is.
+/// Position, in cells, and size of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
     centre: [f64; 3],
@@ -107,14 +110,14 @@ pub struct CoverMap {
     alone: Alone,
     /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
     closed: Vec<bool>,
-    /// Bodies have moved since their cells were covered.
+    /// `true` if bodies have moved since their cells were covered.
     behind: bool,
-    /// Room that is used again.
+    /// Buffers, reused between updates.
     pieces: Vec<Piece>,
     scratch: Vec<Scratch>,
 }
 
-/// Up to this many bodies are shared out to threads by their planes, more of them whole.
+/// Number of bodies up to which they are shared out to threads by their planes; more of them are shared as a whole.
 const FEW: usize = 16;
 
 /// Some planes of a body, and what it covers there.
@@ -126,7 +129,7 @@ struct Piece {
 }
 
 impl CoverMap {
-    /// No bodies over the slab of `populations`.
+    /// Returns a map without bodies over the slab of `populations`.
     pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
         let origin = populations.cell([0; 3]);
         let stride = |axis: usize| {
@@ -170,14 +173,14 @@ impl CoverMap {
         }
     }
 
-    /// Entry of the particles that a slot stands for.
+    /// Returns the entry of the particles that a slot stands for.
     #[must_use]
     pub fn entry(&self, slot: u32) -> Option<usize> {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
     }
 
-    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share of a thread in those of
-    /// each body.
+    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share
+    /// of a thread in those of each body.
     pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
         let share = move |body| Runs::share(body, thread, threads);
         let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
@@ -186,8 +189,8 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells follow with
-    /// [`Self::cover_cells`].
+    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells
+    /// follow with [`Self::cover_cells`].
     pub fn place_bodies<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
@@ -345,7 +348,8 @@ impl CoverMap {
         }
     }
 
-    /// Where the planes of the slab, with their ghosts, are best cut for the threads: so that each has as much surface of bodies.
+    /// Returns the planes at which the slab, with its ghosts, is best cut for the threads: each part has about the same
+    /// surface of bodies.
     fn cuts(&self) -> Vec<usize> {
         let slow = self.rows.order[0];
         let planes = self.rows.cells[slow] + 2;
@@ -421,7 +425,7 @@ impl CoverMap {
     }
 }
 
-/// Bounding sphere of an entry, its image included.
+/// Returns the bounding sphere of an entry, its image included.
 fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere {
     let mut centre = [0.0; 3];
     for (a, x) in centre.iter_mut().enumerate().take(Sp::DIMENSION) {
@@ -434,7 +438,7 @@ fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere
     }
 }
 
-/// Motion of an entry in lattice units, its position raw.
+/// Returns the motion of an entry in lattice units, its position raw.
 pub fn rigid<Sp: Space>(
     particles: &Particles<Sp>,
     k: usize,

@@ -1,4 +1,5 @@
-//! The fluid as outputs and analyses read it: state of the cells, bodies in them, loads on structures, fluxes through patches.
+//! The fluid as outputs and analyses read it: state of the cells, bodies in them, loads on structures, fluxes through
+//! patches.
 
 use base::units::LatticeUnits;
 use lbm::boundary::Flux;
@@ -8,14 +9,14 @@ use std::ops::Range;
 /// Planes across z that are read together: the numbers of a line of the cache, where rows run along z.
 const BAND: usize = 8;
 
-/// The planes of a slab in bands.
+/// Returns the planes of a slab in bands.
 pub fn bands(planes: usize) -> impl Iterator<Item = Range<usize>> {
     (0..planes)
         .step_by(BAND)
         .map(move |z| z..(z + BAND).min(planes))
 }
 
-/// The cells of some planes of `nx` times `ny` cells, in the order of [`BandStates`].
+/// Returns the cells of some planes of `nx` times `ny` cells, in the order of [`BandStates`].
 pub fn cells_of(
     planes: Range<usize>,
     [nx, ny]: [usize; 2],
@@ -45,13 +46,14 @@ impl BandStates {
 pub trait FluidView {
     /// Scales to SI.
     fn units(&self) -> &LatticeUnits;
-    /// Cells of the slab along x, y, z; 0 along the split axis for an empty slab.
+    /// Returns the cells of the slab along x, y, z; 0 along the split axis for an empty slab.
     fn cells(&self) -> [usize; 3];
-    /// First cell of the slab in the domain.
+    /// Returns the first cell of the slab in the domain.
     fn start(&self) -> [usize; 3];
-    /// Density deviation and velocity of a cell.
+    /// Returns the density deviation and velocity of a cell.
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]);
-    /// The same of all cells of some planes across z ([`bands`]): lattices give them row by row, at a fraction of the cost.
+    /// Computes the states of all cells of some planes across z ([`bands`]): lattices compute them row by row, at a
+    /// fraction of the cost.
     fn band_states(&self, planes: Range<usize>, to: &mut BandStates) {
         let [nx, ny, _] = self.cells();
         to.resize(nx * ny * planes.len());
@@ -59,33 +61,33 @@ pub trait FluidView {
             (to.density[n], to.velocity[n]) = self.state(cell);
         }
     }
-    /// Deviatoric viscous stress of a cell.
+    /// Returns the deviatoric viscous stress of a cell.
     fn stress(&self, cell: [usize; 3]) -> [[f64; 3]; 3];
-    /// Body force of the last step.
+    /// Returns the body force of the last step.
     fn force(&self) -> [f64; 3] {
         [0.0; 3]
     }
-    /// Viscosity of eddies smaller than a cell; 0 without turbulence.
+    /// Returns the viscosity of eddies smaller than a cell; 0 without turbulence.
     fn eddy_viscosity(&self, _cell: [usize; 3]) -> f64 {
         0.0
     }
-    /// Part of a cell that is water below a free surface; 1 without one.
+    /// Returns the part of a cell that is water below a free surface; 1 without one.
     fn fill(&self, _cell: [usize; 3]) -> f64 {
         1.0
     }
-    /// Id of the body that holds the centre of a cell.
+    /// Returns the id of the body that holds the centre of a cell.
     fn body_at(&self, cell: [usize; 3]) -> Option<u64>;
-    /// Whether the centre of a cell is solid: of a body or of a structure.
+    /// Returns `true` if the centre of a cell is inside a body or a structure.
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some()
     }
-    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about the lower corner of
-    /// the domain. Sum the integers over ranks.
+    /// Loads of the last step on each structure by the links of this rank: force in quanta, and twice the moment about
+    /// the lower corner of the domain. Sum the integers over ranks.
     fn structure_loads(&self) -> &[Load] {
         &[]
     }
-    /// Names of the patches of the faces.
+    /// Returns the names of the patches of the faces.
     fn patches(&self) -> Vec<String>;
-    /// What crossed each patch in the last step, on this rank: sum the integers over ranks.
+    /// Returns the flow through each patch in the last step, on this rank: sum the integers over ranks.
     fn fluxes(&self) -> Vec<Flux>;
 }

@@ -14,8 +14,8 @@ use lbm::populations::Populations;
 use lbm::quanta::{from_quanta, quanta};
 use lbm::saturation::cells;
 
-/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside bodies that keep water
-/// of their own.
+/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside
+/// bodies that keep water of their own.
 #[derive(Clone, Copy)]
 pub struct Balanced<'a> {
     /// Bodies that keep water of their own.
@@ -24,20 +24,20 @@ pub struct Balanced<'a> {
 }
 
 impl Balanced<'_> {
-    /// Whether a cell of the slab is one of them.
+    /// Returns `true` if a cell of the slab is one of them.
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         self.bodies.is_none_or(|map| map.body_at(cell).is_none())
             && self.structures.is_none_or(|map| !map.holds(cell))
     }
 
-    /// Whether all cells of the slab are.
+    /// Returns `true` if all cells of the slab are.
     #[must_use]
     pub fn holds_all(&self) -> bool {
         self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
     }
 
-    /// How many cells of the slab are; counted by threads.
+    /// Returns the number of cells of the slab that are; counted by threads.
     pub(super) fn count<S: Stored>(&self, populations: &Populations<S>) -> usize {
         if self.holds_all() {
             return populations.cells().iter().product();
@@ -59,10 +59,10 @@ impl Balanced<'_> {
 
 /// A fluid on a lattice with its coupling.
 pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
-    /// The fluid.
+    /// Returns the fluid.
     fn fluid(&self) -> &Fluid<S>;
 
-    /// The fluid, to set its state.
+    /// Returns the fluid, to set its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
 
     /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).
@@ -73,24 +73,27 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
         self.fluid_mut().fetch().map_err(Error::Internal)
     }
 
-    /// Continues from saved populations and grains: bodies are mapped without loads at the next [`Flow::update_bodies`].
+    /// Continues from saved populations and grains: bodies are mapped without loads at the next
+    /// [`Flow::update_bodies`].
     fn restart(&mut self);
 
-    /// What the bodies received from the lattice in the last step as this rank's entries hold it, owners' entries summed: for
-    /// balances. Entries of ghosts are left out, their loads stand at the owners.
+    /// Returns the loads on the bodies from the lattice in the last step, as this rank's entries hold them, owners'
+    /// entries summed: for balances. Entries of ghosts are left out, because the owners have their loads.
     fn last_loads(&self) -> &[Load];
 
-    /// The cells whose momentum belongs to the water in its balance with the bodies.
+    /// Returns the cells whose momentum belongs to the water in its balance with the bodies.
     fn balanced(&self) -> Balanced<'_>;
 
-    /// The structures in the water, if there are any.
+    /// Returns the structures in the water, if there are any.
     fn structures(&self) -> Option<&StructureMap>;
 
-    /// Whether bodies shut a cell of water in: they, and walls beside them, hold more than half of its neighbours.
+    /// Returns `true` if bodies enclose a fluid cell: they, and walls next to them, hold more than half of its
+    /// neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;
 
-    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the body force, which a
-    /// covered cell feels by 1 - B, and what other terms gave; and the size of the largest part. Collective.
+    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the
+    /// body force, which a covered cell feels by 1 - B, and what other terms gave; and the size of the largest part.
+    /// Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> ([f64; 3], f64) {
         let (fluid, water) = (self.fluid(), self.balanced());
         let populations = fluid.populations();
@@ -121,8 +124,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     }
 }
 
-/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an `impl FluidView` of a type with `fluid` and
-/// `units`.
+/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an
+/// `impl FluidView` of a type with `fluid` and `units`.
 macro_rules! view_of_lattice {
     () => {
         fn units(&self) -> &LatticeUnits {

@@ -1,8 +1,9 @@
 //! A fluid and its loads on grains.
 //!
-//! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid advances first
-//! and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in several solid steps. Finally
-//! the flow updates the positions of the bodies ([`Flow::update_bodies`]). Outputs and analyses read the fluid through [`FluidView`].
+//! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid
+//! advances first and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in
+//! several solid steps. Finally the flow updates the positions of the bodies ([`Flow::update_bodies`]). Outputs and
+//! analyses read the fluid through [`FluidView`].
 
 #![cfg_attr(
     test,

@@ -6,7 +6,8 @@ use dem::space::{Components, Space};
 use lbm::boundary::from_quanta;
 use lbm::links::Load;
 
-/// Force and torque in lattice units about a raw centre (in cells), from exact sums about the origin of the raw frame.
+/// Returns the force and torque in lattice units about a raw centre (in cells), from exact sums about the origin of the
+/// raw frame.
 #[must_use]
 pub fn about_centre(centre: [f64; 3], load: &Load) -> [f64; 6] {
     // Twice the moment about a corner of cells near the centre, still exact; only then to floating point.
@@ -34,7 +35,7 @@ pub fn about_centre(centre: [f64; 3], load: &Load) -> [f64; 6] {
     ]
 }
 
-/// A load in SI; `buoyancy` [N/m3] acts on `volume` \[m3\].
+/// Returns a load in SI; `buoyancy` [N/m3] acts on `volume` \[m3\].
 #[must_use]
 pub fn to_grain<Sp: Space>(
     units: &LatticeUnits,

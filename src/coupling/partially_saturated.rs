@@ -1,18 +1,21 @@
-//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the motion.
+//! Lattice Boltzmann with partially saturated cells, for bodies of any shape. The force is a smooth function of the
+//! motion.
 //!
-//! In each step the lattice advances with the bodies over its cells ([`lbm::saturation`]) and returns the force on each body. The
-//! force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
+//! In each step the lattice advances with the bodies over its cells ([`lbm::saturation`]) and returns the force
+//! on each body. The force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
 //!
-//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of the body's load, and the body
-//! would have the additional inertia of that fluid. The inertia is compensated by the change of momentum of a rigid body of
-//! fluid of the same shape in the last step (Feng and Michaelides, Computers & Fluids 38 (2009) 370). Cells that reverse populations respond to a
-//! change of the body's motion with an oscillation, so that the load is the mean of two steps, as with bounce-back on links:
+//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of
+//! the body's load, and the body would have the additional inertia of that fluid. The inertia is compensated by the
+//! change of momentum of a rigid body of fluid of the same shape in the last step (Feng and Michaelides, Computers &
+//! Fluids 38 (2009) 370). Cells that reverse populations respond to a change of the body's motion with an oscillation,
+//! so that the load is the mean of two steps, as with bounce-back on links:
 //!
 //! ```text
 //! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt
 //! ```
 //!
-//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are known (6).
+//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are
+//! known (6).
 
 use super::body_map::Grid;
 use super::cover_map::{CoverMap, rigid};
@@ -38,9 +41,9 @@ use structure::Images;
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// How solid fractions are found.
+    /// Method by which solid fractions are computed.
     pub fractions: solid_fraction::Method,
-    /// Whether the water inside a body is taken out of its inertia.
+    /// `true` if the fluid inside a body is subtracted from its inertia.
     pub without_inner_water: bool,
     /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
     /// over hydrostatic.
@@ -57,7 +60,7 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     settings: Settings,
     loads: Vec<Load>,
     owned: usize,
-    /// The covered cells still hold what the fluid was started with.
+    /// `true` if the covered cells still hold the initial state of the fluid.
     fresh: bool,
     space: PhantomData<Sp>,
 }
@@ -117,7 +120,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         }
     }
 
-    /// What is inside a solid starts with the solid: else it would throw the body by what the water there was started with.
+    /// Gives cells inside a solid the velocity of the solid: otherwise the initial fluid momentum inside the body acts
+    /// on it as a spurious impulse.
     fn begin(&mut self) {
         let Some(cover) = self.fluid.cover() else {
             return;
@@ -146,7 +150,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         self.fluid.renew_velocities();
     }
 
-    /// The load of owned grain `k` from that of this step and what it kept from the step before.
+    /// Computes the load of owned grain `k` as the mean of that of this step and the one kept from the step before.
     fn average(&self, particles: &mut Particles<Sp>, k: usize) {
         let (motion, body) = (particles.motion[k], particles.body[k]);
         let water = if self.settings.without_inner_water {
@@ -290,7 +294,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.fresh = false;
     }
 
-    /// A GPU may have found the cells of the bodies by itself.
+    /// Fetches the cells of the bodies if a GPU has found them.
     fn fetch(&mut self) -> Result<(), Error> {
         self.cover_cells();
         self.fluid.fetch().map_err(Error::Internal)
@@ -300,7 +304,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// The bodies received what all cells lost; what is inside structures is not the water's.
+    /// Leaves out structures only: bodies receive the momentum that their cells lose.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: None,
@@ -312,7 +316,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.structures.as_deref()
     }
 
-    /// Cells that bodies fill in part are in contact with all their neighbours.
+    /// Returns `false`, never `true`: cells that bodies fill in part exchange populations with all their neighbours.
     fn enclosed(&self, _: [usize; 3]) -> bool {
         false
     }

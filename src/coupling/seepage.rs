@@ -66,14 +66,12 @@
 //! coefficients at the speed that solves
 //! the law of its cell for the present gradient to first order, or, from the second round on, that which the
 //! answer of the cell to the last one
-//! suggests. Where grains move, the rounds end at a change of 2e-3 and go on in the next coupling.
+//! suggests. Where grains move, the rounds end at a change of 2e-3 and continue in the next coupling.
 //!
-//! **Zones** ([`darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The porosity of the
-//! grains remains that of the balances. Most zones hold only where there are grains: from a porosity of 0.8
-//! to 0.95 the drag passes over to
-//! that of the grains, and a cell without grains is open water. A cell that a boundary of zones cuts has a
-//! permeability along each axis; so
-//! has its drag.
+//! **Zones** ([`darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance.
+//! The porosity of the grains remains that of the balances. Most zones hold only where there are grains: from a
+//! porosity of 0.8 to 0.95 the drag passes over to that of the grains, and a cell without grains is open water. A cell
+//! that a boundary of zones cuts has a permeability along each axis; so has its drag.
 //!
 //! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the
 //! water` and what open water takes up, over
@@ -125,9 +123,10 @@ pub struct Settings {
     pub drag: DragLaw,
     /// Form of the equations.
     pub equations: Equations,
-    /// Whether moving grains displace water: the bed moves, or the change of porosity is a source in the equations as printed.
+    /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
+    /// printed.
     pub transient: bool,
-    /// Drag at the end of the interval where a grain is faster than it.
+    /// `true` if drag is that at the end of the interval for a grain that it stops faster than the interval.
     pub semi_implicit: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
@@ -140,7 +139,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Returns whether the bed moves with its water.
+    /// Returns `true` if the bed moves with its water.
     fn moves(&self) -> bool {
         self.transient && self.equations == Equations::Corrected
     }
@@ -165,7 +164,7 @@ pub struct Seepage<Sp: Space> {
     limited: Vec<f64>,
     source: Vec<f64>,
     before: Vec<f64>,
-    /// There is a porosity from the coupling before.
+    /// `true` if there is a porosity from the coupling before.
     has_before: bool,
     /// Permeabilities by region.
     zones: Option<(Arc<Zones>, Conduct)>,
@@ -213,7 +212,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// The same with permeabilities and porosities by region.
+    /// Adds permeabilities and porosities by region.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
         let room = Conduct::new(&zones, self.grid().count());
@@ -221,36 +220,37 @@ impl<Sp: Space> Seepage<Sp> {
         self
     }
 
-    /// The grid of the water.
+    /// Returns the grid of the water.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.openness.grid
     }
 
-    /// The pressure.
+    /// Returns the pressure.
     #[must_use]
     pub fn pressure(&self) -> &Pressure {
         &self.pressure
     }
 
-    /// The pressure, to change what is imposed.
+    /// Returns the pressure, to change imposed values.
     pub fn pressure_mut(&mut self) -> &mut Pressure {
         &mut self.pressure
     }
 
-    /// Whether a coupling has found the pressure.
+    /// Returns `true` if a coupling has found the pressure.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.has_before
     }
 
-    /// The pores.
+    /// Returns the pores.
     #[must_use]
     pub fn pores(&self) -> &Pores {
         &self.pores
     }
 
-    /// Mean porosity of the cells that grains fill: those below the cap of the permeability, and at most 0.95.
+    /// Returns the mean porosity of the cells that grains fill: those below the cap of the permeability, and at most
+    /// 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
         let most = self.settings.permeability.porosity_cap.min(FILLED);
@@ -260,19 +260,19 @@ impl<Sp: Space> Seepage<Sp> {
         if cells > 0.0 { sum / cells } else { 1.0 }
     }
 
-    /// What the last solution cost.
+    /// Returns the cost of the last solution.
     #[must_use]
     pub fn report(&self) -> &Report {
         &self.report
     }
 
-    /// The balance of momentum at the last coupling.
+    /// Returns the balance of momentum at the last coupling.
     #[must_use]
     pub fn balance(&self) -> &Balance {
         &self.balance
     }
 
-    /// Returns what a run needs to go on, the same on every rank: the pressure of every cell as the solver
+    /// Returns the state that a run needs to continue, the same on every rank: the pressure of every cell as the solver
     /// has it, then its porosity at the last coupling, then the
     /// three components of its gradient, then those of the flux of its water, then the speed by which it has
     /// its friction. Nothing before the first
@@ -328,20 +328,21 @@ impl<Sp: Space> Seepage<Sp> {
         Ok(())
     }
 
-    /// Superficial velocity of the water in a cell \[m/s\]; interstitial in the equations as printed.
+    /// Returns the superficial velocity of the water in a cell \[m/s\]; interstitial in the equations as printed.
     #[must_use]
     pub fn water_velocity(&self, cell: usize) -> [f64; 3] {
         self.water.flux[cell]
     }
 
-    /// What a reader of the results should know of the couplings.
+    /// Returns warnings about the couplings for a reader of the results.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
         let (balance, settings) = (&self.extremes.unwrap_or_default(), &self.settings);
         if balance.closure > OPEN {
             all.push(format!(
-                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of momentum {:.2}); \
+                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of \
+                 momentum {:.2}); \
                  above {OPEN} the drag law and the resistance do not belong together",
                 100.0 * balance.closure,
                 balance.closure
@@ -350,7 +351,8 @@ impl<Sp: Space> Seepage<Sp> {
         if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
         {
             all.push(format!(
-                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial losses, which the law of \
+                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial \
+                 losses, which the law of \
                  resistance leaves out",
                 balance.reynolds
             ));
@@ -358,7 +360,7 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
-    /// Whether a body that the case does not resolve bears the pressure of a cell.
+    /// Returns `true` if a body that the case does not resolve bears the pressure of a cell.
     fn is_body(&self, cell: usize) -> bool {
         let zones = self.zones.as_ref();
         zones.is_some_and(|(_, room)| room.is_body(cell))

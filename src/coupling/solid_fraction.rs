@@ -6,8 +6,8 @@
 //! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
 //! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
 //!
-//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is then the true
-//! volume to second order; without the correction it is too large.
+//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is
+//! then the true volume to second order; without the correction it is too large.
 //!
 //! All lengths are in cells, in the raw frame of the body.
 
@@ -29,18 +29,19 @@ use dem::polyhedron::Polyhedron;
 use lbm::links::Plane;
 use nalgebra::Matrix3;
 
-/// How fractions are found.
+/// Method by which fractions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// Closed forms.
     Exact,
-    /// This many points along each edge of a cell.
+    /// Samples: this number of points along each edge of a cell.
     Samples(u32),
-    /// From the distance between the cell's centre and the surface.
+    /// Estimate from the distance between the cell's centre and the surface.
     Linear,
 }
 
-/// The faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+/// Computes the faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres
+/// a cell.
 pub fn faces(
     shape: &Polyhedron,
     rotation: &Matrix3<f64>,
@@ -63,34 +64,34 @@ pub fn faces(
 pub enum Form<'a> {
     /// A disc, in the plane.
     Disc {
-        /// Its centre.
+        /// Centre.
         centre: [f64; 3],
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
     /// A ball.
     Ball {
-        /// Its centre.
+        /// Centre.
         centre: [f64; 3],
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
     /// A convex polyhedron: what all planes have in common.
     Block {
-        /// Its faces.
+        /// Faces.
         surface: &'a Surface,
-        /// Its centroid.
+        /// Centroid.
         centre: [f64; 3],
-        /// From the centroid to the farthest corner.
+        /// Distance from the centroid to the farthest corner.
         radius: f64,
     },
 }
 
-/// Where a row of cells may meet a body, where it lies inside, and where it does with all its neighbours: intervals along the row, empty
-/// where the first is not below the second.
+/// Intervals of a row of cells that may meet a body, that are inside it, and that are inside with all their neighbours:
+/// empty if the first is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// No cell beyond it meets the body.
+    /// Interval outside which no cell meets the body.
     pub outer: [f64; 2],
     /// Every cell within it is full.
     pub inner: [f64; 2],
@@ -101,7 +102,7 @@ pub struct Row {
 impl Row {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-    /// The row does not meet the body.
+    /// Returns `true` if the row does not meet the body.
     #[must_use]
     #[inline(always)]
     pub fn misses(&self) -> bool {
@@ -115,20 +116,20 @@ const LEVEL: f64 = 1e-12;
 /// Buffers of the body that is mapped.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Of a ball.
+    /// Table of a ball.
     pub(crate) ball: BallTable,
-    /// Of a block.
+    /// Table of a block.
     pub(crate) block: BlockTable,
-    /// Of a disc.
+    /// Table of a disc.
     pub(crate) disc: DiscTable,
-    /// Of a block.
+    /// Rows of a block.
     pub(crate) block_rows: BlockRows,
-    /// Of a ball or disc.
+    /// Rows of a ball or disc.
     pub(crate) round: RoundRows,
 }
 
 impl Form<'_> {
-    /// Its centre and a radius that holds all of it.
+    /// Returns its centre and a radius that holds all of it.
     #[must_use]
     #[inline(always)]
     pub fn bounds(&self) -> ([f64; 3], f64) {
@@ -139,7 +140,7 @@ impl Form<'_> {
         }
     }
 
-    /// The filled part of the cell with this lower corner, 0 … 1.
+    /// Returns the filled part of the cell with this lower corner, 0 … 1.
     #[must_use]
     pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
         match method {
@@ -193,7 +194,8 @@ impl Form<'_> {
         (0.5 - less - self.height(middle)).clamp(0.0, 1.0)
     }
 
-    /// Distance of a point outside the surface, negative inside; for a polyhedron that from the nearest plane.
+    /// Returns the distance of a point outside the surface, negative inside; for a polyhedron that from the nearest
+    /// plane.
     #[must_use]
     pub fn height(&self, point: [f64; 3]) -> f64 {
         match self {
@@ -210,7 +212,7 @@ impl Form<'_> {
     }
 }
 
-/// Height of a point over the highest of the planes of a polyhedron.
+/// Returns the height of a point over the highest of the planes of a polyhedron.
 #[inline(always)]
 pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
     let heights = planes.iter().map(|plane| plane.height(point));

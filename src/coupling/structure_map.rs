@@ -1,10 +1,12 @@
 //! Structures on a lattice: their solid cells, and the links that their surfaces cut.
 //!
 //! A cell is solid if its centre is. A link from a cell of water that a surface cuts bounces at the place where it does
-//! ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than a cell holds water back.
-//! The map is made once. It is a function of the shapes alone: it is the same on any number of ranks.
+//! ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than
+//! a cell holds water back. The map is made once. It is a function of the shapes alone: it is the same on any number of
+//! ranks.
 //!
-//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives it faster and faster.
+//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives
+//! it faster and faster.
 
 use super::body_map::{BodyMap, GHOSTS, Grid};
 use base::units::LatticeUnits;
@@ -33,7 +35,8 @@ struct Group {
     places: Vec<Ends>,
 }
 
-/// Where the ends of a link and the cells behind them lie in maps of the slab, and what they are without moving bodies.
+/// Positions of the ends of a link and of the cells behind them in maps of the slab, and their state without moving
+/// bodies.
 #[derive(Clone, Copy, Debug)]
 struct Ends {
     cells: [u32; 2],
@@ -73,7 +76,8 @@ pub struct StructureMap {
 }
 
 impl StructureMap {
-    /// The map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not half-way.
+    /// Returns the map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not
+    /// half-way.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -110,7 +114,7 @@ impl StructureMap {
         map.cut(&near, populations);
         for (at, position) in populations.interior() {
             let cell = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-            if map.owner[map.at(cell)] != WATER {
+            if map.owner[map.position(cell)] != WATER {
                 map.inside.push(u32::try_from(position).unwrap_or(u32::MAX));
             }
         }
@@ -123,7 +127,7 @@ impl StructureMap {
         map
     }
 
-    /// The structures in a fluid, whose openings before them are closed; none where there are no structures.
+    /// Returns the structures in a fluid, whose openings before them are closed; none if there are no structures.
     pub fn in_fluid<S: Stored>(
         fluid: &mut Fluid<S>,
         units: &LatticeUnits,
@@ -146,7 +150,7 @@ impl StructureMap {
         Some(Box::new(map))
     }
 
-    /// Names the surfaces to the gradients of the eddy viscosity, beside what they know.
+    /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those that they know.
     pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if self.dimension == 2 {
             fluid.know_fixed_links::<2>(&self.links);
@@ -190,8 +194,8 @@ impl StructureMap {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// Place of a cell in the map, the same as in that of bodies.
-    fn at(&self, cell: [i32; 3]) -> usize {
+    /// Returns the index of a cell in the map, the same as in that of bodies.
+    fn position(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.local[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
@@ -213,7 +217,8 @@ impl StructureMap {
         })
     }
 
-    /// Centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its lower corner.
+    /// Returns the centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its
+    /// lower corner.
     fn centre(&self, cell: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             if a < self.dimension {
@@ -294,7 +299,7 @@ impl StructureMap {
             }
         }
         let mut near: Vec<[i32; 3]> = near.into_iter().collect();
-        near.sort_unstable_by_key(|cell| self.at(*cell));
+        near.sort_unstable_by_key(|cell| self.position(*cell));
         near
     }
 
@@ -303,7 +308,7 @@ impl StructureMap {
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
                 for x in low[0]..high[0] {
-                    let place = self.at([x, y, z]);
+                    let place = self.position([x, y, z]);
                     if self.owner[place] == WATER {
                         self.owner[place] = tag;
                     }
@@ -312,8 +317,8 @@ impl StructureMap {
         }
     }
 
-    /// Where the surfaces cut the way from the centre of a cell along a link: the structure, and the distances from both ends as parts of
-    /// the link.
+    /// Returns the first intersection of the surfaces with a link from the centre of a cell: the structure, and the
+    /// distances from both ends as fractions of the link.
     fn crossing(
         &self,
         cell: [i32; 3],
@@ -343,13 +348,13 @@ impl StructureMap {
         best
     }
 
-    /// The links that surfaces cut, each once; notes those between two cells of water.
+    /// Finds the links that surfaces cut, each once; notes those between two cells of water.
     fn cuts<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) -> Vec<Cut> {
         let velocities = populations.velocities();
         let mut found = Vec::new();
         let mut cuts = Vec::new();
         for &cell in near {
-            if self.owner[self.at(cell)] != WATER || !self.in_domain(cell) {
+            if self.owner[self.position(cell)] != WATER || !self.in_domain(cell) {
                 continue;
             }
             for i in 1..velocities.q() {
@@ -358,7 +363,7 @@ impl StructureMap {
                 if !self.held(next) || !self.in_domain(next) {
                     continue;
                 }
-                let there = self.owner[self.at(next)];
+                let there = self.owner[self.position(next)];
                 // The bits of a cut do not depend on the end from which it is looked at.
                 let crossing = if there != WATER || i < velocities.opposite[i] {
                     self.crossing(cell, c, &mut found)
@@ -370,7 +375,7 @@ impl StructureMap {
                     (WATER, None) => continue,
                     (WATER, Some(crossing)) => {
                         let direction = u8::try_from(i).unwrap_or(0);
-                        self.sheets.insert((self.at(cell), direction));
+                        self.sheets.insert((self.position(cell), direction));
                         if velocities.opposite[i] < i {
                             continue;
                         }
@@ -406,14 +411,15 @@ impl StructureMap {
             let c = velocities.c[i].map(i32::from);
             let directions = [velocities.opposite[i], i];
             let mut ends = Ends {
-                cells: (cut.cells).map(|cell| u32::try_from(self.at(cell)).unwrap_or(u32::MAX)),
+                cells: (cut.cells)
+                    .map(|cell| u32::try_from(self.position(cell)).unwrap_or(u32::MAX)),
                 behind: [0; 2],
                 wet: [false; 2],
                 kappa: [0.0; 2],
             };
             for end in 0..2 {
                 let own = cut.cells[end];
-                if self.owner[self.at(own)] != WATER || !self.interior(own) {
+                if self.owner[self.position(own)] != WATER || !self.interior(own) {
                     continue;
                 }
                 ends.wet[end] = true;
@@ -422,12 +428,12 @@ impl StructureMap {
                 let direction = u8::try_from(directions[end]).unwrap_or(0);
                 let open = self.held(behind)
                     && self.in_domain(behind)
-                    && self.owner[self.at(behind)] == WATER
-                    && !self.sheets.contains(&(self.at(own), direction));
+                    && self.owner[self.position(behind)] == WATER
+                    && !self.sheets.contains(&(self.position(own), direction));
                 let q = cut.parts[end].clamp(0.0, 1.0);
                 if self.interpolated && open && (q - 0.5).abs() > HALF {
                     ends.kappa[end] = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
-                    ends.behind[end] = u32::try_from(self.at(behind)).unwrap_or(u32::MAX);
+                    ends.behind[end] = u32::try_from(self.position(behind)).unwrap_or(u32::MAX);
                 }
             }
             let cell = cut.cells[0];
@@ -459,22 +465,23 @@ impl StructureMap {
         }
     }
 
-    /// Whether the centre of a cell of the slab is in a structure (local coordinates).
+    /// Returns `true` if the centre of a cell of the slab is in a structure (local coordinates).
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-        self.owner[self.at(cell)] != WATER
+        self.owner[self.position(cell)] != WATER
     }
 
-    /// The solid cells of the slab and of the layers round it that are known.
+    /// Returns the solid cells of the slab and of the layers round it that are known.
     pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
         let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
         let all = range(2)
             .flat_map(move |z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])));
-        all.filter(|cell| !self.owner.is_empty() && self.owner[self.at(*cell)] != WATER)
+        all.filter(|cell| !self.owner.is_empty() && self.owner[self.position(*cell)] != WATER)
     }
 
-    /// The links between two cells of water that a sheet cuts, by the place of a cell in the map and the direction.
+    /// Returns the links between two cells of water that a sheet cuts, by the place of a cell in the map and the
+    /// direction.
     #[must_use]
     pub fn sheets(&self) -> &HashSet<(usize, u8)> {
         &self.sheets
@@ -502,8 +509,8 @@ impl StructureMap {
         }
     }
 
-    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower corner of the
-    /// domain. The sum over ranks is exact.
+    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower
+    /// corner of the domain. The sum over ranks is exact.
     #[must_use]
     pub fn loads(&self) -> &[Load] {
         &self.loads

@@ -22,7 +22,7 @@ pub enum Water<Sp: Space, S: Stored> {
 }
 
 impl<Sp: Space, S: Stored> Water<Sp, S> {
-    /// The lattice, if it is one.
+    /// Returns the lattice, if it is one.
     #[must_use]
     #[inline(never)]
     pub fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
@@ -33,7 +33,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The lattice, to set its state.
+    /// Returns the lattice, to set its state.
     #[inline(never)]
     pub fn lattice_mut(&mut self) -> Option<&mut dyn LatticeFlow<Sp, S>> {
         match self {
@@ -43,7 +43,8 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// How many steps of water without grains may be made at once ([`lbm::fluid::Fluid::at_once`]). The same on every rank.
+    /// Returns the number of steps of water without grains that may be made at once
+    /// ([`lbm::fluid::Fluid::at_once`]). It is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         match self {
@@ -79,7 +80,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The seepage, if it is one.
+    /// Returns the seepage, if it is one.
     #[must_use]
     #[inline(never)]
     pub fn seepage(&self) -> Option<&Seepage<Sp>> {
@@ -89,7 +90,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// The seepage, to set its state.
+    /// Returns the seepage, to set its state.
     #[inline(never)]
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {

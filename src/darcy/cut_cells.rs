@@ -1,9 +1,10 @@
 //! Structures on the coarse grid: the part of each cell that is water, and the part of each face that lets it through.
 //!
-//! A cell that a surface may cut is divided into sub-cells. Two neighbouring sub-cells are connected if the line between their centres does not
-//! pass through a solid, so that a sheet thinner than any cell separates them. **The water of a cell is its largest connected part**, and a face
-//! is open where it joins the water of the cells on both sides. Any way through open faces is therefore a way through water: no sheet
-//! leaks, whatever its direction, and it acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
+//! A cell that a surface may cut is divided into sub-cells. Two neighbouring sub-cells are connected if the line
+//! between their centres does not pass through a solid, so that a sheet thinner than any cell separates them. **The
+//! water of a cell is its largest connected part**, and a face is open where it joins the water of the cells on both
+//! sides. Any way through open faces is therefore a way through water: no sheet leaks, whatever its direction, and it
+//! acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
 
 use super::enclosure::{LEAST_OPEN, Openness};
 use super::grid::Grid;
@@ -16,7 +17,7 @@ const DIVISIONS: [usize; 2] = [32, 8];
 /// Passages this short along a line, over the edge of a sub-cell, are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What a structure leaves of a cell.
+/// Part of a cell that structures leave to the water.
 #[derive(Clone, Debug)]
 enum Left {
     /// All of it.
@@ -40,11 +41,11 @@ impl Division<'_> {
         self.by.iter().product()
     }
 
-    fn place(&self, sub: [usize; 3]) -> usize {
+    fn index(&self, sub: [usize; 3]) -> usize {
         (sub[2] * self.by[1] + sub[1]) * self.by[0] + sub[0]
     }
 
-    /// Edge of a sub-cell \[m\].
+    /// Returns the edge of a sub-cell \[m\].
     fn edge(&self, axis: usize) -> f64 {
         self.grid.spacing[axis] / real(self.by[axis])
     }
@@ -60,7 +61,7 @@ impl Division<'_> {
         })
     }
 
-    /// Sub-cells of the layer across an axis.
+    /// Returns the sub-cells of the layer across an axis.
     fn layer(&self, axis: usize, level: usize) -> impl Iterator<Item = [usize; 3]> + '_ {
         let count = self.count() / self.by[axis];
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -73,7 +74,7 @@ impl Division<'_> {
         })
     }
 
-    /// The parts of a way along an axis that are solid, in m from its start.
+    /// Finds the solid parts of a line along an axis, in m from its start.
     fn solid_parts(&self, from: [f64; 3], axis: usize, length: f64, found: &mut Vec<[f64; 2]>) {
         found.clear();
         let mut along = [0.0; 3];
@@ -87,7 +88,7 @@ impl Division<'_> {
         }
     }
 
-    /// What is left of a cell.
+    /// Returns the part of a cell that structures leave to the water.
     fn left(&self, cell: [usize; 3]) -> Left {
         let centre = self.grid.centre(cell);
         let dimension = self.grid.dimension;
@@ -122,7 +123,7 @@ impl Division<'_> {
                     let mut sub = first;
                     sub[axis] = level;
                     let (low, high) = (real(level) * edge, real(level + 1) * edge);
-                    let mark = &mut marks[self.place(sub)];
+                    let mark = &mut marks[self.index(sub)];
                     if parts.iter().any(|[s, t]| *s < low && low < *t) {
                         *mark |= 1;
                     }
@@ -132,12 +133,12 @@ impl Division<'_> {
                     }
                 }
             }
-            // The ends of a way tell nothing of what is at them.
+            // The ends of a segment do not show the medium at them.
             for level in [0, steps] {
                 for sub in self.layer(axis, level) {
                     let at = self.centre(cell, sub);
                     if self.solids.iter().any(|solid| solid.distance(at) < 0.0) {
-                        marks[self.place(sub)] |= 1;
+                        marks[self.index(sub)] |= 1;
                     }
                 }
             }
@@ -145,7 +146,7 @@ impl Division<'_> {
         self.largest(&marks)
     }
 
-    /// The largest connected part; of equal ones the first.
+    /// Returns the largest connected part; of equal ones the first.
     fn largest(&self, marks: &[u8]) -> Left {
         let mut part = vec![0_u32; marks.len()];
         let (mut parts, mut best) = (0_u32, (0, 0));
@@ -191,7 +192,7 @@ impl Division<'_> {
         }
     }
 
-    /// The open part of the face below a cell, which may be one past the last; `of` gives the cells.
+    /// Returns the open part of the face below a cell, which may be one past the last; `of` gives the cells.
     fn face<'a>(
         &self,
         axis: usize,
@@ -210,7 +211,7 @@ impl Division<'_> {
         }
         // A sheet may lie between two whole cells.
         let wet = |left: Option<&Left>, sub: [usize; 3]| match left {
-            Some(Left::Part(part)) => part[self.place(sub)],
+            Some(Left::Part(part)) => part[self.index(sub)],
             other => whole(other),
         };
         let edge = self.edge(axis);
@@ -253,7 +254,7 @@ impl<'a> Division<'a> {
     }
 }
 
-/// Centroid of the water of a cell beside these solids \[m\]; none of a cell without water.
+/// Returns the centroid of the water of a cell near these solids \[m\]; none for a cell without water.
 #[must_use]
 pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) -> Option<[f64; 3]> {
     let division = Division::new(grid, solids);
@@ -279,7 +280,7 @@ pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) ->
 }
 
 impl Openness {
-    /// What is left of the cells and faces where these solids stand.
+    /// Returns the openness of the cells and faces reduced by these solids.
     #[must_use]
     pub fn with_structures(mut self, solids: &[Arc<Images>]) -> Self {
         if solids.is_empty() {
@@ -302,7 +303,7 @@ impl Openness {
             }
         }
         let near = |cell: [usize; 3]| {
-            // Further than from a centre to the far corner of a cell beside.
+            // Further than from a centre to the far corner of an adjacent cell.
             let reach = 1.6 * norm(grid.spacing, grid.dimension);
             let centre = grid.centre(cell);
             solids
@@ -387,7 +388,7 @@ mod tests {
         Openness::measure(&grid, &Enclosure::Everything).with_structures(&[solid(text, dimension)])
     }
 
-    /// Whether open faces lead from the first cell to the last.
+    /// Returns `true` if open faces connect the first cell with the last.
     fn leads_through(open: &Openness) -> bool {
         let grid = open.grid;
         let mut seen = vec![false; grid.count()];
@@ -412,7 +413,8 @@ mod tests {
         seen[grid.count() - 1]
     }
 
-    /// Sheets of a thousandth of a cell, upright, between cells or within them, and oblique: none leaks; one that ends leaves a way.
+    /// Sheets of a thousandth of a cell, upright, between cells or within them, and oblique: none leaks; one that ends
+    /// leaves a way.
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [
@@ -439,7 +441,8 @@ mod tests {
                 assert_eq!(leads_through(&open), through, "{text} {n}");
             }
         }
-        let sheet = r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]], "axis": "y", "from": 0, "to": 1}}"#;
+        let sheet = r#"{"polygon": {"points": [[0.2, 0], [0.2001, 0], [0.9001, 1], [0.9, 1]], "axis": "y", "from": 0,
+            "to": 1}}"#;
         assert!(!leads_through(&open(sheet, 5, 3)));
     }
 

@@ -1,14 +1,14 @@
 //! Drag of seeping water on grains.
 //!
-//! A law gives the force on a grain of a bed over the superficial velocity of the water past it, [`Law::coefficient`] `b`. The water
-//! of a bed of n grains per volume at rest then loses the pressure
+//! A law gives the force on a grain of a bed over the superficial velocity of the water past it, [`Law::coefficient`]
+//! `b`. The water of a bed of n grains per volume at rest then loses the pressure
 //!
 //! ```text
 //! eps |grad phi| = n b(q) q
 //! ```
 //!
-//! which turns a drag law into a law of resistance ([`permeability`]). [`reaction`] goes the other way: it is the drag that a law
-//! of resistance implies.
+//! which turns a drag law into a law of resistance ([`permeability`]). [`reaction`] goes the other way: it is the drag
+//! that a law of resistance implies.
 //!
 //! A drag law is one file below this module and one line of the list.
 
@@ -38,24 +38,25 @@ family! {
 
 /// A drag law.
 pub trait Law: Sync {
-    /// The law in the schema of the case: one line.
+    /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
-    /// Force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
+    /// Returns the force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
     fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
 
-    /// The time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\]. `measure` is the factor of
-    /// the grain's velocity beside the flux. Explicit drag is unstable where the coupling interval exceeds twice this time.
+    /// Returns the time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\].
+    /// `measure` is the factor of the grain's velocity relative to the flux. Explicit drag is unstable where the
+    /// coupling interval exceeds twice this time.
     fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
         mass / (measure * self.coefficient(bed, grain, 0.0))
     }
 
-    /// Whether the forces on grains at rest balance the loss of pressure of every law of resistance.
+    /// Returns `true` if the forces on grains at rest balance the loss of pressure of every law of resistance.
     fn balances(&self) -> bool {
         false
     }
@@ -88,7 +89,7 @@ pub struct Grain {
 }
 
 impl Grain {
-    /// A sphere, or a disc in 2-D.
+    /// Returns a sphere, or a disc in 2-D.
     #[must_use]
     pub fn new(dimension: usize, radius: f64) -> Self {
         Self {
@@ -117,8 +118,8 @@ pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, 
     bed.solid / (grain.volume * porosity) * law.coefficient(&bed, &grain, speed)
 }
 
-/// The permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of the reduced pressure
-/// \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
+/// Returns the permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of
+/// the reduced pressure \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
 ///
 /// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
 /// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
@@ -159,7 +160,7 @@ pub(super) mod testing {
     use super::*;
     use crate::permeability::kozeny_carman;
 
-    /// Water in a bed of this porosity.
+    /// Returns water in a bed of this porosity.
     pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
         Bed {
             density: 1000.0,

@@ -1,16 +1,16 @@
 //! The walls around the water: the part of each cell, and of each face between cells, that lies inside them.
 //!
-//! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is proportional to its
-//! open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the divergence theorem) and a convex
-//! polygon. A closed surface of triangles is sampled with `samples` lines along x per edge of a cell; a point on a line is inside if the
-//! number of crossings before it is odd.
+//! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is
+//! proportional to its open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the
+//! divergence theorem) and a convex polygon. A closed surface of triangles is sampled with `samples` lines along x per
+//! edge of a cell; a point on a line is inside if the number of crossings before it is odd.
 
 use super::grid::Grid;
 use base::number::real;
 
 type Point = [f64; 3];
 
-/// What the water may fill.
+/// Region that the water may fill.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enclosure {
     /// The whole grid.
@@ -35,8 +35,8 @@ pub const LEAST_OPEN: f64 = 0.01;
 pub struct Openness {
     /// Fraction of a cell's volume inside the walls; 0 for a blocked cell.
     pub inside: Vec<f64>,
-    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 beside a blocked cell; index
-    /// as for cells of a grid with one more cell along that axis.
+    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 next to a blocked cell; index as for
+    /// cells of a grid with one more cell along that axis.
     pub faces: [Vec<f64>; 3],
     /// The grid.
     pub grid: Grid,
@@ -65,19 +65,19 @@ impl Openness {
         all
     }
 
-    /// Position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
+    /// Returns the position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
     #[must_use]
     pub fn face(&self, axis: usize, cell: [usize; 3]) -> usize {
         with_one_more(&self.grid, axis).index(cell)
     }
 
-    /// Volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
+    /// Returns the volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
     #[must_use]
     pub fn volume(&self, index: usize) -> f64 {
         self.inside[index] * self.grid.volume()
     }
 
-    /// Whether no water can be in a cell.
+    /// Returns `true` if a cell can hold no water.
     #[must_use]
     pub fn blocked(&self, index: usize) -> bool {
         self.inside[index] <= 0.0
@@ -154,7 +154,7 @@ impl Openness {
         }
     }
 
-    /// Closes faces beside blocked cells, and slivers.
+    /// Closes faces next to blocked cells, and slivers.
     pub(super) fn close_faces(&mut self) {
         for axis in 0..3 {
             let faces = with_one_more(&self.grid, axis);
@@ -208,7 +208,7 @@ fn minus(a: Point, b: Point) -> Point {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// Twice the area of a convex polygon as a vector along its normal.
+/// Returns twice the area of a convex polygon as a vector along its normal.
 fn double_area(polygon: &[Point]) -> Point {
     let mut sum = [0.0; 3];
     for k in 2..polygon.len() {
@@ -228,7 +228,8 @@ fn area(polygon: &[Point]) -> f64 {
     0.5 * dot(twice, twice).sqrt()
 }
 
-/// A polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to `cut`.
+/// Returns a polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to
+/// `cut`.
 fn cut_polygon(polygon: &[Point], plane: &(Point, f64), cut: &mut Vec<Point>) -> Vec<Point> {
     let side = |x: &Point| dot(plane.0, *x) - plane.1;
     let mut kept = Vec::new();
@@ -255,7 +256,7 @@ fn clip_polygon(mut polygon: Vec<Point>, planes: &[(Point, f64)]) -> Vec<Point> 
     polygon
 }
 
-/// Volume of a box cut by half-spaces.
+/// Returns the volume of a box cut by half-spaces.
 fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     let size = minus(upper, lower);
     let whole: f64 = size.iter().product();
@@ -298,7 +299,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     (six_times / 6.0).clamp(0.0, whole)
 }
 
-/// Points of a plane in order round their mean, so that the polygon faces along the normal.
+/// Returns points of a plane in order round their mean, so that the polygon faces along the normal.
 fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     let n = real(points.len());
     let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);
@@ -315,8 +316,8 @@ fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     sorted
 }
 
-/// Where the line along x through (y, z) crosses the triangles, in rising order. A line through a corner or an edge
-/// counts it for one of its triangles only: edges are half open in y.
+/// Finds the coordinates at which the line along x through (y, z) crosses the triangles, in rising order. A line
+/// through a corner or an edge counts it for one of its triangles only: edges are half open in y.
 fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
     found.clear();
     for triangle in triangles {

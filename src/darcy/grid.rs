@@ -16,45 +16,45 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Cells of the grid.
+    /// Returns the cells of the grid.
     #[must_use]
     pub fn count(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// Position of a cell in arrays of the whole grid: x fastest.
+    /// Returns the position of a cell in arrays of the whole grid: x fastest.
     #[must_use]
     #[inline]
     pub fn index(&self, cell: [usize; 3]) -> usize {
         (cell[2] * self.cells[1] + cell[1]) * self.cells[0] + cell[0]
     }
 
-    /// The cell at a position in arrays.
+    /// Returns the cell at a position in arrays.
     #[must_use]
     pub fn cell(&self, index: usize) -> [usize; 3] {
         let [nx, ny, _] = self.cells;
         [index % nx, (index / nx) % ny, index / (nx * ny)]
     }
 
-    /// Volume of a cell \[m3; per metre of depth in 2-D, m2\].
+    /// Returns the volume of a cell \[m3; per metre of depth in 2-D, m2\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.spacing.iter().product()
     }
 
-    /// Area of a face across an axis \[m2; per metre of depth in 2-D, m\].
+    /// Returns the area of a face across an axis \[m2; per metre of depth in 2-D, m\].
     #[must_use]
     pub fn area(&self, axis: usize) -> f64 {
         self.spacing[(axis + 1) % 3] * self.spacing[(axis + 2) % 3]
     }
 
-    /// Lower corner of a cell \[m\].
+    /// Returns the lower corner of a cell \[m\].
     #[must_use]
     pub fn corner(&self, cell: [usize; 3]) -> [f64; 3] {
         std::array::from_fn(|a| self.origin[a] + real(cell[a]) * self.spacing[a])
     }
 
-    /// Centre of a cell \[m\]; in 2-D at z = 0.
+    /// Returns the centre of a cell \[m\]; in 2-D at z = 0.
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
         let mut centre =
@@ -65,14 +65,14 @@ impl Grid {
         centre
     }
 
-    /// The cell that holds a position along one axis, cells being half open; `None` outside.
+    /// Returns the cell that holds a position along one axis, cells being half open; `None` outside.
     #[must_use]
     pub fn along(&self, axis: usize, position: f64) -> Option<usize> {
         let place = ((position - self.origin[axis]) / self.spacing[axis]).floor();
         (place >= 0.0 && place < real(self.cells[axis])).then(|| whole(place))
     }
 
-    /// The cell that holds a point; `None` outside the grid.
+    /// Returns the cell that holds a point; `None` outside the grid.
     #[must_use]
     pub fn holding(&self, point: [f64; 3]) -> Option<[usize; 3]> {
         let mut cell = [0; 3];

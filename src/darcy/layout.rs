@@ -1,7 +1,8 @@
 //! Arrangement of the cells in memory, and the cells that each rank computes.
 //!
-//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops need no case
-//! distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and receives the neighbouring planes by messages.
+//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops
+//! need no case distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and
+//! receives the neighbouring planes by messages.
 
 use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
 use rayon::prelude::*;
@@ -30,7 +31,7 @@ impl Layout {
         }
     }
 
-    /// Length of an array, ghosts included.
+    /// Returns the length of an array, ghosts included.
     pub(super) fn len(&self) -> usize {
         self.stride[2] * (self.cells[2] + 2)
     }
@@ -39,13 +40,13 @@ impl Layout {
         self.cells.iter().product()
     }
 
-    /// Position of a cell.
+    /// Returns the position of a cell.
     #[inline]
     pub(super) fn at(&self, cell: [usize; 3]) -> usize {
         (cell[0] + 1) + (cell[1] + 1) * self.stride[1] + (cell[2] + 1) * self.stride[2]
     }
 
-    /// All cells as a part.
+    /// Returns all cells as a part.
     pub(super) fn whole(&self) -> Part {
         Part {
             axis: 2,
@@ -53,7 +54,7 @@ impl Layout {
         }
     }
 
-    /// Cells from and to along each axis.
+    /// Returns the cells from and to along each axis.
     fn bounds(&self, part: &Part) -> [Range<usize>; 3] {
         std::array::from_fn(|a| {
             if a == part.axis {
@@ -64,7 +65,7 @@ impl Layout {
         })
     }
 
-    /// The rows of cells of a part along x, by rising y, then z.
+    /// Returns the rows of cells of a part along x, by rising y, then z.
     pub(super) fn rows(&self, part: &Part) -> impl Iterator<Item = Range<usize>> + use<> {
         let layout = *self;
         let [x, y, z] = self.bounds(part);
@@ -95,7 +96,7 @@ impl Layout {
         })
     }
 
-    /// Cells of a plane across an axis.
+    /// Returns the cells of a plane across an axis.
     pub(super) fn plane_size(&self, axis: usize) -> usize {
         self.cells[(axis + 1) % 3] * self.cells[(axis + 2) % 3]
     }
@@ -136,7 +137,7 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    /// Collective.
+    /// Makes the exchange of a layout. Collective.
     pub(super) fn new<T>(layout: Layout, domain: &Domain, tag: u8) -> Result<Self, Disagreement> {
         let axis = domain.axis().index();
         let bytes = layout.plane_size(axis) * size_of::<T>();
@@ -186,7 +187,7 @@ pub(super) struct Gather {
 }
 
 impl Gather {
-    /// `planes`: those of every rank, none in two.
+    /// Makes the gathering of a layout. `planes`: those of every rank, none in two.
     pub(super) fn new<T>(
         layout: Layout,
         axis: usize,

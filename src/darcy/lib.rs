@@ -4,10 +4,11 @@
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the pressure of the whole
-//! grid, because its grains may be anywhere on it. The linear solver takes most of the time and is therefore parallel. It works on slabs of its
-//! own, cut along the longest axis of the coarse grid, independently of the decomposition of the grains. Sums over grains and cells are exact
-//! or in a fixed order, so that the bits are the same on any number of ranks.
+//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the
+//! pressure of the whole grid, because its grains may be anywhere on it. The linear solver takes most of the time and
+//! is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid, independently of
+//! the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so that the bits are the
+//! same on any number of ranks.
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
@@ -54,12 +55,13 @@ pub use zones::Zones;
 
 pub use reproducible::power_above;
 
-/// Why the water could not be computed.
+/// Reason why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
     #[error(
-        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected to no \
+        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected \
+         to no \
          face with an imposed pressure or head: the water there has no outlet and its pressure is undetermined",
         .at[0], .at[1], .at[2]
     )]

@@ -4,13 +4,13 @@
 //! number:  d = sum d / N          mass:  d = sum d^4 / sum d^3          Sauter:  d = sum d^3 / sum d^2
 //! ```
 //!
-//! The three means differ considerably in a wide grading. The Sauter mean preserves the surface per volume, on which the
-//! derivation of the permeability is based.
+//! The three means differ considerably in a wide grading. The Sauter mean preserves the surface per volume, on which
+//! the derivation of the permeability is based.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Which mean of the diameters.
+/// Kind of mean of the diameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -25,7 +25,7 @@ pub enum MeanDiameter {
 }
 
 impl MeanDiameter {
-    /// The mean is sum w d^(k+1) / sum w d^k with this k.
+    /// Returns k: the mean is sum w d^(k+1) / sum w d^k.
     #[must_use]
     pub fn power(self) -> i32 {
         match self {

@@ -4,17 +4,19 @@
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and residuals are summed;
-//! the two operators are the transposes of each other. A coarse face conducts through parallel lanes, each a series of half the inner
-//! face of one coarse cell, the face itself, and half the inner face of the other:
+//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and
+//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through parallel
+//! lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner face of the
+//! other:
 //!
 //! ```text
 //! T = sum over lanes 1/(1/(2 t_inner) + 1/t_face + 1/(2 t_inner'))        a closed inner face does not contribute
 //! ```
 //!
-//! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly the connections of
-//! the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's polynomial, smooth without an order of cells, so that any
-//! decomposition gives the same bits. The ranks share the finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
+//! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly
+//! the connections of the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's
+//! polynomial, smooth without an order of cells, so that any decomposition gives the same bits. The ranks share the
+//! finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
 
 use super::layout::{Gather, Halo, Layout, Part};
 use base::number::single;
@@ -32,7 +34,7 @@ pub(super) struct Matrix<T> {
     pub(super) t: [Vec<T>; 3],
     /// Sums over the faces of each cell; 1 for a cell without any.
     pub(super) diagonal: Vec<T>,
-    /// Of the faces of each cell with an imposed pressure.
+    /// Sum over the faces of each cell with an imposed pressure.
     pub(super) leak: Vec<T>,
 }
 
@@ -62,10 +64,11 @@ pub(super) trait Real:
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// What flows into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, handed to `put(place in row, sum)`.
+/// Computes the flow into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, and passes it
+/// to `put(index in the row, sum)`.
 ///
-/// Differences before products: where free water lies beside soil its large conductances multiply differences near zero, and what the
-/// soil passes is not lost in rounding.
+/// Differences are taken before products: where free water is next to soil its large conductances multiply differences
+/// near zero, and the flow through the soil is not lost in rounding.
 #[inline(always)]
 pub(super) fn inflow<'a, T: Real>(
     matrix: &'a Matrix<T>,
@@ -130,7 +133,7 @@ pub(super) struct Multigrid {
     weights: [f32; 2],
 }
 
-/// Which axes to join: those that couple at least a third as strongly as the strongest, and still have cells.
+/// Returns which axes to join: those that couple at least a third as strongly as the strongest, and still have cells.
 fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     let strength: [f64; 3] = std::array::from_fn(|a| {
         if cells[a] > 1 {
@@ -149,7 +152,7 @@ fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     })
 }
 
-/// Cells joined along each axis of the finest grid: slabs have to be cut between them.
+/// Returns the cells joined along each axis of the finest grid: slabs have to be cut between them.
 pub(super) fn first_joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     if cells.iter().product::<usize>() <= DIRECT {
         [1; 3]
@@ -162,8 +165,8 @@ fn coarser(cells: [usize; 3], joined: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|a| cells[a].div_ceil(joined[a]))
 }
 impl Multigrid {
-    /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples of
-    /// the cells joined.
+    /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples
+    /// of the cells joined.
     pub(super) fn new(
         cells: [usize; 3],
         mut spacing: [f64; 3],
@@ -279,7 +282,8 @@ impl Multigrid {
         for (i, &at) in self.positions.iter().enumerate() {
             for (j, &other) in self.positions[..=i].iter().enumerate() {
                 self.factor[row(i) + j] = if i == j {
-                    // Of the same conductances in double precision, so that cells of free water do not round away what the soil passes.
+                    // Of the same conductances in double precision, so that cells of free water do not round away what
+                    // the soil passes.
                     let faces = (0..3).flat_map(|a| [(a, at), (a, at + stride[a])]);
                     let sum: f64 = faces
                         .map(|(a, face)| f64::from(level.matrix.t[a][face]))
@@ -335,17 +339,17 @@ impl Multigrid {
         }
     }
 
-    /// The right side of the finest level, to be filled over the part.
+    /// Returns the right side of the finest level, to be filled over the part.
     pub(super) fn right_side(&mut self) -> &mut [f32] {
         &mut self.levels[0].b
     }
 
-    /// The result of [`Self::cycle`] over the part.
+    /// Returns the result of [`Self::cycle`] over the part.
     pub(super) fn result(&self) -> &[f32] {
         &self.levels[0].x
     }
 
-    /// One V-cycle from zero. Collective.
+    /// Makes one V-cycle from zero. Collective.
     pub(super) fn cycle(&mut self) {
         let last = self.levels.len() - 1;
         if last == 0
@@ -410,7 +414,7 @@ impl Level {
         }
     }
 
-    /// Position of the inner face across `axis` of the coarse cell that holds a fine cell.
+    /// Returns the position of the inner face across `axis` of the coarse cell that holds a fine cell.
     fn inner(&self, axis: usize, at: usize, index: usize) -> Option<usize> {
         if self.joined[axis] == 1 {
             None
@@ -421,7 +425,7 @@ impl Level {
         }
     }
 
-    /// A conductance in series with half of the inner face of the coarse cell of a fine cell.
+    /// Returns a conductance in series with half of the inner face of the coarse cell of a fine cell.
     fn in_series(&self, conductance: f64, axis: usize, at: usize, index: usize) -> f64 {
         match self.inner(axis, at, index) {
             Some(face) => {

@@ -26,13 +26,11 @@
 //! |grad phi| = C rho u^2,    C = 1/(2 L) from one imposed face to another,   C = 3/(2 L) where an end is closed
 //! ```
 //!
-//! A channel between two reservoirs (imposed heads) loses one velocity head beside its friction. So does a
-//! channel with a closed end that is fed evenly
-//! through its walls: the mean of `u^2` over its length is a third of that at its mouth. No water in them is
-//! faster than Bernoulli's equation
-//! allows. Between two faces with an imposed pressure, which is that of the moving water, a channel loses
-//! its friction alone, and one
-//! velocity head where that is more: a passage so short has the losses of its ends at least.
+//! A channel between two reservoirs (imposed heads) loses one velocity head in addition to its friction. So does a
+//! channel with a closed end that is fed evenly through its walls: the mean of `u^2` over its length is a third of that
+//! at its mouth. No water in them is faster than Bernoulli's equation allows. Between two faces with an imposed
+//! pressure, which is that of the moving water, a channel loses its friction alone, and one velocity head where that is
+//! more: a passage so short has the losses of its ends at least.
 //!
 //! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that are stated to be
 //! walls. A void ends where the
@@ -69,7 +67,7 @@ pub enum Face {
     Reservoir,
     /// The pressure or the flux of the moving water is imposed.
     Stream,
-    /// Nothing is stated: impermeable.
+    /// Face without a condition: impermeable.
     #[default]
     Unstated,
 }
@@ -122,8 +120,8 @@ pub struct Duct {
 }
 
 impl Duct {
-    /// A channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one
-    /// may be infinite.
+    /// Returns a channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one may
+    /// be infinite.
     #[must_use]
     pub fn new(a: f64, b: f64) -> Self {
         Self {
@@ -183,7 +181,7 @@ pub struct OpenWater {
 }
 
 impl OpenWater {
-    /// Open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
+    /// Returns open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
     #[must_use]
     pub fn new(grid: Grid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
@@ -216,8 +214,8 @@ impl OpenWater {
         self.ducts[cell][axis]
     }
 
-    /// Measures the channels where a cell has this openness and this part of it that no solid fills; returns
-    /// whether any cell is open.
+    /// Measures the channels. `cell` gives the openness of a cell and the fraction of it that no solid fills. Returns
+    /// `true` if any cell is open.
     pub fn measure(&mut self, openness: &Openness, cell: impl Fn(usize) -> (f64, f64)) -> bool {
         let mut any = false;
         for at in 0..self.open.len() {
@@ -245,8 +243,8 @@ impl OpenWater {
             };
             for axis in 0..self.grid.dimension {
                 let (a, b) = (edge((axis + 1) % 3), edge((axis + 2) % 3));
-                // Both infinite: nothing beside the water holds it. Walls that it flows towards are as far
-                // as the void is long.
+                // Both infinite: no wall is next to the water. Walls that it flows towards are as far as the void is
+                // long.
                 let longest = self.longest.min(lengths[axis]);
                 let (a, b) = if a.min(b) > self.longest {
                     (longest, b)

@@ -1,9 +1,9 @@
 //! The part of a sphere inside a box, and of a disc inside a rectangle, in closed form.
 //!
-//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the sum of eight
-//! of them with signs, so that the parts of a grain in neighbouring cells complement each other to round-off whatever
-//! the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G = abc`; else no point of the ball lies beyond
-//! all three planes, and by inclusion and exclusion
+//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the sum
+//! of eight of them with signs, so that the parts of a grain in neighbouring cells complement each other to round-off
+//! whatever the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G = abc`; else no
+//! point of the ball lies beyond all three planes, and by inclusion and exclusion
 //!
 //! ```text
 //! G = pi/6 - C(a) - C(b) - C(c) + E(a, b) + E(b, c) + E(c, a)
@@ -12,13 +12,13 @@
 //! P(a) = a - a^3/3,   s^2 = 1 - a^2 - b^2                (0 where a^2 + b^2 >= 1)
 //! ```
 //!
-//! `E` follows from integrating circular segments by parts; compare the wedges of S. Strobl, A. Formella and T. Pöschel,
-//! J. Comput. Phys. 311 (2016) 158.
+//! `E` follows from integrating circular segments by parts; compare the wedges of S. Strobl, A. Formella and T.
+//! Pöschel, J. Comput. Phys. 311 (2016) 158.
 
 use base::ball::{cap, edge, octant_of};
 use std::f64::consts::PI;
 
-/// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
+/// Returns the unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
 fn octant(a: f64, b: f64, c: f64) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
         return a * b * c;
@@ -38,18 +38,18 @@ fn octant(a: f64, b: f64, c: f64) -> f64 {
     )
 }
 
-/// Half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
+/// Returns half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
 pub fn segment(a: f64) -> f64 {
     let s = (1.0 - a * a).max(0.0).sqrt();
     0.5 * (s.atan2(a) - a * s)
 }
 
-/// Unit disc over [0, a] x [0, b], arguments in 0 … 1.
+/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1.
 fn quadrant(a: f64, b: f64) -> f64 {
     quadrant_of([a, b], [segment(a), segment(b)])
 }
 
-/// Unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
+/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
 #[inline(always)]
 pub fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     if a * a + b * b <= 1.0 {
@@ -59,7 +59,7 @@ pub fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     }
 }
 
-/// Volume of a sphere inside the box from `lower` to `upper` (all in m) \[m3\].
+/// Returns the volume of a sphere inside the box from `lower` to `upper` (all in m) \[m3\].
 #[must_use]
 pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);
@@ -82,7 +82,8 @@ pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3
     (sum * radius * radius * radius).max(0.0)
 }
 
-/// Area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate counts for nothing.
+/// Returns the area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate
+/// counts for nothing.
 #[must_use]
 pub fn disc_rectangle(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);

@@ -2,7 +2,8 @@
 //!
 //! Cells without grains would conduct without bound: the porosity is capped.
 //!
-//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line of the list.
+//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line
+//! of the list.
 
 pub mod ergun;
 pub mod kozeny_carman;
@@ -32,16 +33,16 @@ family! {
 
 /// A law of resistance: the permeability K \[m2\] of a bed.
 pub trait Law: Sync {
-    /// The law in the schema of the case: one line.
+    /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
-    /// K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the reduced pressure
-    /// \[Pa/m\].
+    /// Returns K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the
+    /// reduced pressure \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
 
     /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed
@@ -55,17 +56,18 @@ pub trait Law: Sync {
         wen_yu(bed, grain, speed)
     }
 
-    /// Whether K depends on the gradient: pressure and permeability are then computed in turn until both stay.
+    /// Returns `true` if K depends on the gradient: pressure and permeability are then computed in turn until both
+    /// stay.
     fn depends_on_the_gradient(&self) -> bool {
         false
     }
 
-    /// Whether the law may be used with these equations.
+    /// Returns `true` if the law may be used with these equations.
     fn goes_with(&self, _equations: Equations) -> bool {
         true
     }
 
-    /// K \[m2\] of every cell.
+    /// Computes K \[m2\] of every cell.
     fn fill(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &mut [f64]) {
         for (cell, permeability) in permeability.iter_mut().enumerate() {
             *permeability = self.permeability(
@@ -77,8 +79,9 @@ pub trait Law: Sync {
         }
     }
 
-    /// The largest relative change from the permeabilities that are given to those of the bed, weighted by the gradient of the cell over the
-    /// largest: the error of the gradient that it makes. In free water, whose gradient is rounding, nothing depends on it.
+    /// Returns the largest relative change from the permeabilities that are given to those of the bed, weighted by the
+    /// gradient of the cell over the largest: the error of the gradient that it makes. In free water, whose gradient is
+    /// rounding, nothing depends on it.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
         let steepest = bed.steepest();
@@ -98,12 +101,12 @@ pub trait Law: Sync {
     }
 }
 
-/// The larger of two numbers; NaN where one is.
+/// Returns the larger of two numbers; NaN if one is.
 pub fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// What the permeability of every cell depends on.
+/// Quantities that the permeability of every cell depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct BedOfCells<'a> {
     /// Porosity, within its limits.
@@ -115,12 +118,12 @@ pub struct BedOfCells<'a> {
 }
 
 impl BedOfCells<'_> {
-    /// The largest gradient \[Pa/m\].
+    /// Returns the largest gradient \[Pa/m\].
     pub(super) fn steepest(&self) -> f64 {
         self.gradient.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Gradient of a cell over the largest; 1 where there is none.
+    /// Returns the gradient of a cell over the largest; 1 if there is none.
     pub(super) fn weight(&self, cell: usize, steepest: f64) -> f64 {
         if steepest > 0.0 {
             self.gradient[cell] / steepest
@@ -133,9 +136,9 @@ impl BedOfCells<'_> {
 /// A law of resistance with the limits of the porosity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Permeability {
-    /// Which law.
+    /// Law of the permeability.
     pub law: Resistance,
-    /// Which diameter.
+    /// Mean diameter that the law uses.
     pub diameter: MeanDiameter,
     /// Larger porosities count as this one.
     pub porosity_cap: f64,
@@ -144,7 +147,7 @@ pub struct Permeability {
 }
 
 impl Permeability {
-    /// The porosity that counts.
+    /// Returns the porosity that counts.
     #[must_use]
     pub fn limited(&self, porosity: f64) -> f64 {
         porosity.clamp(self.least_porosity, self.porosity_cap)

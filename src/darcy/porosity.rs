@@ -36,19 +36,19 @@ family! {
 
 /// A porosity method: the part of a grain in each cell.
 pub trait Method {
-    /// The method in the schema of the case: one line.
+    /// Returns the method in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The method with its parameters in the tables of `plan`.
+    /// Returns the method with its parameters in the tables of `plan`.
     fn description(&self) -> String;
 
     /// Appends (cell, part) for the cells that hold a part of the grain; parts outside the grid are left out.
     fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>);
 }
 
-/// Volume of a sphere; in 2-D area of a disc.
+/// Returns the volume of a sphere; in 2-D area of a disc.
 #[must_use]
 pub fn measure(dimension: usize, radius: f64) -> f64 {
     if dimension == 2 {
@@ -58,7 +58,8 @@ pub fn measure(dimension: usize, radius: f64) -> f64 {
     }
 }
 
-/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain, [`Pores::finish`].
+/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain,
+/// [`Pores::finish`].
 #[derive(Clone, Debug)]
 pub struct Pores {
     grid: Grid,
@@ -76,7 +77,7 @@ pub struct Pores {
 }
 
 impl Pores {
-    /// No grains.
+    /// Returns pores without grains.
     #[must_use]
     pub fn new(grid: Grid, method: PorosityMethod, mean: MeanDiameter) -> Self {
         let n = grid.count();
@@ -97,7 +98,7 @@ impl Pores {
         }
     }
 
-    /// The mean diameter that is formed.
+    /// Returns the mean diameter that is formed.
     #[must_use]
     pub fn mean(&self) -> MeanDiameter {
         self.mean
@@ -109,14 +110,15 @@ impl Pores {
         self.finite = true;
     }
 
-    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left out.
+    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left
+    /// out.
     #[inline]
     pub fn parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         parts.clear();
         self.append_parts(centre, radius, parts);
     }
 
-    /// As [`Self::parts`], behind what is in the list.
+    /// Appends the result of [`Self::parts`] to the list.
     #[inline]
     pub fn append_parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         self.method.model().parts(&self.grid, centre, radius, parts);
@@ -178,19 +180,19 @@ impl Pores {
         Ok(())
     }
 
-    /// Porosity of each cell: 1 without grains, 0 outside the walls; below 0 where a cell is overfull.
+    /// Returns the porosity of each cell: 1 without grains, 0 outside the walls; below 0 if a cell is overfull.
     #[must_use]
     pub fn porosity(&self) -> &[f64] {
         &self.porosity
     }
 
-    /// Mean diameter in each cell \[m\]; that of all grains where there is none.
+    /// Returns the mean diameter in each cell \[m\]; that of all grains where there is none.
     #[must_use]
     pub fn diameter(&self) -> &[f64] {
         &self.diameter
     }
 
-    /// Volume of the grains in a cell \[m3; m2 in 2-D\].
+    /// Returns the volume of the grains in a cell \[m3; m2 in 2-D\].
     #[must_use]
     pub fn solid_volume(&self, cell: usize) -> f64 {
         real(self.sums[cell][0]) * STEP * self.grid.volume()

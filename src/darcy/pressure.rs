@@ -4,10 +4,11 @@
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
 //! ```
 //!
-//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses cell-centred finite
-//! volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times its open area. The layers of a column
-//! are therefore in series exactly, and the flux out of one cell is the flux into the next. The matrix is stored as its faces only.
-//! Conjugate gradients with one multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
+//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses
+//! cell-centred finite volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times
+//! its open area. The layers of a column are therefore in series exactly, and the flux out of one cell is the flux into
+//! the next. The matrix is stored as its faces only. Conjugate gradients with one multigrid cycle
+//! ([`super::multigrid`]) solve it, starting from the last solution.
 //!
 //! Moving grains and their water keep their volume together. The flux through a cell is a linear
 //! function of the gradient
@@ -17,16 +18,15 @@
 //! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
 //! ```
 //!
-//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of
-//! its two cells, weighted by
-//! their resistances. The water of a cell without grains has next to no resistance: it goes with whatever
-//! the bed beside it does.
+//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of its two
+//! cells, weighted by their resistances. The water of a cell without grains has next to no resistance: it follows the
+//! bed next to it.
 //!
 //! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
 //!
-//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
-//! pressures; the closure of momentum relies on this.
+//! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the
+//! force of the imposed pressures; the closure of momentum relies on this.
 
 mod boundary;
 mod iteration;
@@ -51,8 +51,8 @@ pub enum Equations {
     /// Conductivity K/mu, gravity in the water, superficial velocity in the drag.
     #[default]
     Corrected,
-    /// As printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water, interstitial velocity in the drag; signs
-    /// follow Darcy's law.
+    /// Equations as printed in the paper on ground fissures: conductivity K/(mu eps), no gravity in the water,
+    /// interstitial velocity in the drag; signs follow Darcy's law.
     Paper,
 }
 
@@ -100,7 +100,7 @@ pub enum Condition {
 pub struct Patch {
     /// Axis of the normal.
     pub axis: usize,
-    /// At the upper end of the axis.
+    /// `true` if it is at the upper end of the axis.
     pub upper: bool,
     /// First cell along each axis; of no matter along the normal.
     pub from: [usize; 3],
@@ -111,7 +111,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Returns whether the patch covers the face of a cell.
+    /// Returns `true` if the patch covers the face of a cell.
     fn holds(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
         let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
         self.axis == axis && self.upper == upper && (0..3).all(covers)
@@ -123,7 +123,7 @@ impl Patch {
 /// of open water.
 pub const NUMBERS: usize = 9;
 
-/// How the pressure is computed.
+/// Settings of the pressure solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Form of the equations.
@@ -142,13 +142,13 @@ pub struct Settings {
 pub struct Medium<'a> {
     /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
     pub conductivity: &'a [f64],
-    /// Volume flux without a gradient \[m/s\], for each cell; none where all grains are at rest.
+    /// Volume flux without a gradient \[m/s\], for each cell; none if all grains are at rest.
     pub carried: Option<&'a [[f64; 3]]>,
     /// Volume of water that appears per volume inside the walls \[1/s\], for each cell.
     pub source: Option<&'a [f64]>,
 }
 
-/// What a solution cost and how good it is.
+/// Cost and quality of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Iterations.
@@ -185,9 +185,9 @@ struct Conduction {
     factor: [Vec<f64>; 3],
     /// Per axis, one over the open area of a face, 0 for a closed one.
     per_area: [Vec<f64>; 3],
-    /// Of water and grains together.
+    /// Total conductivity: water plus grains.
     conductivity: Vec<f64>,
-    /// Where cells conduct differently along each axis.
+    /// Data of cells that conduct differently along each axis.
     directions: Option<Box<Directions>>,
     /// Flux that the grains carry along each axis \[m/s\].
     carried: [Vec<f64>; 3],
@@ -247,11 +247,11 @@ pub struct Pressure {
     patches: Vec<Patch>,
     boundary: Vec<Boundary>,
     ground: Vec<Ground>,
-    /// Reduced pressure above `level` \[Pa\]: small differences beside a large level keep their digits.
+    /// Reduced pressure above `level` \[Pa\]: small differences from a large level keep their digits.
     phi: Vec<f64>,
     /// The middle of the imposed reduced pressures \[Pa\].
     level: f64,
-    /// No pressure has been found or restored yet.
+    /// `true` if no pressure has been found or restored yet.
     fresh: bool,
 }
 
@@ -378,13 +378,13 @@ impl Pressure {
         if open { Ok(()) } else { Err(Error::NoOpenCell) }
     }
 
-    /// The grid.
+    /// Returns the grid.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.slab.grid
     }
 
-    /// The relative tolerance of a solution.
+    /// Returns the relative tolerance of a solution.
     #[must_use]
     pub fn tolerance(&self) -> f64 {
         self.settings.tolerance
@@ -418,14 +418,14 @@ impl Pressure {
         directions.ratios.copy_from_slice(ratios);
     }
 
-    /// Conductivity of a cell along each axis over the one that was given.
+    /// Returns the conductivity of a cell along each axis over the one that was given.
     #[must_use]
     pub fn direction(&self, cell: usize) -> [f64; 3] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or([1.0; 3], |directions| directions.ratios[cell])
     }
 
-    /// Conductivity along an axis, of water and grains together.
+    /// Returns the conductivity along an axis, of water and grains together.
     fn along(&self, axis: usize) -> &[f64] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or(&self.conduction.conductivity, |directions| {
@@ -491,7 +491,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Takes conductivities and what the grains carry; returns whether one is not a number.
+    /// Stores the conductivities and the part that grains carry; returns `true` if one is not a number.
     fn take(&mut self, medium: Medium<'_>) -> bool {
         let nx = self.slab.grid.cells[0];
         let whole = self.slab.layout.whole();
@@ -625,7 +625,7 @@ impl Pressure {
         }
     }
 
-    /// Conductivities along each axis, where cells differ in them; whether one is not a number.
+    /// Computes the conductivities along each axis, where cells differ in them; returns `true` if one is not a number.
     fn direct(&mut self) -> bool {
         let Some(directions) = &mut self.conduction.directions else {
             return false;
@@ -666,7 +666,7 @@ impl Pressure {
         }
     }
 
-    /// Open area of the face below a cell \[m2\].
+    /// Returns the open area of the face below a cell \[m2\].
     fn area(&self, axis: usize, at: usize) -> f64 {
         0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
     }
@@ -683,7 +683,7 @@ impl Pressure {
         }
     }
 
-    /// The middle of the imposed reduced pressures.
+    /// Returns the middle of the imposed reduced pressures.
     fn middle(&self) -> f64 {
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for face in &self.boundary {
@@ -695,7 +695,7 @@ impl Pressure {
         0.5 * (least + most)
     }
 
-    /// The reduced pressure that is imposed on a face.
+    /// Returns the reduced pressure that is imposed on a face.
     fn imposed(&self, face: &Boundary) -> Option<f64> {
         match self.patches[face.patch].condition {
             Condition::Pressure { value: p } => Some(p + face.lift),
@@ -704,7 +704,7 @@ impl Pressure {
         }
     }
 
-    /// What crosses a boundary face, into the grid \[m3/s\].
+    /// Returns the flow through a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
@@ -720,7 +720,7 @@ impl Pressure {
         }
     }
 
-    /// What the gradient drives through each cell, from its faces; what enters and leaves in all.
+    /// Computes the flow that the gradient drives through each cell, from its faces; returns total inflow and outflow.
     fn fluxes(&mut self) -> (f64, f64) {
         let layout = self.slab.layout;
         let [_, sy, sz] = layout.stride;
@@ -768,7 +768,7 @@ impl Pressure {
         (inflow.value(), outflow.value())
     }
 
-    /// Volume flux of water and grains through a cell \[m/s\].
+    /// Returns the volume flux of water and grains through a cell \[m/s\].
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
         if self.conduction.carries {
@@ -781,13 +781,13 @@ impl Pressure {
         }
     }
 
-    /// Flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
+    /// Returns the flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
         self.conduction.conductivity[self.slab.layout.at(self.slab.grid.cell(cell))]
     }
 
-    /// Gradient of the reduced pressure in a cell \[Pa/m\].
+    /// Returns the gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
         let at = self.slab.layout.at(self.slab.grid.cell(cell));
@@ -801,7 +801,7 @@ impl Pressure {
         })
     }
 
-    /// rho g in the water \[N/m3\]; 0 in the equations as printed.
+    /// Returns rho g in the water \[N/m3\]; 0 in the equations as printed.
     #[must_use]
     pub fn weight(&self) -> [f64; 3] {
         match self.settings.equations {
@@ -810,14 +810,14 @@ impl Pressure {
         }
     }
 
-    /// Gradient of the pressure in a cell \[Pa/m\].
+    /// Returns the gradient of the pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn gradient(&self, cell: usize) -> [f64; 3] {
         let (gradient, weight) = (self.reduced_gradient(cell), self.weight());
         std::array::from_fn(|a| gradient[a] + weight[a])
     }
 
-    /// Reduced pressure of a cell \[Pa\]; 0 outside the walls.
+    /// Returns the reduced pressure of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn reduced(&self, cell: usize) -> f64 {
         if !self.conduction.conducts[cell] {
@@ -833,7 +833,7 @@ impl Pressure {
             .map(|index| self.phi[self.slab.layout.at(self.slab.grid.cell(index))])
     }
 
-    /// Largest difference of the reduced pressure between cells and imposed values \[Pa\].
+    /// Returns the largest difference of the reduced pressure between cells and imposed values \[Pa\].
     #[must_use]
     pub fn largest_difference(&self) -> f64 {
         let cells = (0..self.slab.grid.count()).filter(|cell| self.conduction.conducts[*cell]);
@@ -847,7 +847,7 @@ impl Pressure {
         (high - low).max(0.0)
     }
 
-    /// Pressure in the centre of a cell \[Pa\]; 0 outside the walls.
+    /// Returns the pressure in the centre of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn pressure(&self, cell: usize) -> f64 {
         if !self.conduction.conducts[cell] {
@@ -880,7 +880,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Volume that enters through each patch \[m3/s\].
+    /// Returns the volume that enters through each patch \[m3/s\].
     #[must_use]
     pub fn patch_inflows(&self) -> Vec<f64> {
         let mut sums: Vec<ExactSum> = self.patches.iter().map(|_| ExactSum::new()).collect();

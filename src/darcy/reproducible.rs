@@ -1,9 +1,10 @@
 //! Dot products with the same bits for any order of the terms, at a few operations per term.
 //!
-//! A term is split at two fixed positions. `q = (x + s) - s` with `s = 1.5 · 2^k` is x rounded to a multiple of 2^(k-52). With
-//! 2^k ≥ 2 N max|x| any partial sum of N such parts is exact, so that lanes, rows and ranks may add in any order. The remainder of x is
-//! split in the same way with a smaller `s`. The two parts represent the sum to about N^2 2^-104 of the largest term (J. Demmel and H. D. Nguyen, IEEE
-//! Trans. Comput. 64 (2015) 2060). A first pass finds the largest term, which is also independent of the order.
+//! A term is split at two fixed positions. `q = (x + s) - s` with `s = 1.5 · 2^k` is x rounded to a multiple of
+//! 2^(k-52). With 2^k ≥ 2 N max|x| any partial sum of N such parts is exact, so that lanes, rows and ranks may add in
+//! any order. The remainder of x is split in the same way with a smaller `s`. The two parts represent the sum to about
+//! N^2 2^-104 of the largest term (J. Demmel and H. D. Nguyen, IEEE Trans. Comput. 64 (2015) 2060). A first pass finds
+//! the largest term, which is also independent of the order.
 
 use super::layout::{Layout, Part};
 use base::number::real;
@@ -11,7 +12,7 @@ use decomposition::Communicator;
 
 const LANES: usize = 8;
 
-/// Sum of `a[i] b[i]` over the cells of all ranks' parts, the same bits however they are cut. Collective.
+/// Returns the sum of `a[i] b[i]` over the cells of all ranks' parts, the same bits however they are cut. Collective.
 pub(super) fn dot<B: Copy + Into<f64>>(
     (layout, part): (&Layout, &Part),
     a: &[f64],
@@ -106,7 +107,7 @@ fn split_sum<B: Copy + Into<f64>>(
     }
 }
 
-/// The power of two above a finite positive number.
+/// Returns the power of two above a finite positive number.
 pub fn power_above(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52) & 0x7ff;
     f64::from_bits((exponent + 1).min(2046) << 52)

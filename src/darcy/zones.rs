@@ -1,7 +1,8 @@
-//! Permeability and porosity by region: layers, boxes and rasters of values beside those that follow from the grains.
+//! Permeability and porosity by region: layers, boxes and rasters of values, in addition to those that follow from the
+//! grains.
 //!
-//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The cell then has one
-//! permeability along each axis:
+//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The
+//! cell then has one permeability along each axis:
 //!
 //! ```text
 //! harmonic   along a: sum over columns w_bc / (sum_a w_a/K)         lower bound: no flow from column to column
@@ -9,10 +10,11 @@
 //! K_a = sqrt(harmonic arithmetic)
 //! ```
 //!
-//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P. Renard and
-//! G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds are one: the harmonic mean
-//! across the layers and the arithmetic mean along them. With the harmonic mean of two cells at their face the flow across and along
-//! layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972), section 5.8, wherever the boundaries lie:
+//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P.
+//! Renard and G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds
+//! are one: the harmonic mean across the layers and the arithmetic mean along them. With the harmonic mean of two cells
+//! at their face the flow across and along layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972),
+//! section 5.8, wherever the boundaries lie:
 //!
 //! ```text
 //! across: H/K = sum H_i/K_i          along: H K = sum H_i K_i
@@ -26,15 +28,16 @@ use std::collections::BTreeMap;
 /// The permeability of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// This one \[m2\].
+    /// Stated permeability \[m2\].
     Value(f64),
-    /// That of the grains times a factor.
+    /// Permeability of the grains times a factor.
     Factor(f64),
-    /// That of the grains by another law.
+    /// Permeability of the grains by another law.
     Law(Resistance),
 }
 
-/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other along each axis.
+/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other
+/// along each axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
     /// Coordinates of the nodes along each axis, rising \[m\]; one along z in 2-D.
@@ -46,13 +49,13 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// The planes half way between nodes along an axis.
+    /// Returns the planes half way between nodes along an axis.
     fn planes(&self, axis: usize) -> impl Iterator<Item = f64> {
         let pairs = self.nodes[axis].windows(2);
         pairs.map(|pair| pair[0] + 0.5 * (pair[1] - pair[0]))
     }
 
-    /// The node that stands for a point.
+    /// Returns the node that stands for a point.
     fn node(&self, point: [f64; 3]) -> usize {
         let place = |a: usize| {
             let nodes = &self.nodes[a];
@@ -76,17 +79,17 @@ impl Raster {
 /// A region with its own permeability or porosity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
-    /// Lower corner \[m\]; infinite where the region has no end.
+    /// Lower corner \[m\]; infinite if the region has no end.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
-    /// Its permeability; none where it remains that of the grains.
+    /// Permeability; none if it remains that of the grains.
     pub permeability: Option<Rule>,
-    /// Its porosity; none where it remains that of the grains.
+    /// Porosity; none if it remains that of the grains.
     pub porosity: Option<f64>,
     /// Values that vary.
     pub raster: Option<Raster>,
-    /// Whether it holds in cells without grains as well.
+    /// `true` if it also holds in cells without grains.
     pub without_grains: bool,
 }
 
@@ -108,7 +111,7 @@ impl Zone {
     }
 }
 
-/// What zones state for a point. With each the answer whether it holds without grains.
+/// Values that zones state for a point, each with a flag: `true` if it holds without grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -116,26 +119,26 @@ pub struct Medium {
 }
 
 impl Medium {
-    /// The porosity that a zone states; `grains`: whether there are any.
+    /// Returns the porosity that a zone states; `grains`: whether there are any.
     #[must_use]
     pub fn porosity(&self, grains: bool) -> Option<f64> {
         let stated = self.porosity.filter(|(_, without)| grains || *without);
         stated.map(|(porosity, _)| porosity)
     }
 
-    /// Whether it states a permeability that needs no grains.
+    /// Returns `true` if it states a permeability that needs no grains.
     fn fills(&self) -> bool {
         matches!(self.permeability, Some((Rule::Value(_), true)))
     }
 
-    /// Whether it holds without grains.
+    /// Returns `true` if it holds without grains.
     fn stands(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
             || self.porosity.is_some_and(|(_, without)| without)
     }
 
-    /// Permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no porosity, under a gradient
-    /// \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
+    /// Returns the permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no
+    /// porosity, under a gradient \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
     #[must_use]
     pub fn permeability(
         &self,
@@ -250,7 +253,7 @@ impl Zones {
         all
     }
 
-    /// The medium of a point.
+    /// Returns the medium of a point.
     fn medium(
         &mut self,
         zones: &[Zone],
@@ -289,19 +292,19 @@ impl Zones {
         })
     }
 
-    /// Cells that a boundary of zones cuts.
+    /// Returns the cells that a boundary of zones cuts.
     #[must_use]
     pub fn cut(&self) -> usize {
         self.cut
     }
 
-    /// Cells that each zone holds a part of.
+    /// Returns the cells that each zone holds a part of.
     #[must_use]
     pub fn reached(&self) -> &[usize] {
         &self.reached
     }
 
-    /// The part of each of so many cells that zones fill without grains.
+    /// Returns the part of each of so many cells that zones fill without grains.
     #[must_use]
     pub fn filled(&self, cells: usize) -> Vec<f64> {
         let mut filled = vec![0.0; cells];
@@ -327,19 +330,20 @@ impl Zones {
         part
     }
 
-    /// Whether all that the zones state of the grid is a permeability that needs no grains.
+    /// Returns `true` if the zones state nothing of the grid but a permeability that needs no grains.
     #[must_use]
     pub fn stand_alone(&self) -> bool {
         self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
     }
 
-    /// Everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all zones.
+    /// Returns everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all
+    /// zones.
     pub fn media(&self, cells: usize) -> impl Iterator<Item = &Medium> {
         let outside = self.cells.len() < cells || self.media_of.contains(&0);
         self.media[usize::from(!outside)..].iter()
     }
 
-    /// Whether a zone has a law that depends on the gradient.
+    /// Returns `true` if a zone has a law that depends on the gradient.
     #[must_use]
     pub fn depend_on_the_gradient(&self) -> bool {
         self.media.iter().any(|medium| {
@@ -378,7 +382,7 @@ fn planes(grid: &Grid, zones: &[Zone], axis: usize) -> Vec<f64> {
 /// Part of the edge of a cell by which a plane misses the edge and still lies on it.
 const ON_THE_EDGE: f64 = 1e-9;
 
-/// The edges of a cell along an axis with the planes between them.
+/// Collects the edges of a cell along an axis with the planes between them.
 fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
     let edge = |n: usize| grid.origin[axis] + base::number::real(n) * grid.spacing[axis];
     let (low, high) = (edge(cell), edge(cell + 1));
@@ -391,14 +395,14 @@ fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec
     edges.push(high);
 }
 
-/// The permeabilities of cells with zones: room for each round.
+/// Permeabilities of cells with zones: buffers, reused in each iteration.
 #[derive(Clone, Debug)]
 pub struct Conduct {
     /// Porosity by the grains in the cells that zones reach.
     porosity: Vec<f64>,
-    /// Whether these cells hold grains.
+    /// `true` for cells that hold grains.
     grains: Vec<bool>,
-    /// Whether a zone holds in a cell although it has no grains: a body that the case does not resolve bears the pressure.
+    /// `true` for cells without grains in which a zone holds: a body that the case does not resolve bears the pressure.
     bodies: Vec<bool>,
     /// `true` if zones reach a cell that holds grains.
     ground: Vec<bool>,
@@ -414,7 +418,7 @@ pub struct Conduct {
 }
 
 impl Conduct {
-    /// Room for the zones of a grid with so many cells.
+    /// Allocates buffers for the zones of a grid with `cells` cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
         let cut = if zones.cut > 0 { cells } else { 0 };
@@ -432,8 +436,8 @@ impl Conduct {
         }
     }
 
-    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`: whether a cell holds
-    /// grains.
+    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`:
+    /// whether a cell holds grains.
     pub fn replace_porosity(
         &mut self,
         zones: &Zones,
@@ -470,13 +474,13 @@ impl Conduct {
         }
     }
 
-    /// Whether a body that the case does not resolve fills a cell or a part of it.
+    /// Returns `true` if a body that the case does not resolve fills a cell or a part of it.
     #[must_use]
     pub fn is_body(&self, cell: usize) -> bool {
         self.bodies[cell]
     }
 
-    /// Returns whether zones state the permeability of the grains of a cell.
+    /// Returns `true` if zones state the permeability of the grains of a cell.
     #[must_use]
     pub fn is_ground(&self, cell: usize) -> bool {
         self.ground[cell]
@@ -528,7 +532,8 @@ impl Conduct {
                 *along = effective(axis, lengths, &self.boxes);
                 mean *= *along;
             }
-            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
+            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along
+            // each.
             let mean = match zones.dimension {
                 2 => mean.sqrt(),
                 _ => mean.cbrt(),
@@ -544,13 +549,14 @@ impl Conduct {
         }
     }
 
-    /// Permeability along each axis over that of the cell; none where no boundary cuts a cell.
+    /// Returns the permeability along each axis over that of the cell; none if no boundary cuts a cell.
     #[must_use]
     pub fn ratios(&self) -> Option<&[[f64; 3]]> {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
     }
 
-    /// The largest relative change, along any axis, from the permeabilities that are given to those of the bed, weighted as in [`Law::change`].
+    /// Computes the largest relative change, along any axis, from the permeabilities that are given to those of the
+    /// bed, weighted as in [`Law::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
@@ -579,7 +585,8 @@ impl Conduct {
     }
 }
 
-/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the edges.
+/// Returns the permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`:
+/// parts of the edges.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

@@ -1,7 +1,7 @@
 //! Blocks among the grains: the shape of each entry and the state of its rotation.
 //!
-//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of a
-//! block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
+//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of
+//! a block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
 //! computed from the state of the rotation.
 
 use std::sync::Arc;
@@ -30,13 +30,13 @@ const COLUMNS: [&str; NUMBERS] = [
     "angular_momentum_z",
 ];
 
-/// The state of a rotation as numbers in the order of [`COLUMNS`].
+/// Returns the state of a rotation as numbers in the order of [`COLUMNS`].
 fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
     let (q, l) = (rotation.orientation.coords, rotation.angular_momentum);
     [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
 }
 
-/// Back from [`numbers`]. The quaternion is not normalised: the bits stay the same.
+/// Returns the state from [`numbers`]. The quaternion is not normalised: the bits stay the same.
 fn from_numbers(n: [f64; NUMBERS]) -> RotationState {
     RotationState {
         orientation: UnitQuaternion::new_unchecked(Quaternion::new(n[3], n[0], n[1], n[2])),
@@ -74,13 +74,13 @@ impl<S: Space> Entry<S> for RotationState {
     }
 }
 
-/// A spin or moment in space.
+/// Returns a spin or moment in space.
 #[inline(always)]
 pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
 }
 
-/// Back from space; what has fewer components takes the first.
+/// Converts back from space; a type with fewer components takes the first.
 #[inline(always)]
 pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
     let mut spin = C::default();
@@ -91,8 +91,8 @@ pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
 }
 
 impl Body {
-    /// A free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for those who want one
-    /// number; the engine uses all three.
+    /// Returns a free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for
+    /// those who want one number; the engine uses all three.
     #[must_use]
     pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
         Self {
@@ -107,7 +107,7 @@ impl Body {
 }
 
 impl<S: Space> Particles<S> {
-    /// The scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
+    /// Sets the scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
     /// [`Self::add_block`], and after [`Self::from_table`] where the rows hold blocks.
     ///
     /// # Errors
@@ -127,9 +127,9 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is its
-    /// centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space. `body.radius` is
-    /// set to the shape's; see [`Body::of_block`] for the rest.
+    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is
+    /// its centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space.
+    /// `body.radius` is set to the shape's; see [`Body::of_block`] for the rest.
     ///
     /// # Errors
     /// Where the table of shapes has no such number.
@@ -157,26 +157,26 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// The shape of entry `k` and how it stands; none for a sphere or disc.
+    /// Returns the shape of entry `k` and how it stands; none for a sphere or disc.
     #[must_use]
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
         shape_of(&self.shapes, &self.shape, &self.rotation, k)
     }
 
-    /// Whether any entry may be a polyhedron.
+    /// Returns `true` if any entry may be a polyhedron.
     #[must_use]
     pub fn has_blocks(&self) -> bool {
         self.shape.is_allocated()
     }
 
-    /// Volume of entry `k` [m³; m² per m of depth in two dimensions].
+    /// Returns the volume of entry `k` [m³; m² per m of depth in two dimensions].
     #[must_use]
     pub fn volume(&self, k: usize) -> f64 {
         self.view().volume(k)
     }
 
-    /// An error that names the first owned entry whose shape is not in the table.
+    /// Returns an error that names the first owned entry whose shape is not in the table.
     pub(super) fn check_shapes(&self) -> Result<(), Error> {
         let count = self.shapes.len();
         let unknown = |shape: u32| shape != SPHERE && shape as usize >= count;
@@ -202,14 +202,14 @@ impl<S: Space> Particles<S> {
 }
 
 impl<'a, S: Space> View<'a, S> {
-    /// As [`Particles::polyhedron`].
+    /// Returns the polyhedron of an entry: see [`Particles::polyhedron`].
     #[must_use]
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&'a Polyhedron, &'a RotationState)> {
         shape_of(self.shapes, self.shape, self.rotation, k)
     }
 
-    /// As [`Particles::volume`].
+    /// Returns the volume of an entry: see [`Particles::volume`].
     #[must_use]
     #[inline]
     pub fn volume(&self, k: usize) -> f64 {

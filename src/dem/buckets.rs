@@ -1,12 +1,12 @@
 //! Counting sort by threads: numbers into buckets, those of each bucket in the order in which they are given.
 //!
-//! Each thread has a range of buckets and looks at all items, of which it takes its own: the order is that of one thread, and looking is
-//! short beside sorting.
+//! Each thread has a range of buckets and reads all items, of which it takes its own: the order is that of one thread,
+//! and reading takes little time compared with sorting.
 
 use base::thread_pool;
 use std::ops::Range;
 
-/// What is sorted into buckets.
+/// Items that are sorted into buckets.
 pub(super) trait Items: Sync {
     /// Calls `put` with bucket and number of all items whose buckets are in a range, in their order.
     fn each(&self, buckets: &Range<usize>, put: impl FnMut(usize, u32));
@@ -15,13 +15,14 @@ pub(super) trait Items: Sync {
 /// Numbers by buckets.
 #[derive(Debug, Default)]
 pub(super) struct Buckets {
-    /// Where the numbers of each bucket begin, and the end.
+    /// Index of the first number of each bucket, and the end.
     start: Vec<u32>,
     numbers: Vec<u32>,
 }
 
 impl Buckets {
-    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its number on.
+    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its
+    /// number on.
     pub(super) fn fill(
         &mut self,
         count: usize,
@@ -90,22 +91,22 @@ impl Buckets {
         });
     }
 
-    /// The numbers of a bucket.
+    /// Returns the numbers of a bucket.
     pub(super) fn of(&self, bucket: usize) -> &[u32] {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }
 
-    /// Numbers in all buckets.
+    /// Returns the numbers in all buckets.
     pub(super) fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Numbers before a bucket.
+    /// Returns the numbers before a bucket.
     pub(super) fn before(&self, bucket: usize) -> usize {
         self.start[bucket] as usize
     }
 
-    /// The bucket where the share of a thread begins, so that all have about as many numbers.
+    /// Returns the bucket where the share of a thread begins, so that all have about as many numbers.
     pub(super) fn bound(&self, thread: usize, threads: usize) -> usize {
         if thread == threads {
             return self.start.len().saturating_sub(1);

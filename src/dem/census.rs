@@ -1,4 +1,4 @@
-//! What all ranks know of each other: counts and radii of the grains of every rank, and agreement on an error.
+//! Quantities known to all ranks: counts and radii of the grains of every rank, and agreement on an error.
 
 use super::message::{Reader, Writer};
 use super::particles::Particles;
@@ -16,7 +16,7 @@ pub(super) struct Census {
     pub(super) largest: f64,
 }
 
-/// Every rank's census, by rank. Collective.
+/// Returns every rank's census, by rank. Collective.
 pub(super) fn census<S: Space>(
     particles: &Particles<S>,
     domain: &Domain,
@@ -47,7 +47,7 @@ pub(super) fn census<S: Space>(
         .collect()
 }
 
-/// The bytes of every rank, by rank. Collective.
+/// Returns the bytes of every rank, by rank. Collective.
 fn gather_all(domain: &Domain, mine: &[u8]) -> Vec<Vec<u8>> {
     let (rank, size) = (domain.rank(), domain.communicator().size());
     let messages = (0..size)

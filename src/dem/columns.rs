@@ -1,8 +1,9 @@
-//! From a list of arrays to a struct of arrays: [`grain_arrays`] makes the store of the grains from one line for each array.
+//! From a list of arrays to a struct of arrays: [`grain_arrays`] makes the store of the grains from one line for each
+//! array.
 //!
-//! A line names the array, its container and element type, when it crosses ranks ([`Crosses`]), whether a checkpoint holds it
-//! ([`Saved`]) and the value of a new grain. Insertion, removal, reordering, messages and checkpoints follow from the
-//! list. The element type implements [`Entry`]; for a struct of numbers [`entry`] does it.
+//! A line names the array, its container and element type, when it crosses ranks ([`Crosses`]), whether a checkpoint
+//! holds it ([`Saved`]) and the value of a new grain. Insertion, removal, reordering, messages and checkpoints follow
+//! from the list. The element type implements [`Entry`]; for a struct of numbers [`entry`] does it.
 
 mod entry;
 
@@ -13,23 +14,23 @@ use super::table::Table;
 use base::error::Error;
 pub(super) use entry::{Entry, entry, joined};
 
-/// When an array crosses ranks. The later ones include the earlier.
+/// Occasion on which an array crosses ranks. The later ones include the earlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Crosses {
-    /// When a grain gets another owner; ghosts hold the value of a new grain.
+    /// Change of the owner of a grain; ghosts hold the value of a new grain.
     Migration,
-    /// Also when a ghost is made.
+    /// Creation of a ghost, too.
     Creation,
-    /// Also in every solid step, from the owner to the ghosts.
+    /// Every solid step, too, from the owner to the ghosts.
     EveryStep,
 }
 
-/// Whether a checkpoint holds an array, and under which prefix of column names; "" for none.
+/// Column-name prefix of an array in checkpoints, "" for none; the variant says if the hash of the state covers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Saved {
-    /// In the checkpoint and in the hash of the state.
+    /// Array in the checkpoint and in the hash of the state.
     Hashed(&'static str),
-    /// In the checkpoint only.
+    /// Array in the checkpoint only.
     Unhashed(&'static str),
 }
 
@@ -47,15 +48,15 @@ impl Saved {
 
 /// A container with one element for each grain.
 pub(super) trait Array {
-    /// Its element.
+    /// Type of an element.
     type Item: Copy;
-    /// Whether the scene has the array.
+    /// Returns `true` if the scene has the array.
     fn is_present(&self) -> bool;
     /// Appends an element, where the scene has the array.
     fn push(&mut self, value: Self::Item);
     /// Drops all elements beyond the first `entries`.
     fn truncate(&mut self, entries: usize);
-    /// Element `k` of the result is element `order[k]` of the array.
+    /// Rearranges the array: element `k` of the result is element `order[k]`.
     fn arrange(&mut self, order: &[usize]);
     /// Reads the array from a table, where the table holds it.
     fn load<S: Space>(&mut self, name: &str, from: &Table) -> Result<(), Error>
@@ -104,7 +105,7 @@ impl<T> Default for Optional<T> {
 }
 
 impl<T: Copy> Optional<T> {
-    /// Whether the array is allocated.
+    /// Returns `true` if the array is allocated.
     #[must_use]
     pub fn is_allocated(&self) -> bool {
         self.is_present
@@ -117,7 +118,7 @@ impl<T: Copy> Optional<T> {
         self.is_present = true;
     }
 
-    /// The scene has the array no more.
+    /// Frees the array: the scene has it no more.
     pub(super) fn free(&mut self) {
         *self = Self::default();
     }
@@ -169,10 +170,11 @@ impl<T: Copy> Array for Optional<T> {
     }
 }
 
-/// Makes the struct of arrays and all that depends on the list of arrays; see the module and the list in `particles.rs`.
+/// Makes the struct of arrays and all that depends on the list of arrays; see the module and the list in
+/// `particles.rs`.
 ///
-/// `given` arrays hold what a new grain consists of, in a struct of the same fields; `held` arrays start with a value made
-/// from it; `derived` arrays are functions of it, and neither cross ranks nor stand in a checkpoint.
+/// `given` arrays hold what a new grain consists of, in a struct of the same fields; `held` arrays start with a value
+/// made from it; `derived` arrays are functions of it, and neither cross ranks nor stand in a checkpoint.
 macro_rules! grain_arrays {
     (
         $(#[$meta:meta])*
@@ -214,14 +216,14 @@ macro_rules! grain_arrays {
             }
         }
 
-        /// What a new entry consists of.
+        /// Values of a new entry.
         #[derive(Clone, Copy, Debug)]
         pub(super) struct NewEntry<S: Space> {
             $( pub(super) $given: $given_type, )*
         }
 
         impl<S: Space> $name<S> {
-            /// The given part of entry `k`.
+            /// Returns the given part of entry `k`.
             fn given(&self, k: usize) -> NewEntry<S> {
                 NewEntry { $( $given: self.$given[k], )* }
             }
@@ -265,7 +267,7 @@ macro_rules! grain_arrays {
                 $( Array::truncate(&mut self.$derived, entries); )*
             }
 
-            /// Entry `k` of the result is entry `order[k]`.
+            /// Rearranges the arrays: entry `k` of the result is entry `order[k]`.
             fn arrange_arrays(&mut self, order: &[usize]) {
                 $( Array::arrange(&mut self.$given, order); )*
                 $( Array::arrange(&mut self.$held, order); )*
@@ -297,7 +299,7 @@ macro_rules! grain_arrays {
                 Ok(())
             }
 
-            /// Bytes of an entry in the message of a solid step.
+            /// Returns the bytes of an entry in the message of a solid step.
             pub(super) fn step_bytes(&self) -> usize {
                 let mut bytes = 0;
                 $( if Crosses::$given_crosses == Crosses::EveryStep {
@@ -375,7 +377,7 @@ macro_rules! grain_arrays {
                 } )*
             }
 
-            /// The arrays from the columns of a table.
+            /// Loads the arrays from the columns of a table.
             fn load_columns(&mut self, from: &Table) -> Result<(), Error> {
                 $( Array::load::<S>(
                     &mut self.$given,

@@ -3,15 +3,16 @@
 //! A contact law is one file. It holds, in this order:
 //!
 //! 1. the equation and its source;
-//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution to parameters for
-//!    every pair of materials, with findings ([`ContactParameters`]);
-//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds ([`ContactModel`]);
+//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution
+//!    to parameters for every pair of materials, with findings ([`ContactParameters`]);
+//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds
+//!    ([`ContactModel`]);
 //! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
-//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of the case with its
-//! schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is compiled for each law: no loop
-//! tests for the law. `tests/toy.rs` is the smallest example.
+//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of
+//! the case with its schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is
+//! compiled for each law: no loop tests for the law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|
@@ -22,8 +23,8 @@
 //! | `model` | [`ContactModel`], the interface between plan and law |
 //! | `family` | the list as types |
 //!
-//! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in the
-//! middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
+//! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in
+//! the middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
 pub mod blocks;
 pub mod cohesive_frictional;
@@ -82,7 +83,7 @@ pub struct ContactKinematics<S: Space> {
     pub time_step: f64,
 }
 
-/// How a bond failed.
+/// Mode of failure of a bond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
@@ -107,69 +108,70 @@ pub struct ContactForce<S: Space> {
 
 /// The force of a contact law, compiled into the pair loop.
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
-    /// What is computed once per pair of materials.
+    /// Values computed once per pair of materials.
     type Row: Copy + Debug + Send + Sync;
-    /// What is computed once per pair and costs roots or divisions: as small as can be, since every pair in the lists has one.
+    /// Values computed once per pair that cost roots or divisions: as small as possible, since every pair in the lists
+    /// has them.
     type Scale: Copy + Debug + Send + Sync;
-    /// What the force of a pair is computed from.
+    /// Values that the force of a pair is computed from.
     type Constants: Copy + Debug + Send + Sync;
     /// The history of a contact; its default is that of a new contact.
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
-    /// Whether the force has a rolling moment.
+    /// `true` if the force has a rolling moment.
     const ROLLS: bool = false;
-    /// How many numbers a history is.
+    /// Number of values of a history.
     const NUMBERS: usize;
 
-    /// How many materials, and the row of every ordered pair of them.
+    /// Returns the number of materials, and the row of every ordered pair of them.
     fn table(&self) -> PairTable<Self::Row>;
-    /// The scale of a pair.
+    /// Returns the scale of a pair.
     fn scale(row: &Self::Row, pair: &PairProperties) -> Self::Scale;
-    /// The constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
+    /// Returns the constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
     fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
-    /// The constants of a pair.
+    /// Returns the constants of a pair.
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, pair), pair.diameter)
     }
-    /// The force, and the history after this step. Called where the surfaces overlap or the pair is bonded; where they do not
-    /// overlap and the pair is not bonded the history is dropped instead.
+    /// Returns the force, and the history after this step. Called where the surfaces overlap or the pair is bonded;
+    /// where they do not overlap and the pair is not bonded the history is dropped instead.
     fn force(
         constants: &Self::Constants,
         history: &mut Self::History,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S>;
-    /// Force of the normal spring \[N\] at an overlap \[m\], positive in compression.
+    /// Returns the force of the normal spring \[N\] at an overlap \[m\], positive in compression.
     fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
-    /// Force of the shear spring \[N\] on the second partner.
+    /// Returns the force of the shear spring \[N\] on the second partner.
     fn shear_spring(history: &Self::History) -> S::Tangent;
-    /// Normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap, those at the deepest one
-    /// that is expected.
+    /// Returns the normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap,
+    /// those at the deepest one that is expected.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];
     /// Appends the history as [`Self::NUMBERS`] numbers.
     fn save(history: &Self::History, numbers: &mut Vec<f64>);
-    /// The history from [`Self::NUMBERS`] numbers.
+    /// Returns the history from [`Self::NUMBERS`] numbers.
     fn load(numbers: &[f64]) -> Self::History;
 
     // Bonds: a law without bonds leaves the rest as it is.
 
-    /// Whether the history holds a bond.
+    /// Returns `true` if the history holds a bond.
     #[inline(always)]
     fn bonded(_: &Self::History) -> bool {
         false
     }
-    /// The widest gap \[m\] across which a pair is bonded.
+    /// Returns the widest gap \[m\] across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
-    /// Bonds a pair of this overlap \[m\], negative for a gap; false where its materials do not bond.
+    /// Bonds a pair of this overlap \[m\], negative for a gap; returns `true` if its materials can bond.
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }
     /// Takes the bond away.
     fn unbond(_: &mut Self::History) {}
-    /// The widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
+    /// Returns the widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }
@@ -185,7 +187,8 @@ contact_laws! {
     /// Linear springs with friction and brittle cohesion.
     CohesiveFrictional(cohesive_frictional::Input) => CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
     /// The linear law with bonds of given tensile and shear strength.
-    ContactBond(contact_bond::Input) => ContactBond(contact_bond::ContactBond), RollingContactBond(Rolling<contact_bond::ContactBond>);
+    ContactBond(contact_bond::Input) => ContactBond(contact_bond::ContactBond),
+        RollingContactBond(Rolling<contact_bond::ContactBond>);
     /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
     HertzMindlin(hertz_mindlin::Input) => HertzMindlin(hertz_mindlin::HertzMindlin);
     /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
@@ -193,7 +196,7 @@ contact_laws! {
 }
 
 impl Law {
-    /// A law without forces, for scenes in which nothing can touch.
+    /// Returns a law without forces, for scenes in which nothing can touch.
     #[must_use]
     pub fn without_forces(materials: u32) -> Self {
         Self::Linear(linear::Linear {
@@ -201,9 +204,9 @@ impl Law {
         })
     }
 
-    /// `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials` materials: the
-    /// explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to 0.2 of the
-    /// limit is usual).
+    /// Returns `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials`
+    /// materials: the explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to
+    /// 0.2 of the limit is usual).
     #[must_use]
     pub fn critical_time_step<'a, S: Space>(
         &self,
@@ -214,7 +217,7 @@ impl Law {
     }
 }
 
-/// A length of a tangent cut down to `limit`, its direction kept.
+/// Returns a length of a tangent cut down to `limit`, its direction kept.
 #[inline(always)]
 pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     if length > limit {
@@ -224,7 +227,7 @@ pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     }
 }
 
-/// A tangent from the front of `numbers`.
+/// Returns a tangent from the front of `numbers`.
 pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     let mut tangent = T::default();
     for (k, value) in numbers.iter().take(T::COUNT).enumerate() {
@@ -233,7 +236,7 @@ pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     tangent
 }
 
-/// A tangent behind `numbers`.
+/// Appends a tangent behind `numbers`.
 pub(super) fn save_tangent<T: Components>(tangent: &T, numbers: &mut Vec<f64>) {
     for k in 0..T::COUNT {
         numbers.push(tangent.get(k));

@@ -1,8 +1,8 @@
 //! The deepest contact of a run, as a meter: its overlap over the radius of the smaller body.
 //!
-//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest so far is looked at
-//! further. The meter is the largest of quotients that do not depend on their order, so that its bits do not depend on ranks and threads.
-//! Of a polyhedron the radius is that from its centroid to the nearest face.
+//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest
+//! so far is looked at further. The meter is the largest of quotients that do not depend on their order, so that its
+//! bits do not depend on ranks and threads. Of a polyhedron the radius is that from its centroid to the nearest face.
 
 use super::polyhedron::Polyhedron;
 
@@ -13,14 +13,14 @@ pub struct Deepest {
     pub part: f64,
     /// Id of the body.
     pub body: u64,
-    /// What it overlaps.
+    /// Partner of the overlap.
     pub with: With,
 }
 
 /// The other side of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum With {
-    /// Nothing yet, or nothing known since a restart.
+    /// No contact yet, or none known since a restart.
     #[default]
     Unknown,
     /// The body of this id.
@@ -29,7 +29,7 @@ pub enum With {
     Wall(u32),
 }
 
-/// What a part of a step has found: entries instead of ids.
+/// Result of a part of a step: entries instead of ids.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Record {
     /// A little below `part`: rounding hides no contact.
@@ -58,7 +58,7 @@ impl Record {
         }
     }
 
-    /// A contact of entry `first`, whose smaller radius is `smaller` \[m\].
+    /// Notes a contact of entry `first`, whose smaller radius is `smaller` \[m\].
     #[inline(always)]
     pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
         if overlap > self.filter * smaller {
@@ -78,17 +78,17 @@ impl Record {
         }
     }
 
-    /// Overlap over the smaller radius.
+    /// Returns the overlap over the smaller radius.
     pub(super) fn part(&self) -> f64 {
         self.part
     }
 
-    /// The deeper of two.
+    /// Returns the deeper of two.
     pub(super) fn or(self, other: Self) -> Self {
         if other.part > self.part { other } else { self }
     }
 
-    /// What it says with the ids of the entries.
+    /// Returns the result with the ids of the entries.
     pub(super) fn named(&self, id: impl Fn(u32) -> u64) -> Option<Deepest> {
         let (first, other) = self.at?;
         let with = match other {

@@ -1,6 +1,7 @@
 //! The solid step, compiled once for each contact law. [`bodies`] states how a law treats bodies other than spheres.
 //!
-//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this happens:
+//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this
+//! happens:
 //!
 //! - Separations come from raw positions and whole box lengths.
 //! - Forces are added in the order of the other grain's id, walls after grains.
@@ -61,15 +62,15 @@ use std::marker::PhantomData;
 struct WallFailure<S: Space> {
     grain: u32,
     wall: u32,
-    /// From the grain's centre to the contact \[m\].
+    /// Vector from the grain's centre to the contact \[m\].
     arm: S::Vector,
     mode: Failure,
 }
 
-/// What a pair does in one step.
+/// Effect of a pair in one step.
 #[derive(Clone, Copy, Debug)]
 struct Action<S: Space> {
-    /// On the second; the first feels the opposite.
+    /// Force on the second; the first is subject to the opposite.
     force: S::Vector,
     on_first: S::Spin,
     on_second: S::Spin,
@@ -95,7 +96,8 @@ struct Lists<S: Space, L: Bodies<S>> {
     active: Vec<u32>,
     /// Active pairs that each thread found.
     chosen: Vec<Vec<u32>>,
-    /// What periodic axes add to separations (m): none first, then each that occurs, and by how many box lengths.
+    /// Offsets that periodic axes add to separations (m): none first, then each that occurs, and by how many box
+    /// lengths.
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
     /// Id and shift of each entry when the lists were made, and how many were owned.
@@ -108,14 +110,14 @@ struct Lists<S: Space, L: Bodies<S>> {
 #[derive(Debug)]
 struct SolidLists<S: Space, L: Bodies<S>> {
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
-    /// Room for those that each thread finds.
+    /// Buffers for the pairs that each thread finds.
     planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
-    /// Of each part; one where there are no parts.
+    /// Facet contacts of each part; one entry if there are no parts.
     facets: Vec<Facets<L::Constants, L::History>>,
     space: PhantomData<S>,
 }
 
-/// How long the lists hold.
+/// Period for which the lists are valid.
 #[derive(Debug, Default)]
 pub(super) struct Validity {
     /// `true` if the lists are those of the present grains.
@@ -132,7 +134,7 @@ pub(super) struct Validity {
     pub(super) tested: u64,
 }
 
-/// Results of a step beside loads.
+/// Results of a step in addition to loads.
 #[derive(Debug)]
 pub(super) struct Events<S: Space> {
     pub(super) breaks: Vec<BondBreak<S>>,
@@ -163,7 +165,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Takes the walls of these indices out of the way, or puts them back; the contacts of all others stay.
+    /// Deactivates the walls of these indices, or activates them again; the contacts of all others stay.
     pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
@@ -236,7 +238,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// `steps` solid steps. Collective.
+    /// Makes `steps` solid steps. Collective.
     pub(super) fn advance(
         &mut self,
         particles: &mut Particles<S>,
@@ -348,7 +350,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let reach = reach.fold(f64::INFINITY, f64::min);
         if largest + gap > reach {
             return Err(Error::Numerical(format!(
-                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of the domain, {reach} m: its contacts with walls of facets are not known"
+                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of \
+                 the domain, {reach} m: its contacts with walls of facets are not known"
             )));
         }
         ghosts::make(
@@ -366,7 +369,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
         if self.validity.rebuilds.is_power_of_two() {
             log::debug!(
-                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} at plane walls, {} at facets; skin {:.3e} m",
+                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} \
+                 at plane walls, {} at facets; skin {:.3e} m",
                 domain.rank(),
                 self.validity.rebuilds,
                 self.steps,
@@ -381,7 +385,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
+    /// Computes the contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
     fn all_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -401,8 +405,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Contact loads of all owned spheres at the present positions and velocities; histories advance by `dt` \[s\]. Where several threads
-    /// do it, the spheres then move in `phase`: the fastest.
+    /// Computes the contact loads of all owned spheres at the present positions and velocities; histories advance by
+    /// `dt` \[s\]. With several threads the spheres then also move in `phase`; in that case returns the fastest.
     fn sphere_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -427,12 +431,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 }
 
-/// The largest of the values of all ranks. Collective.
+/// Returns the largest of the values of all ranks. Collective.
 fn largest(domain: &Domain, value: f64) -> f64 {
     domain.communicator().all_reduce_max_f64(value)
 }
 
-/// An error that names the first own grain whose numbers went bad.
+/// Returns an error that names the first own grain whose numbers went bad.
 fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {

@@ -1,17 +1,17 @@
 //! A grain that left the box through an open face, as a text that can be parsed again.
 //!
-//! Ranks agree on errors as texts. The room that knows the case parses the text and adds what the user can do.
+//! Ranks agree on errors as texts. The module that knows the case parses the text and adds what the user can do.
 
 use std::fmt;
 
-/// Which grain, and through which face.
+/// Grain that left, and the face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Escape {
     /// Id of the grain.
     pub grain: u64,
     /// Axis normal to the face: 0, 1 or 2.
     pub axis: usize,
-    /// Whether it is the face at the upper end of the axis.
+    /// `true` if it is the face at the upper end of the axis.
     pub upper: bool,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for Escape {
 }
 
 impl Escape {
-    /// The escape that a message reports, if any.
+    /// Returns the escape that a message reports, if any.
     #[must_use]
     pub fn in_text(text: &str) -> Option<Self> {
         let (before, after) = text.split_once(OUTSIDE)?;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use base::error::Error;
 use decomposition::{Domain, FixedExchange};
 
-/// Which own grains are whose ghosts, and the messages that keep them up to date.
+/// Plan of the ghosts: own grains by the ranks that need them, and the messages that update them.
 #[derive(Default)]
 pub(super) struct GhostPlan {
     /// Per target rank the own entries it holds, in the order of its ghosts; never this rank.
@@ -21,7 +21,7 @@ pub(super) struct GhostPlan {
     pub(super) back: Option<Messages>,
 }
 
-/// Tells the messages of grains from those of others.
+/// Tag of the messages of grains, different from those of others.
 const TAG: u8 = 40;
 
 /// Messages of fixed lengths along a plan.
@@ -61,7 +61,7 @@ impl Messages {
 }
 
 impl GhostPlan {
-    /// Rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
+    /// Returns the rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
     fn lengths(&self, bytes: usize) -> [Vec<(usize, usize)>; 2] {
         let owners = self.sends.iter();
         let ghosts = self.receives.iter();

@@ -1,8 +1,8 @@
 //! Which ranks see a grain: the ghosts, made with the lists and brought up to date in every solid step.
 //!
-//! A grain is a ghost on every rank that may need it: where the slab, widened by the largest radius *that rank* owns, is
-//! within the interaction range. One giant therefore does not make all grains ghosts everywhere. A body may be larger than a
-//! slab: every rank in its range has a ghost of it.
+//! A grain is a ghost on every rank that may need it: where the slab, widened by the largest radius *that rank* owns,
+//! is within the interaction range. One giant therefore does not make all grains ghosts everywhere. A body may be
+//! larger than a slab: every rank in its range has a ghost of it.
 
 use super::census::Census;
 use super::columns::Crosses;
@@ -14,8 +14,8 @@ use super::space::{Components, Space};
 use base::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Makes the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a slab within which
-/// grains are ghosts for reasons other than contacts \[m\]. Call without ghosts. Collective.
+/// Makes the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a slab
+/// within which grains are ghosts for reasons other than contacts \[m\]. Call without ghosts. Collective.
 pub(super) fn make<S: Space>(
     particles: &mut Particles<S>,
     region: &Region<S>,
@@ -100,7 +100,7 @@ pub(super) fn make<S: Space>(
     Ok(())
 }
 
-/// An entry's number in 32 bits.
+/// Returns an entry's number in 32 bits.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "`make` refuses more than 2^31 grains on a rank"
@@ -109,7 +109,7 @@ pub(super) fn index(k: usize) -> u32 {
     k as u32
 }
 
-/// The shifts of all images of grain `k` whose centre lies within `reach` of the box `bounds`.
+/// Finds the shifts of all images of grain `k` whose centre lies within `reach` of the box `bounds`.
 fn image_shifts<S: Space>(
     particles: &Particles<S>,
     k: usize,
@@ -141,7 +141,7 @@ fn image_shifts<S: Space>(
     }
 }
 
-/// The next whole number below.
+/// Returns the next whole number below.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a few box lengths at most: grains lie inside the box"
@@ -190,8 +190,8 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds the row of every ghost to the row of its grain at the owner. The numbers are integers: the sum does not depend on
-    /// the order. `values` has one row for each entry; the rows of ghosts keep their values. Collective.
+    /// Adds the row of every ghost to the row of its grain at the owner. The numbers are integers: the sum does not
+    /// depend on the order. `values` has one row for each entry; the rows of ghosts keep their values. Collective.
     ///
     /// # Errors
     /// Where `values` has another length than the entries, or a message failed.

@@ -5,8 +5,9 @@
 //! ```
 //!
 //! Spins follow the same scheme. The acceleration is `a = (contact + fluid)/m + g`. Fixed and driven grains keep their
-//! velocity. Non-viscous damping is optional (P. A. Cundall 1987): it reduces each component of the total force by the fraction
-//! `damping` where the component acts along the velocity, and increases it by the same fraction where it acts against it.
+//! velocity. Non-viscous damping is optional (P. A. Cundall 1987): it reduces each component of the total force by the
+//! fraction `damping` where the component acts along the velocity, and increases it by the same fraction where it acts
+//! against it.
 
 pub(super) mod blocks;
 
@@ -14,7 +15,7 @@ use super::particles::{Load, Mobility, Motion, Particles};
 use super::space::{Components, Space};
 use base::thread_pool;
 
-/// How velocities change.
+/// Parameters of the change of velocities.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kick<S: Space> {
     pub(super) gravity: S::Vector,
@@ -38,10 +39,10 @@ impl Fastest {
     }
 }
 
-/// Beyond this squared speed [m²/s²] a grain counts as blown up.
+/// Squared speed [m²/s²] beyond which a grain counts as blown up.
 pub(super) const SPEED_LIMIT: f64 = 1e16;
 
-/// A component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
+/// Returns a component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
 #[inline(always)]
 fn damped(a: f64, v: f64, damping: f64) -> f64 {
     let power = a * v;
@@ -104,7 +105,7 @@ fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
     }
 }
 
-/// `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
+/// Moves all grains. `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
 fn move_all<
     S: Space,
     const IN_PLACE: bool,
@@ -152,8 +153,8 @@ fn move_all<
     Fastest { speed_squared, bad }
 }
 
-/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those in `to`, and `from` is
-/// empty.
+/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those
+/// in `to`, and `from` is empty.
 pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     from: &[Motion<S>],
     to: &mut [Motion<S>],

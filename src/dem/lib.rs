@@ -1,20 +1,20 @@
 //! Discrete elements: grains and blocks, their contacts, forces and motion.
 //!
-//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the histories. One call
-//! of [`Dem::advance`] is one solid step:
+//! [`Particles`] holds the grains of a rank. [`Dem`] holds the contacts: the law, the walls, the lists and the
+//! histories. One call of [`Dem::advance`] is one solid step:
 //!
 //! ```text
 //! half kick, drift  ->  ghosts (or, when due, migration and new lists)  ->  contact forces  ->  half kick
 //! ```
 //!
-//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact law. The bits
-//! of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
+//! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact
+//! law. The bits of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
 //!
 //! | file | content |
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
-//! | `columns`, `table`, `message` | what follows from that list: the struct of arrays, columns of a checkpoint, bytes of a message |
+//! | `columns`, `table`, `message` | generated code: struct of arrays, columns of a checkpoint, bytes of a message |
 //! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
@@ -90,7 +90,7 @@ use engine::{AnyEngine, MakeEngine};
 use base::error::Error;
 use decomposition::{Axis, Domain};
 
-/// A domain of one rank that owns all grains; needs no MPI.
+/// Returns a domain of one rank that owns all grains; needs no MPI.
 #[must_use]
 pub fn alone() -> Domain {
     Domain::serial(Axis::X, 1, false)
@@ -107,14 +107,16 @@ pub struct Settings<S: Space> {
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less often. No result depends on it.
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less
+    /// often. No result depends on it.
     pub skin: f64,
-    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius \[m\].
+    /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius
+    /// \[m\].
     pub ghost_margin: f64,
 }
 
 impl<S: Space> Settings<S> {
-    /// No gravity, no damping, no margin.
+    /// Returns settings without gravity, damping and margin.
     #[must_use]
     pub fn new(region: Region<S>, time_step: f64, skin: f64) -> Self {
         Self {
@@ -166,9 +168,10 @@ pub struct Contact<S: Space> {
     pub position: S::Vector,
     /// Force of the normal spring \[N\], positive in compression.
     pub normal_force: f64,
-    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is involved.
+    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is
+    /// involved.
     pub shear_force: S::Vector,
-    /// Whether it is bonded.
+    /// `true` if it is bonded.
     pub bonded: bool,
 }
 
@@ -205,14 +208,14 @@ impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
     ///
     /// # Errors
-    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of blocks
-    /// and the scene plane.
+    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of
+    /// blocks and the scene plane.
     #[inline(never)]
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         Self::of_family(&law, settings, walls)
     }
 
-    /// The same with a law of any list.
+    /// Makes the solver with a law of any list.
     fn of_family(
         law: &impl Family,
         settings: Settings<S>,
@@ -250,7 +253,7 @@ impl<S: Space> Dem<S> {
         Ok(Self { engine })
     }
 
-    /// One solid step. Collective.
+    /// Makes one solid step. Collective.
     ///
     /// # Errors
     /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
@@ -258,10 +261,11 @@ impl<S: Space> Dem<S> {
         self.advance_many(particles, domain, 1)
     }
 
-    /// `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`]. Collective.
+    /// Makes `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`].
+    /// Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn advance_many(
         &mut self,
         particles: &mut Particles<S>,
@@ -271,20 +275,20 @@ impl<S: Space> Dem<S> {
         self.engine.advance(particles, domain, steps)
     }
 
-    /// Migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none are known
-    /// yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none
+    /// are known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.engine.prepare(particles, domain)
     }
 
-    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds that
-    /// break later do not heal. Returns the number of bonds that this rank reports. Collective.
+    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds
+    /// that break later do not heal. Returns the number of bonds that this rank reports. Collective.
     ///
     /// # Errors
-    /// As [`Self::advance`].
+    /// Those of [`Self::advance`].
     pub fn bond_existing_contacts(
         &mut self,
         particles: &mut Particles<S>,
@@ -299,23 +303,23 @@ impl<S: Space> Dem<S> {
         self.engine.unbond();
     }
 
-    /// The bonds that failed since the last call, as this rank reports them.
+    /// Returns the bonds that failed since the last call, as this rank reports them.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
         self.engine.take_breaks()
     }
 
-    /// Every contact this rank reports: those whose lower id it owns, and its grains' with walls.
+    /// Visits every contact this rank reports: those whose lower id it owns, and its grains' with walls.
     pub fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(Contact<S>)) {
         self.engine.for_each_contact(particles, &mut visit);
     }
 
-    /// The present counts of this rank.
+    /// Returns the present counts of this rank.
     #[must_use]
     pub fn statistics(&self, particles: &Particles<S>) -> Statistics {
         self.engine.statistics(particles)
     }
 
-    /// The deepest contact of any solid step so far, on this rank.
+    /// Returns the deepest contact of any solid step so far, on this rank.
     #[must_use]
     pub fn deepest(&self) -> Deepest {
         self.engine.deepest()
@@ -326,19 +330,19 @@ impl<S: Space> Dem<S> {
         self.engine.forget_deepest();
     }
 
-    /// Solid steps done.
+    /// Returns the solid steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.engine.steps()
     }
 
-    /// Solid steps done times the time step \[s\].
+    /// Returns the solid steps done times the time step \[s\].
     #[must_use]
     pub fn time(&self) -> f64 {
         self.engine.time()
     }
 
-    /// The settings.
+    /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> &Settings<S> {
         self.engine.settings()
@@ -355,7 +359,7 @@ impl<S: Space> Dem<S> {
         self.engine.settings_mut().local_damping = damping;
     }
 
-    /// The present walls.
+    /// Returns the present walls.
     #[must_use]
     pub fn walls(&self) -> &[Wall<S>] {
         self.engine.walls()

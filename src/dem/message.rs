@@ -43,7 +43,7 @@ impl Reader<'_> {
     pub(super) fn integer(&mut self) -> Result<u64, Error> {
         Ok(u64::from_le_bytes(self.take()?))
     }
-    /// An integer that fits 32 bits; `what` names it in the error.
+    /// Reads an integer that fits 32 bits; `what` names it in the error.
     #[inline]
     pub(super) fn index(&mut self, what: &str) -> Result<u32, Error> {
         u32::try_from(self.integer()?)

@@ -2,8 +2,8 @@
 //!
 //! [`super::engine`] sends these bytes with the histories of the contacts.
 //!
-//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split axis,
-//! clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
+//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split
+//! axis, clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
 
 use super::columns::Crosses;
 use super::escape::Escape;
@@ -51,15 +51,15 @@ pub(super) fn wrap<S: Space>(
 /// Grains from which a thread pays.
 const PER_THREAD: usize = 1000;
 
-/// Where a grain should not be.
+/// Reason why a grain is misplaced.
 enum Astray {
     /// Very far away, or nowhere.
     Lost,
-    /// Beyond the box by more than its length.
+    /// Position beyond the box by more than its length.
     Out { axis: usize, upper: bool },
 }
 
-/// The shift that brings a grain into the box.
+/// Returns the shift that brings a grain into the box.
 fn shift_of<S: Space>(
     motion: &Motion<S>,
     mut shift: [i32; 3],
@@ -83,7 +83,7 @@ fn shift_of<S: Space>(
     Ok(shift)
 }
 
-/// The error that names a grain.
+/// Returns the error that names a grain.
 pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     named(
         particles,
@@ -92,7 +92,7 @@ pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> 
     )
 }
 
-/// A sentence about a grain with where it is and how it moves.
+/// Returns a sentence about a grain with where it is and how it moves.
 fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     let motion = &particles.motion[k];
     let show = |v: &S::Vector| {
@@ -108,7 +108,7 @@ fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     ))
 }
 
-/// The rank that owns each own grain now.
+/// Returns the rank that owns each own grain now.
 pub(super) fn owners<S: Space>(
     particles: &Particles<S>,
     region: &Region<S>,

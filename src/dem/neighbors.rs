@@ -1,17 +1,17 @@
 //! Search for candidate pairs: the pairs that may touch before the lists are made again.
 //!
-//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J. R. Williams,
-//! E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both bodies have in
-//! common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
+//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J.
+//! R. Williams, E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both
+//! bodies have in common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
 //!
-//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for each size
-//! class; classes differ by a factor of 2 in radius. Every smaller body looks for neighbours in these grids. The cost for each
-//! grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
+//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for
+//! each size class; classes differ by a factor of 2 in radius. Every smaller body searches these grids for neighbours.
+//! The cost for each grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
 //!
 //! Threads have rows of cells, and then first ends of pairs ([`super::buckets`]).
 //!
-//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed in this
-//! order, the forces on a grain are added in the order of the other grain's id.
+//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed
+//! in this order, the forces on a grain are added in the order of the other grain's id.
 
 use super::buckets::{Buckets, Items};
 use super::particles::{Particles, View};
@@ -24,7 +24,7 @@ use std::ops::Range;
 /// grain stays low.
 #[derive(Debug, Default)]
 pub struct Search {
-    /// Of the large; those of finer classes stay empty.
+    /// Size classes of the large bodies; finer classes stay empty.
     classes: Vec<Class>,
     class_of: Vec<u8>,
     /// First class of the small.
@@ -35,7 +35,7 @@ pub struct Search {
     /// The large, and the cell of each in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
-    /// What each thread found.
+    /// Pairs that each thread found.
     found: Vec<Vec<[u32; 2]>>,
 }
 
@@ -66,7 +66,7 @@ const CLASSES: usize = 24;
 
 /// Width of the cells of the small over the cubic mean of their radii.
 const WIDTH: f64 = 3.4;
-/// The same over their mean diameter, at most: wider cells would hold too many of them.
+/// Maximum width of a cell over the mean diameter of these bodies: wider cells would hold too many of them.
 const WIDEST: f64 = 8.0;
 
 /// One grid, and in each cell all the small whose box overlaps it.
@@ -83,13 +83,13 @@ struct Overlaps {
 /// The cells of a body along each axis, from and to.
 type Span = [[u32; 2]; 3];
 
-/// No cell.
+/// Span without a cell.
 const NOWHERE: Span = [[1, 0]; 3];
 
 /// Bodies from which a thread pays.
 const PER_THREAD: usize = 1000;
 
-/// Threads for so many bodies.
+/// Returns the number of threads for a number of bodies.
 pub(super) fn threads_for(bodies: usize) -> usize {
     thread_pool::threads().min(bodies / PER_THREAD).max(1)
 }
@@ -210,14 +210,15 @@ impl Overlaps {
         self.spans = spans;
     }
 
-    /// The row of cells where the share of a thread begins.
+    /// Returns the row of cells where the share of a thread begins.
     fn row_of(&self, thread: usize, threads: usize) -> usize {
         let [along, across, deep] = self.counts;
         let bound = self.cells.bound(thread, threads).div_ceil(along.max(1));
         bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some rows.
+    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some
+    /// rows.
     #[inline]
     fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
         let [along, across, _] = self.counts;
@@ -266,22 +267,22 @@ impl Overlaps {
 }
 
 impl Search {
-    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be moved by
-    /// forces.
+    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be
+    /// moved by forces.
     pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> Candidates {
         self.find_pairs(particles, gap);
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
-    /// As the engine's own search, before the pairs are put in order: how many there are. For measurements.
+    /// Returns the number of pairs that the engine's own search finds, before they are put in order. For measurements.
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
         self.found.iter().map(Vec::len).sum()
     }
 
-    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box between two
-    /// corners, and with some others.
+    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box
+    /// between two corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,
         low: &S::Vector,
@@ -402,7 +403,7 @@ impl Search {
         }
     }
 
-    /// The first class of the small: with a giant among them their cells would be too wide.
+    /// Returns the first class of the small: with a giant among them their cells would be too wide.
     fn first_small(&self, gap: f64) -> usize {
         let mut sums = [[0.0_f64; 3]; CLASSES];
         for (class, point) in self.class_of.iter().zip(&self.points) {
@@ -430,7 +431,7 @@ impl Search {
         let moves = |k: usize| particles.mobility[k].free > 0.0;
         let (grid, points) = (&self.grid, &self.points);
         thread_pool::each_item(&mut found, 1, |t, found| {
-            // As many as in a bed of discs, so that a small scene seldom needs more room.
+            // As many as in a bed of discs, so that a small scene seldom needs more capacity.
             found.reserve(4 * count / threads);
             let rows = grid.row_of(t, threads)..grid.row_of(t + 1, threads);
             grid.pairs(rows, |k, m| {
@@ -454,7 +455,7 @@ impl Search {
         self.found = found;
     }
 
-    /// The pairs of some entries with the large.
+    /// Finds the pairs of some entries with the large bodies.
     fn find_large<S: Space>(
         &self,
         particles: &View<'_, S>,
@@ -595,7 +596,7 @@ impl Class {
     }
 }
 
-/// The size class of a radius: 0 the coarsest.
+/// Returns the size class of a radius: 0 the coarsest.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -605,7 +606,7 @@ fn class(largest: f64, radius: f64) -> u8 {
     (largest / radius).log2().floor().clamp(0.0, 23.0) as u8
 }
 
-/// How many cells cover `length` cells.
+/// Returns the number of cells that cover `length` cells.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -688,7 +689,7 @@ mod tests {
         }
     }
 
-    /// The same pairs in the same order by one thread and by three.
+    /// Finds equal pairs in equal order by one thread and by three.
     #[test]
     fn threads_find_the_same() {
         fn pairs<S: Space>(

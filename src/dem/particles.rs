@@ -1,11 +1,11 @@
 //! The grains of one rank as a struct of arrays: [`Particles`] lists every array.
 //!
-//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that another
-//! rank owns, or of an own grain through a periodic face.
+//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that
+//! another rank owns, or of an own grain through a periodic face.
 //!
 //! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its image
-//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do not
-//! depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
+//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do
+//! not depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,13 +20,13 @@ use super::space::{Components, Space};
 use super::table::{Columns, Table, Values};
 use base::error::Error;
 
-/// What moves a grain.
+/// Kind of motion of a grain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Kind {
     /// Forces move it.
     #[default]
     Free,
-    /// Nothing moves it.
+    /// Grain that nothing moves.
     Fixed,
     /// A prescribed velocity and spin move it.
     Driven,
@@ -77,7 +77,7 @@ impl<S: Space> Entry<S> for Kind {
 }
 
 entry! {
-    /// What a grain is.
+    /// Shape, mass and material of a grain.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Body {
         /// Unique over all ranks and times.
@@ -90,13 +90,13 @@ entry! {
         pub inertia: f64,
         /// Row in the table of contact parameters.
         pub material: u32,
-        /// Who moves it.
+        /// Kind of its motion.
         pub kind: Kind,
     }
 }
 
 impl Body {
-    /// A free disc or sphere of uniform density [kg/m³].
+    /// Returns a free disc or sphere of uniform density [kg/m³].
     #[must_use]
     pub fn uniform<S: Space>(id: u64, radius: f64, density: f64, material: u32) -> Self {
         let mass = S::mass(density, radius);
@@ -110,7 +110,7 @@ impl Body {
         }
     }
 
-    /// Principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
+    /// Returns the principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
     #[inline]
     pub(super) fn moments(&self, shape: &Polyhedron) -> Vector3<f64> {
         shape.inertia(self.mass / shape.volume())
@@ -118,7 +118,7 @@ impl Body {
 }
 
 entry! {
-    /// Where a grain is and how it moves.
+    /// Position and velocities of a grain.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Motion<S: Space> {
         /// Centre \[m\], raw: see the module.
@@ -144,7 +144,7 @@ entry! {
 /// The number of the shape of a sphere.
 pub(super) const SPHERE: u32 = u32::MAX;
 
-/// How many numbers [`Particles::extra`] holds per grain.
+/// Number of values that [`Particles::extra`] holds per grain.
 pub const EXTRA: usize = 12;
 
 /// The divisions of a step, done once: 1/mass and 1/inertia, and 1 for a grain that gravity moves; all 0 unless free.
@@ -156,7 +156,7 @@ pub(super) struct Mobility {
 }
 
 impl Mobility {
-    fn of(body: &Body) -> Self {
+    fn new(body: &Body) -> Self {
         match body.kind {
             Kind::Free => Self {
                 inverse_mass: 1.0 / body.mass,
@@ -171,14 +171,15 @@ impl Mobility {
 grain_arrays! {
     /// The grains of one rank. To add an array for each grain is to add a line here.
     ///
-    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a new grain`.
+    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a
+    /// new grain`.
     #[derive(Debug)]
     pub struct Particles {
         given {
-            /// What each entry is.
+            /// Body of each entry.
             pub body: Vec<Body>, Creation, Hashed("");
-            /// Which image each entry stands for \[box lengths along each axis\]. It depends on when lists were made; a
-            /// checkpoint holds the shift that brings the grain into the box instead.
+            /// Image of each entry \[box lengths along each axis\]. It depends on when lists were made; a checkpoint
+            /// holds the shift that brings the grain into the box instead.
             pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
             /// Position, velocity and spin of each entry.
             pub motion: Vec<Motion<S>>, EveryStep, Hashed("");
@@ -186,15 +187,17 @@ grain_arrays! {
         held {
             /// Load of the contacts at the end of the last step; meaningless for ghosts.
             pub contact: Vec<Load<S>>, Migration, Hashed("contact"), |_| Load::default();
-            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a fluid:
-            /// [`Self::allocate_fluid_loads`].
+            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a
+            /// fluid: [`Self::allocate_fluid_loads`].
             pub fluid: Optional<Load<S>>, Migration, Hashed("fluid"), |_| Load::default();
             /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
             /// [`Self::keep_extra`].
             pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
-            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless for ghosts.
+            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless
+            /// for ghosts.
             pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
-            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage: [`Self::keep_last_velocity`].
+            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage:
+            /// [`Self::keep_last_velocity`].
             pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
             /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
@@ -203,21 +206,21 @@ grain_arrays! {
         }
         derived {
             /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
-            pub(super) mobility: Mobility, |new| Mobility::of(&new.body);
+            pub(super) mobility: Mobility, |new| Mobility::new(&new.body);
         }
         /// Entries `0..owned` are owned.
         pub(super) owned: usize,
         /// The scene's table of shapes, the same on every rank.
         pub(super) shapes: Arc<[Polyhedron]>,
-        /// Who holds which ghosts.
+        /// Plan of the ghosts: which rank holds which.
         pub(super) plan: GhostPlan,
         /// Length of the box along periodic axes, else 0 \[m\].
         pub(super) lengths: [f64; 3],
         /// Lower corner of the box \[m\].
         pub(super) origin: [f64; 3],
-        /// Whether the lists made for these grains still hold.
+        /// `true` if the lists made for these grains are still valid.
         pub(super) listed: bool,
-        /// Whether the contact loads belong to the present positions.
+        /// `true` if the contact loads belong to the present positions.
         pub(super) loaded: bool,
         /// Grains added since lists were last made.
         pub(super) added: u64,
@@ -227,7 +230,7 @@ grain_arrays! {
 }
 
 impl<S: Space> Particles<S> {
-    /// No grains.
+    /// Returns a list without grains.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -238,32 +241,34 @@ impl<S: Space> Particles<S> {
         self.loaded = false;
     }
 
-    /// Number of grains that this rank owns: entries `0..owned()`.
+    /// Returns the number of grains that this rank owns: entries `0..owned()`.
     #[must_use]
     pub fn owned(&self) -> usize {
         self.owned
     }
 
-    /// Number of entries: owned grains and ghosts.
+    /// Returns the number of entries: owned grains and ghosts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.body.len()
     }
 
-    /// Whether there are no entries.
+    /// Returns `true` if there are no entries.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.body.is_empty()
     }
 
-    /// Where the image of entry `k` stands \[m\]: inside the box for an owned grain right after the lists were made.
+    /// Returns the position of the image of entry `k` \[m\]: inside the box for an owned grain right after the lists
+    /// were made.
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
         place(&self.motion[k], self.shift[k], &self.lengths)
     }
 
-    /// The shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists were made.
+    /// Returns the shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists
+    /// were made.
     pub(super) fn shift_into_box(&self, k: usize) -> [i32; 3] {
         let at = &self.motion[k].position;
         std::array::from_fn(|axis| {
@@ -283,7 +288,7 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Load of the fluid on owned grain `k`; none in a dry scene.
+    /// Returns the load of the fluid on owned grain `k`; none in a dry scene.
     #[must_use]
     #[inline]
     pub fn fluid_load(&self, k: usize) -> Load<S> {
@@ -298,7 +303,8 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks or none.
+    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks
+    /// or none.
     pub fn keep_last_velocity(&mut self) {
         if !self.last_velocity.is_allocated() {
             let velocities = self.motion.iter().map(|motion| motion.velocity);
@@ -317,21 +323,21 @@ impl<S: Space> Particles<S> {
         self.start.free();
     }
 
-    /// Whether the grains have starts.
+    /// Returns `true` if the grains have initial positions.
     #[must_use]
     pub fn has_start(&self) -> bool {
         self.start.is_allocated()
     }
 
-    /// Displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic face counts in full.
-    /// `None` without [`Self::mark_start`].
+    /// Returns the displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic
+    /// face counts in full. `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
         let start = self.start.get(k)?;
         Some(self.motion[k].position - *start)
     }
 
-    /// The entries as plain slices, readable by many threads.
+    /// Returns the entries as plain slices, readable by many threads.
     #[must_use]
     pub fn view(&self) -> View<'_, S> {
         View {
@@ -350,7 +356,7 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Velocity [m/s] of the material point of entry `k` at `arm` from its centre.
+    /// Returns the velocity [m/s] of the material point of entry `k` at `arm` from its centre.
     #[must_use]
     #[inline]
     pub fn velocity_at(&self, k: usize, arm: &S::Vector) -> S::Vector {
@@ -371,8 +377,8 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts are dropped;
-    /// the next step makes them again.
+    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts
+    /// are dropped; the next step makes them again.
     pub fn remove(
         &mut self,
         mut leaves: impl FnMut(&Self, usize) -> bool,
@@ -395,12 +401,13 @@ impl<S: Space> Particles<S> {
         taken
     }
 
-    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see [`Self::drive`].
+    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see
+    /// [`Self::drive`].
     ///
     /// The next step makes new lists and updates every rank that holds the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
-        self.mobility[k] = Mobility::of(&self.body[k]);
+        self.mobility[k] = Mobility::new(&self.body[k]);
         if kind == Kind::Fixed {
             self.motion[k].velocity = S::Vector::default();
             self.motion[k].spin = S::Spin::default();
@@ -437,7 +444,7 @@ impl<S: Space> Particles<S> {
         self.arrange(&order);
     }
 
-    /// Owned grains in rising order of id; call without ghosts.
+    /// Sorts owned grains in rising order of id; call without ghosts.
     pub(super) fn sort(&mut self) {
         if !self.body.is_sorted_by_key(|body| body.id) {
             let mut order: Vec<usize> = (0..self.owned).collect();
@@ -451,20 +458,21 @@ impl<S: Space> Particles<S> {
         self.owned = order.len();
     }
 
-    /// The owned grains with everything that the next step depends on, in rising order of id.
+    /// Returns the owned grains with everything that the next step depends on, in rising order of id.
     #[must_use]
     #[inline(never)]
     pub fn table(&self) -> Table {
         Table::of(|columns| self.save_columns(false, columns))
     }
 
-    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids first.
+    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids
+    /// first.
     pub fn each_hashed_column(&self, mut take: impl FnMut(&str, &Values)) {
         self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the lengths of
-    /// the box. Where there are blocks, call [`Self::set_shapes`] next.
+    /// Returns grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the
+    /// lengths of the box. Where there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
     /// Where a column is missing, short or of another type.
@@ -477,7 +485,7 @@ impl<S: Space> Particles<S> {
         Ok(particles)
     }
 
-    /// Kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
+    /// Returns the kinetic energy [J; per m of depth in two dimensions] of owned grain `k`.
     #[must_use]
     pub fn kinetic_energy(&self, k: usize) -> f64 {
         let (body, motion) = (&self.body[k], &self.motion[k]);
@@ -489,14 +497,14 @@ impl<S: Space> Particles<S> {
     }
 }
 
-/// What all threads may read of [`Particles`].
+/// Data of [`Particles`] that all threads may read.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, S: Space> {
-    /// How many entries are owned.
+    /// Number of owned entries.
     pub owned: usize,
-    /// What each entry is.
+    /// Body of each entry.
     pub body: &'a [Body],
-    /// Where each entry is and how it moves.
+    /// Position and velocities of each entry.
     pub motion: &'a [Motion<S>],
     /// Loads of the contacts.
     pub contact: &'a [Load<S>],
@@ -504,9 +512,9 @@ pub struct View<'a, S: Space> {
     pub fluid: &'a [Load<S>],
     /// See [`Particles::keep_last_velocity`]; empty where they are not kept.
     pub last_velocity: &'a [S::Vector],
-    /// How forces move each entry.
+    /// Response of each entry to forces.
     pub(super) mobility: &'a [Mobility],
-    /// Which image each entry stands for.
+    /// Image of each entry.
     pub shift: &'a [[i32; 3]],
     /// Length of the box along periodic axes, else 0 \[m\].
     pub lengths: [f64; 3],
@@ -516,7 +524,7 @@ pub struct View<'a, S: Space> {
 }
 
 impl<S: Space> View<'_, S> {
-    /// As [`Particles::location`].
+    /// Returns the position of the image of entry `k` \[m\]: see [`Particles::location`].
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {

@@ -1,6 +1,7 @@
 //! Blocks: contact, force and rotation of convex polyhedra.
 //!
-//! Pure functions and plain structs in SI units, without ranks, lists or cases. An engine calls them for each block and pair.
+//! Pure functions and plain structs in SI units, without ranks, lists or cases. An engine calls them for each block and
+//! pair.
 //!
 //! ```text
 //! each step and block  rotation: kick by force and moment, drift of centre and orientation
@@ -20,9 +21,9 @@
 //! | `force` | contact law |
 //! | `rotation` | orientation and angular momentum |
 //!
-//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`History`]. Pass the lower id first, and a
-//! separation from raw positions: every rank that sees the pair then computes the same bits. `History` is plain data; it travels with
-//! the history of a contact between ranks and into checkpoints.
+//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`History`]. Pass the lower id
+//! first, and a separation from raw positions: every rank that sees the pair then computes the same bits. `History` is
+//! plain data; it travels with the history of a contact between ranks and into checkpoints.
 
 mod analytic_centre;
 pub mod contact;
@@ -55,7 +56,7 @@ pub struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// How far \[m\] a point is outside; negative inside.
+    /// Returns the distance \[m\] of a point outside; negative inside.
     #[inline(always)]
     #[must_use]
     pub fn height(&self, point: &Vector3<f64>) -> f64 {

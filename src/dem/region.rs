@@ -9,14 +9,14 @@ pub struct Region<S: Space> {
     pub lower: S::Vector,
     /// Upper corner \[m\].
     pub upper: S::Vector,
-    /// Which axes are periodic.
+    /// `true` for periodic axes.
     pub periodic: [bool; 3],
     /// Thickness of one plane of the split axis \[m\], counted from the lower corner.
     pub spacing: f64,
 }
 
 impl<S: Space> Region<S> {
-    /// A box without periodic axes, split in planes of `spacing` \[m\].
+    /// Returns a box without periodic axes, split in planes of `spacing` \[m\].
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
         Self {
@@ -31,7 +31,7 @@ impl<S: Space> Region<S> {
         self.upper.get(axis) - self.lower.get(axis)
     }
 
-    /// Length along periodic axes, else 0.
+    /// Returns the length along periodic axes, else 0.
     pub(super) fn periodic_lengths(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION && self.periodic[axis] {
@@ -42,7 +42,7 @@ impl<S: Space> Region<S> {
         })
     }
 
-    /// The lower corner, 0 along axes that are not there.
+    /// Returns the lower corner, 0 along axes that are not there.
     pub(super) fn origin(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION {
@@ -58,8 +58,8 @@ impl<S: Space> Region<S> {
     }
 }
 
-/// The plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With [`decomposition::Slabs::owner_of_plane`] it alone decides
-/// which rank owns a grain.
+/// Returns the plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With
+/// [`decomposition::Slabs::owner_of_plane`] it alone decides which rank owns a grain.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -69,7 +69,8 @@ pub(super) fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: usize
     (((coordinate - origin) / spacing).floor().max(0.0) as usize).min(planes.saturating_sub(1))
 }
 
-/// How many box lengths to add to bring a raw `coordinate` into `[lower, lower + length)`: nothing else decides.
+/// Returns the number of box lengths that bring a raw `coordinate` into `[lower, lower + length)`. No other function
+/// decides it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a grain beyond 2^31 box lengths is caught as lost"

@@ -1,7 +1,7 @@
 //! Unbalanced force: how far grains are from rest.
 //!
-//! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima, so that
-//! the measure is the same on any number of ranks.
+//! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima,
+//! so that the measure is the same on any number of ranks.
 
 use super::particles::Particles;
 use super::space::{Components, Space};
@@ -44,7 +44,7 @@ pub struct Stillness {
 }
 
 impl Stillness {
-    /// Largest resultant over largest contact force; 0 without any force.
+    /// Returns the largest resultant over largest contact force; 0 without any force.
     #[must_use]
     pub fn unbalanced(&self) -> f64 {
         if self.resultant > 0.0 {
@@ -55,7 +55,7 @@ impl Stillness {
     }
 }
 
-/// An unbalanced force as text. It is a fraction of the contact forces and undefined without contacts.
+/// Returns an unbalanced force as text. It is a fraction of the contact forces and undefined without contacts.
 #[must_use]
 pub fn unbalanced_text(share: f64) -> String {
     if share.is_finite() && share < f64::MAX {

@@ -1,8 +1,8 @@
 //! Two and three dimensions behind one trait: discs and spheres share the code of the engine.
 //!
-//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear history
-//! turns with the contact. The unit normal `n` of a contact points from the first body to the second. The tangent in two
-//! dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
+//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear
+//! history turns with the contact. The unit normal `n` of a contact points from the first body to the second. The
+//! tangent in two dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -25,18 +25,18 @@ pub trait Components:
     + Sub<Output = Self>
     + SubAssign
 {
-    /// How many components.
+    /// Number of components.
     const COUNT: usize;
-    /// Component `k`, below [`Self::COUNT`].
+    /// Returns the component `k`, below [`Self::COUNT`].
     fn get(&self, k: usize) -> f64;
     /// Sets component `k`, below [`Self::COUNT`].
     fn set(&mut self, k: usize, value: f64);
-    /// The scalar product.
+    /// Returns the scalar product.
     fn scalar(&self, other: &Self) -> f64;
-    /// Each component from the same component of `self` and `other`.
+    /// Returns each component from the same component of `self` and `other`.
     #[must_use]
     fn combine(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self;
-    /// The Euclidean length.
+    /// Returns the Euclidean length.
     fn length(&self) -> f64 {
         self.scalar(self).sqrt()
     }
@@ -103,34 +103,36 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Shear displacements, shear forces, sliding velocities.
     type Tangent: Components;
 
-    /// Area of a disc, volume of a sphere.
+    /// Returns the area of a disc or the volume of a sphere.
     fn measure(radius: f64) -> f64;
-    /// Moment of inertia about the centre: m r² / 2 of a disc, 2 m r² / 5 of a sphere.
+    /// Returns the moment of inertia about the centre: m r² / 2 of a disc, 2 m r² / 5 of a sphere.
     fn inertia(mass: f64, radius: f64) -> f64;
     /// Mass of a grain; in the plane per unit depth.
     fn mass(density: f64, radius: f64) -> f64 {
         density * Self::measure(radius)
     }
-    /// Velocity `spin x arm` that a spin gives to a point of the body.
+    /// Returns the velocity `spin x arm` that a spin gives to a point of the body.
     fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector;
-    /// Moment `arm x force`.
+    /// Returns the moment `arm x force`.
     fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin;
-    /// Sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where `velocity` is the
-    /// second centre's relative to the first's and `rolling` the sum of both spins times their lever arms.
+    /// Returns the sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where
+    /// `velocity` is the second centre's relative to the first's and `rolling` the sum of both spins times their lever
+    /// arms.
     fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent;
-    /// A history carried along with the contact frame: turned into the plane across the new normal, its length kept.
+    /// Returns a history carried along with the contact frame: turned into the plane across the new normal, its length
+    /// kept.
     fn turn(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;
-    /// A tangent as a vector in space.
+    /// Returns a tangent as a vector in space.
     fn embed(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Vector;
-    /// Moment `normal x tangent`.
+    /// Returns the moment `normal x tangent`.
     fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin;
-    /// The part of a spin across the normal: rolling without twisting.
+    /// Returns the part of a spin across the normal: rolling without twisting.
     fn rolling(spin: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
-    /// A rolling moment carried along with the contact frame, as [`Self::turn`].
+    /// Returns a rolling moment carried along with the contact frame, as [`Self::turn`].
     fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
-    /// As a point of space: the plane is z = 0.
+    /// Returns the vector as a point of space: the plane is z = 0.
     fn to_volume(vector: &Self::Vector) -> Vector3<f64>;
-    /// Back from space; the plane drops z.
+    /// Converts back from space; the plane drops z.
     fn from_volume(vector: &Vector3<f64>) -> Self::Vector;
 }
 
@@ -256,7 +258,7 @@ impl Space for Volume {
     }
 }
 
-/// A vector of the space from three components.
+/// Returns a vector of the space from three components.
 pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
     let mut vector = S::Vector::default();
     for (a, &x) in v.iter().enumerate().take(S::DIMENSION) {

@@ -1,8 +1,8 @@
 //! Contacts as named columns for checkpoints.
 //!
-//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of all
-//! ranks; each rank keeps those that its lists need. Grains are saved by [`Particles::table`](super::Particles::table). A
-//! restored run gives the same bits as an uninterrupted one.
+//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of
+//! all ranks; each rank keeps those that its lists need. Grains are saved by
+//! [`Particles::table`](super::Particles::table). A restored run gives the same bits as an uninterrupted one.
 
 use super::Dem;
 use super::contact::ContactLaw;
@@ -13,7 +13,7 @@ use super::table::{AXES, Columns, small, unsigned};
 pub use super::table::{Table, Values};
 use base::error::Error;
 
-/// What a run restored from it needs to know of the contacts.
+/// Data of the contacts that a run restored from the state needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
     /// Grain with grain.
@@ -24,12 +24,13 @@ pub struct Contacts {
     pub faces: Table,
     /// Solid steps done.
     pub steps: u64,
-    /// Where each wall of a changed scene was among those saved; none for a new one. Without it the walls are the same.
+    /// Index of each wall of a changed scene among those saved; none for a new one. Without it the walls are unchanged.
     origins: Option<Vec<Option<usize>>>,
 }
 
 impl Contacts {
-    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that are gone go.
+    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that
+    /// are gone go.
     ///
     /// # Errors
     /// Where a column is missing or broken.
@@ -54,14 +55,14 @@ impl Contacts {
 }
 
 impl<S: Space> Dem<S> {
-    /// The contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts this rank reports, the walls, and the steps done.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
         self.engine.save()
     }
 
-    /// Each contact this rank reports, in no order: with grains by the ids of both, then with walls by grain, wall and facet;
-    /// beside it the numbers that the law keeps of it.
+    /// Calls `grains` and `walls` with each contact that this rank reports, in no order: contacts between grains by the
+    /// ids of both, contacts with walls by grain, wall and facet; each with the numbers that the law keeps of it.
     pub fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),

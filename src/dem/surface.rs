@@ -1,9 +1,9 @@
 //! Walls of convex facets (polygons and triangulated surfaces), and where a sphere touches them.
 //!
-//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the distance from
-//! the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A point on an edge or at a
-//! vertex is a minimum only where it is the closest point of *every* facet that shares this edge or vertex. This has three
-//! consequences:
+//! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the
+//! distance from the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A
+//! point on an edge or at a vertex is a minimum only where it is the closest point of *every* facet that shares this
+//! edge or vertex. This has three consequences:
 //!
 //! - A sphere on a face is not pushed by the edges and vertices of the face: there are no bumps on interior edges.
 //! - An edge or vertex pushes once, however many facets share it.
@@ -11,14 +11,14 @@
 //!
 //! Where an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
 //!
-//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly curved surface
-//! therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet push. Facets share
-//! vertices: the numbers of the vertices give the neighbours of a facet.
+//! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly
+//! curved surface therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet
+//! push. Facets share vertices: the numbers of the vertices give the neighbours of a facet.
 //!
 //! In a periodic domain a surface repeats ([`repeated`]).
 //!
-//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput. Part. Mech.
-//! 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
+//! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput.
+//! Part. Mech. 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
 
 mod faces;
 mod repeated;
@@ -40,7 +40,7 @@ pub struct Surface {
     facets: Vec<Facet>,
     /// Groups of neighbouring facets.
     groups: Vec<Group>,
-    /// How it repeats in a periodic domain.
+    /// Repetition in a periodic domain.
     repeated: Option<Box<Repeated>>,
     /// Projects a velocity onto the directions across its facets; none where these are all directions.
     across: Option<Matrix3<f64>>,
@@ -63,7 +63,7 @@ pub(super) struct Group {
     pub(super) bounds: [Vector3<f64>; 2],
 }
 
-/// Where on a facet its closest point lies, by numbers of vertices.
+/// Feature of a facet that its closest point lies on, by numbers of vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Feature {
     Face,
@@ -84,8 +84,8 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other one stands on a facet
-    /// of this wall.
+    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other
+    /// one stands on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
         let nearer = self.distance < other.distance * (1.0 - RIM)
             || self.distance <= other.distance * (1.0 + RIM) && first;
@@ -170,7 +170,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// All facets in groups of neighbours, along a curve that fills space (Morton's).
+    /// Returns all facets in groups of neighbours, along a curve that fills space (Morton's).
     fn neighbours(&self) -> Vec<Group> {
         let none = Vector3::repeat(f64::INFINITY);
         let join = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
@@ -202,7 +202,7 @@ impl Surface {
         &self.groups
     }
 
-    /// Whether the first corner and the size of a facet allow that it comes nearer to a point than `reach` \[m\], or as near.
+    /// Returns `true` if the first corner and the size of a facet allow a distance to a point of at most `reach` \[m\].
     #[inline(always)]
     pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
         let Facet { first, size, .. } = self.facets[facet];
@@ -211,7 +211,7 @@ impl Surface {
         (point - corner).norm_squared() <= farthest * farthest
     }
 
-    /// The faces of a box between two corners \[m\].
+    /// Returns the faces of a box between two corners \[m\].
     ///
     /// # Errors
     /// Where the box has no volume.
@@ -238,13 +238,13 @@ impl Surface {
         Self::new(vertices, &faces.map(|face| face.to_vec()))
     }
 
-    /// How many facets, with the images in a periodic domain.
+    /// Returns the number of facets, with the images in a periodic domain.
     #[must_use]
     pub fn len(&self) -> usize {
         self.facets.len()
     }
 
-    /// No facets: never.
+    /// Returns `true` if there are no facets, which never happens.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.facets.is_empty()
@@ -257,7 +257,7 @@ impl Surface {
             .map(|&v| self.vertices[v as usize])
     }
 
-    /// Unit normal of a facet.
+    /// Returns the unit normal of a facet.
     pub(super) fn normal(&self, facet: usize) -> Vector3<f64> {
         self.facets[facet].normal
     }
@@ -267,14 +267,14 @@ impl Surface {
         &self.corners[facet.first as usize..facet.end as usize]
     }
 
-    /// Distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
+    /// Returns the distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
     #[must_use]
     pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
         self.nearest(facet, point, f64::INFINITY)
             .map_or(f64::INFINITY, |near| near.distance)
     }
 
-    /// Distance \[m\] of a point from the nearest facet.
+    /// Returns the distance \[m\] of a point from the nearest facet.
     #[must_use]
     pub fn clearance(&self, point: &Vector3<f64>) -> f64 {
         let (point, _) = self.in_domain(point);
@@ -283,7 +283,8 @@ impl Surface {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether the surface comes nearer to a point than `reach` \[m\]: as [`Self::clearance`] says, at a fraction of its cost.
+    /// Returns `true` if the surface is nearer to a point than `reach` \[m\]: equal to a test of [`Self::clearance`],
+    /// at a fraction of its cost.
     #[must_use]
     pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
         let (point, _) = self.in_domain(point);
@@ -302,7 +303,7 @@ impl Surface {
         })
     }
 
-    /// Returns true if a point lies on one of these facets.
+    /// Returns `true` if a point lies on one of these facets.
     pub(super) fn stands_on(&self, near: &[u32], point: &Vector3<f64>) -> bool {
         near.iter().map(|facet| *facet as usize).any(|facet| {
             let reach = ON * self.facets[facet].size;
@@ -310,7 +311,7 @@ impl Surface {
         })
     }
 
-    /// Whether two facets share a vertex, or are the same; by their numbers or their names.
+    /// Returns `true` if two facets are equal or share a vertex; by their numbers or their names.
     #[must_use]
     pub fn adjacent(&self, a: u32, b: u32) -> bool {
         let [a, b] = [a, b].map(|name| self.numbers(self.named(name) as usize));
@@ -323,7 +324,7 @@ impl Surface {
         }
     }
 
-    /// The closest point of a facet, where it is nearer than `reach`.
+    /// Returns the closest point of a facet, where it is nearer than `reach`.
     #[inline]
     fn nearest(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> Option<Nearest> {
         let Facet { normal, size, .. } = self.facets[facet];
@@ -383,8 +384,8 @@ impl Surface {
         })
     }
 
-    /// The contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within reach: by rising
-    /// number of the facet. `found` is emptied first.
+    /// Finds the contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within
+    /// reach: by rising number of the facet. `found` is emptied first.
     pub fn contacts(
         &self,
         near: &[u32],
@@ -427,8 +428,8 @@ impl Surface {
         found.sort_unstable_by_key(|one| one.facet);
     }
 
-    /// Whether all facets of `near` that have these vertices have this closest point, and no other facet passes through this point and
-    /// comes closer.
+    /// Returns `true` if all facets of `near` that have these vertices have this closest point, and no other facet
+    /// passes through this point and comes closer.
     fn is_minimum(
         &self,
         near: &[u32],
@@ -465,7 +466,7 @@ mod tests {
         found
     }
 
-    /// A plane square of `n` by `n` squares of two triangles each.
+    /// Returns a plane square of `n` by `n` squares of two triangles each.
     fn flat(n: u32) -> Surface {
         let vertices = (0..=n)
             .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))
@@ -502,7 +503,8 @@ mod tests {
         }
     }
 
-    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic domain.
+    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic
+    /// domain.
     #[test]
     fn what_is_within_reach_is_what_the_clearance_says() {
         let n = 12_u32;
@@ -561,7 +563,7 @@ mod tests {
             ([-0.1, -0.1, -0.1], 0.03_f64.sqrt()),
             ([-0.1, -0.1, 0.5], 0.02_f64.sqrt()),
             ([-0.1, 0.5, 0.5], 0.1),
-            // Beside the edge: the face alone.
+            // Next to the edge: the face alone.
             ([0.01, 0.5, 1.1], 0.1),
         ] {
             let found = touch(&cube, at, 0.3);

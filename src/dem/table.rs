@@ -13,7 +13,7 @@ pub enum Values {
 }
 
 impl Values {
-    /// Number of values.
+    /// Returns the number of values.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -22,7 +22,7 @@ impl Values {
         }
     }
 
-    /// Whether there are no values.
+    /// Returns `true` if there are no values.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -37,7 +37,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// How many rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |(_, values)| values.len())
@@ -70,7 +70,7 @@ impl Table {
         Ok(())
     }
 
-    /// The rows for which `keep(row)` holds.
+    /// Returns the rows for which `keep(row)` holds.
     #[must_use]
     pub fn filter(&self, keep: impl Fn(usize) -> bool) -> Self {
         fn pick<T: Copy>(values: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
@@ -95,7 +95,7 @@ impl Table {
         Self { columns }
     }
 
-    /// The columns that `make` hands over.
+    /// Returns the columns that `make` hands over.
     pub(super) fn of(make: impl FnOnce(&mut Columns<'_>)) -> Self {
         let mut columns = Vec::new();
         make(&mut Columns(&mut |name, values| {
@@ -133,7 +133,7 @@ impl Table {
 /// The last part of the name of a component's column.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The column of component `k` of a quantity; a quantity with one component has the plain name.
+/// Returns the column of component `k` of a quantity; a quantity with one component has the plain name.
 pub(super) fn component_name<C: Components>(name: &str, k: usize) -> String {
     if C::COUNT == 1 {
         name.to_owned()
@@ -142,18 +142,18 @@ pub(super) fn component_name<C: Components>(name: &str, k: usize) -> String {
     }
 }
 
-/// A whole number of a column that has to fit 32 bits.
+/// Returns a whole number of a column that has to fit 32 bits.
 pub(super) fn small(value: u64) -> Result<u32, Error> {
     u32::try_from(value).map_err(|_| Error::Io(format!("{value} exceeds 32 bits")))
 }
 
-/// A signed number from its column.
+/// Returns a signed number from its column.
 pub(super) fn signed(value: u64) -> Result<i32, Error> {
     i32::try_from(value.cast_signed())
         .map_err(|_| Error::Io(format!("{value} is not a number of box lengths")))
 }
 
-/// A signed number as its column holds it.
+/// Returns a signed number as its column holds it.
 pub(super) fn unsigned(value: i32) -> u64 {
     i64::from(value).cast_unsigned()
 }
@@ -183,7 +183,7 @@ impl Columns<'_> {
 }
 
 impl Table {
-    /// The quantity whose components [`Columns::components`] wrote.
+    /// Returns the quantity whose components [`Columns::components`] wrote.
     pub(super) fn components<C: Components>(&self, name: &str) -> Result<Vec<C>, Error> {
         let mut all = vec![C::default(); self.rows()];
         for k in 0..C::COUNT {
@@ -195,7 +195,7 @@ impl Table {
         Ok(all)
     }
 
-    /// Numbers of box lengths along the axes of a space of `dimension` dimensions.
+    /// Returns the numbers of box lengths along the axes of a space of `dimension` dimensions.
     pub(super) fn shifts(&self, name: &str, dimension: usize) -> Result<Vec<[i32; 3]>, Error> {
         let mut all = vec![[0; 3]; self.rows()];
         for (axis, suffix) in AXES.iter().enumerate().take(dimension) {
@@ -207,7 +207,7 @@ impl Table {
         Ok(all)
     }
 
-    /// Whether there is a column of this name.
+    /// Returns `true` if there is a column of this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.columns.iter().any(|(column, _)| column == name)
     }

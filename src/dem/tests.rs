@@ -1,4 +1,5 @@
-//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine is run.
+//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine
+//! is run.
 
 mod blocks;
 mod bonds;
@@ -58,7 +59,7 @@ pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::P
     shear_damping: 0.0,
 };
 
-/// A box of side 2 `half` about the origin.
+/// Returns a box of side 2 `half` about the origin.
 pub(super) fn about_origin<S: Space>(half: f64) -> Region<S> {
     let (mut lower, mut upper) = (S::Vector::default(), S::Vector::default());
     for axis in 0..S::DIMENSION {
@@ -68,7 +69,7 @@ pub(super) fn about_origin<S: Space>(half: f64) -> Region<S> {
     Region::closed(lower, upper, half / 50.0)
 }
 
-/// Rows of a small table: `#` comments, a line of names, numbers.
+/// Returns the rows of a small table: `#` comments, a line of names, numbers.
 pub(super) fn rows(text: &str) -> Vec<Vec<f64>> {
     text.lines()
         .filter(|line| !line.starts_with('#'))

@@ -20,12 +20,12 @@ pub struct Wall<S: Space> {
     pub material: u32,
     /// The facets; none for a plane.
     pub surface: Option<Arc<Surface>>,
-    /// Whether grains pass through it.
+    /// `true` if grains pass through it.
     pub open: bool,
 }
 
 impl<S: Space> Wall<S> {
-    /// A wall at rest through `point` \[m\] whose `normal`, of any length, points into the grains.
+    /// Returns a wall at rest through `point` \[m\] whose `normal`, of any length, points into the grains.
     #[must_use]
     pub fn new(point: S::Vector, normal: S::Vector, material: u32) -> Self {
         let length = normal.length();
@@ -39,7 +39,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// A wall of facets at rest.
+    /// Returns a wall of facets at rest.
     #[must_use]
     pub fn of_surface(surface: Arc<Surface>, material: u32) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// A point \[m\] as the facets see it; in a periodic domain inside it.
+    /// Returns a point \[m\] as the facets see it; in a periodic domain inside it.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
         let at = S::to_volume(&(*point - self.point));
@@ -70,7 +70,8 @@ impl<S: Space> Wall<S> {
             .map_or(at, |surface| surface.in_domain(&at).0)
     }
 
-    /// As [`Surface::contacts`] of a centre \[m\] in space; contacts carry the names of their facets.
+    /// Finds the contacts of a centre \[m\] in space, like [`Surface::contacts`]; contacts carry the names of their
+    /// facets.
     #[inline]
     pub(super) fn touched(
         &self,
@@ -87,20 +88,21 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns true if a point of space \[m\] lies on one of these facets.
+    /// Returns `true` if a point of space \[m\] lies on one of these facets.
     pub(super) fn stands_on(&self, near: &[u32], point: &S::Vector) -> bool {
         let surface = self.surface.as_ref();
         surface.is_some_and(|surface| surface.stands_on(near, &self.local(point)))
     }
 
-    /// Distance \[m\] of a point from the plane, positive on the grains' side.
+    /// Returns the distance \[m\] of a point from the plane, positive on the grains' side.
     #[must_use]
     #[inline(always)]
     pub fn distance(&self, point: &S::Vector) -> f64 {
         self.normal.scalar(&(*point - self.point))
     }
 
-    /// The walls of a box that is not periodic along `axes`: lower and upper face of each, in the order of the axes.
+    /// Returns the walls of a box that is not periodic along `axes`: lower and upper face of each, in the order of the
+    /// axes.
     #[must_use]
     pub fn of_box(
         lower: S::Vector,

@@ -10,8 +10,8 @@
 //! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows; a published result |
 //! | `erosion_law.json` | the report |
 //!
-//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs. Figures of the
-//! other cohesions have the suffix `_C<value>`.
+//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs.
+//! Figures of the other cohesions have the suffix `_C<value>`.
 
 mod plots;
 mod tables;
@@ -72,10 +72,10 @@ pub fn run(runs: &[PathBuf], output: &Path, published: Option<Published>) -> Res
     Ok(report)
 }
 
-/// `solver erosion-law`: the report of [`run`] as text or JSON.
+/// Runs `solver erosion-law`: returns the report of [`run`] as text or JSON.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn command(
     runs: &[PathBuf],
     output: &Path,
@@ -144,7 +144,7 @@ fn write_all(
     fs::write(&path, text + "\n").map_err(|error| fail(&path, error))
 }
 
-/// The cohesion whose figures have no suffix.
+/// Returns the cohesion whose figures have no suffix.
 fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> usize {
     let of_published = |p: Published| cohesions.iter().position(|c| close(c.cohesion, p.cohesion));
     published
@@ -157,7 +157,7 @@ fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> 
         .unwrap_or(0)
 }
 
-/// A value with its interval as text: `9.1 [8.2, 10.0]`.
+/// Returns a value with its interval as text: `9.1 [8.2, 10.0]`.
 fn with_interval(value: f64, interval: Interval) -> String {
     format!(
         "{} [{}, {}]",
@@ -167,7 +167,7 @@ fn with_interval(value: f64, interval: Interval) -> String {
     )
 }
 
-/// Three significant digits.
+/// Returns three significant digits.
 fn digits(value: f64) -> String {
     if (0.01..1000.0).contains(&value.abs()) {
         let decimals = match value.abs() {
@@ -185,7 +185,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// Threshold, coefficient and R2 of a law, for the terminal.
+/// Returns the threshold, coefficient and R2 of a law, for the terminal.
 fn words(law: Option<&Law>) -> [String; 3] {
     match law {
         Some(Law::Fitted(fit)) => [
@@ -211,7 +211,7 @@ fn words(law: Option<&Law>) -> [String; 3] {
     }
 }
 
-/// The report for the terminal.
+/// Returns the report for the terminal.
 fn text(report: &Report, published: Option<Published>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
@@ -242,7 +242,8 @@ fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> 
     }
     writeln!(
         f,
-        "Stress by the gradient of the velocity at the faces (used by the figures) and by the balance of forces on the hole."
+        "Stress by the gradient of the velocity at the faces (used by the figures) and by the balance of forces on \
+         the hole."
     )?;
     writeln!(f, "Intervals are 95 %.")?;
     if let Some(p) = published {
@@ -306,7 +307,7 @@ mod tests {
     const INITIAL: f64 = 0.12;
     const LENGTH: f64 = 1.2e-2;
 
-    /// A run folder of a hole that follows the law: grains leave at random, the hole widens.
+    /// Returns a run folder of a hole that follows the law: grains leave at random, the hole widens.
     fn write_run(
         root: &Path,
         pressure: f64,
@@ -386,7 +387,8 @@ mod tests {
             fs::write(folder.join("summary.json"), summary.to_string()).unwrap();
         } else {
             let case = serde_json::json!({
-                "contact": {"cohesive_frictional": {"cohesion": {"per_diameter": {"value": cohesion, "source": "paper"}}}},
+                "contact": {"cohesive_frictional": {"cohesion": {"per_diameter": {"value": cohesion,
+                    "source": "paper"}}}},
                 "fluid": {"lattice_boltzmann": {"boundaries": [
                     {"condition": {"pressure": {"value": {"value": pressure + 1.0, "source": "paper"}}}},
                     {"condition": {"pressure": {"value": 1.0}}},
@@ -400,7 +402,7 @@ mod tests {
 
     const PRESSURES: [f64; 10] = [0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-    /// `PLOT_TO` names a folder where a person can look at the figures.
+    /// Returns the folder of the figures; `PLOT_TO` names another for inspection by eye.
     fn figures(folder: &Path) -> PathBuf {
         std::env::var_os("PLOT_TO").map_or_else(|| folder.join("out"), PathBuf::from)
     }

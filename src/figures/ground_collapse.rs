@@ -4,10 +4,11 @@ use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Panel, Shape, sequentia
 use analysis::ground_collapse::record::{CollapseRecord, StageTimes, SurfaceRecord};
 use std::collections::BTreeMap;
 
-/// Times of which the long section shows at most so many: more lines cannot be told apart.
+/// Maximum number of times in the long section: more lines cannot be distinguished.
 const SECTIONS: usize = 7;
 
-/// Void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines: `collapse.svg`.
+/// Returns the void volume, settlement, extension and eroded fraction against time, with the stages as dashed lines:
+/// `collapse.svg`.
 #[must_use]
 pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
     type Series<'a> = (&'a str, fn(&CollapseRecord) -> f64);
@@ -86,8 +87,8 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
     }
 }
 
-/// How far the surface has gone down along the long axis, mean over the columns across, at several times: `settlement.svg`. Down is
-/// down, so that two sinkholes beside a middle that stays up make a W.
+/// Makes the figure of the settlement of the surface along the long axis, mean over the columns across, at several
+/// times: `settlement.svg`. The axis points down, so that two sinkholes with a middle that stays up make a W.
 #[must_use]
 pub fn settlement(rows: &[SurfaceRecord]) -> Figure {
     // Per step: its time, and per column along the axis the place, the sum and the number of columns across.

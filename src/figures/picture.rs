@@ -1,8 +1,9 @@
-//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser: `solver picture`.
+//! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser:
+//! `solver picture`.
 //!
-//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
-//! from the upper left, or a section is drawn, which shows the fluid as well. All panels share one colour scale. The raster is a PNG inside the
-//! SVG; text and streamlines are vector graphics.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
+//! side in parallel projection, lit from the upper left, or a section is drawn, which shows the fluid as well. All
+//! panels share one colour scale. The raster is a PNG inside the SVG; text and streamlines are vector graphics.
 
 mod faces;
 mod overlays;
@@ -26,7 +27,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// What to draw of a run.
+/// Options of a picture of a run.
 #[allow(
     rustdoc::broken_intra_doc_links,
     reason = "comments are the help of the command, where units stand in brackets"
@@ -51,7 +52,8 @@ pub struct PictureOptions {
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
     pub view: View,
-    /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only water].
+    /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only
+    /// water].
     #[arg(long, value_name = "AXIS=METRES")]
     pub section: Option<Section>,
     /// Draw streamlines of the water in the plane or section.
@@ -96,11 +98,12 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
         return Ok(());
     }
     refused(
-        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace it with --overwrite",
+        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace \
+         it with --overwrite",
     )
 }
 
-/// From where a scene in space is seen.
+/// View of a scene in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum View {
     /// Along -x: y to the right, z up.
@@ -197,7 +200,7 @@ fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
-/// The outputs nearest to the asked times; without any, up to four over the run.
+/// Returns the outputs nearest to the asked times; without any, up to four over the run.
 fn choose(moments: &[Moment], times: &[f64]) -> Vec<Moment> {
     let last = moments.len().saturating_sub(1);
     let mut chosen: Vec<Moment> = if times.is_empty() {
@@ -226,12 +229,12 @@ struct Scene {
     grains: Option<Grains>,
     contacts: Option<Network>,
     faces: Option<Faces>,
-    /// What never moves; a section leaves it out, where the water shows it.
+    /// Faces of the structures; a section leaves them out, where the water shows them.
     structures: Option<Rc<Faces>>,
 }
 
 impl Scene {
-    /// The requested section, or one through the middle if a 3-D scene contains only fluid.
+    /// Returns the requested section, or one through the middle if a 3-D scene contains only fluid.
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();
@@ -315,7 +318,7 @@ impl Water {
 struct Grains {
     positions: Vec<[f64; 3]>,
     radii: Vec<f64>,
-    /// What colours them, if anything.
+    /// Values that colour them, if any.
     values: Option<Vec<f64>>,
     quantity: String,
     units: String,
@@ -324,8 +327,8 @@ struct Grains {
 }
 
 impl Grains {
-    /// The grains of an output but those that are drawn with their faces. `colour`: the column, or none for one colour; by default the velocity
-    /// in space.
+    /// Returns the grains of an output but those that are drawn with their faces. `colour`: the column, or none for one
+    /// colour; by default the velocity in space.
     fn read(
         path: &Path,
         colour: Option<Option<&str>>,
@@ -375,7 +378,7 @@ impl Grains {
     }
 }
 
-/// Numbers as they are, vectors by their length.
+/// Returns the numbers as they are, vectors by their length.
 fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
     if count == 0 {
         return Vec::new();
@@ -391,7 +394,7 @@ fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Least and greatest of the finite values; nothing where there are none.
+/// Returns the smallest and largest of the finite values; nothing if there are none.
 fn range<'a>(values: impl Iterator<Item = &'a f64>) -> Option<[f64; 2]> {
     values.filter(|v| v.is_finite()).fold(None, |range, &v| {
         Some(range.map_or([v, v], |[low, high]: [f64; 2]| [low.min(v), high.max(v)]))
@@ -411,7 +414,7 @@ fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
     std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
 }
 
-/// White to deep blue.
+/// Returns a colour from white to deep blue.
 fn water_colour(share: f64) -> [f64; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [247.0, 251.0, 255.0],
@@ -436,7 +439,7 @@ fn grain_colour(share: f64) -> [f64; 3] {
     along(&STOPS, share)
 }
 
-fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
+fn fraction_of_range(value: f64, [low, high]: [f64; 2]) -> f64 {
     if high > low {
         (value - low) / (high - low)
     } else {
@@ -444,7 +447,7 @@ fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
-/// A round length of about a fifth of another.
+/// Returns a round length of about a fifth of another.
 fn round_length(length: f64) -> f64 {
     let rough = length / 5.0;
     let power = 10.0_f64.powf(rough.log10().floor());
@@ -464,7 +467,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
     if !(frame.high[0] > frame.low[0] && frame.high[1] > frame.low[1]) {
         return Err(Error::Io("there is nothing to draw at these times".into()));
     }
-    let scales = Scales::of(scenes);
+    let scales = Scales::new(scenes);
     let panel = |scene| Panel::new(scene, &scales, &frame, request.width.into());
     let panels: Vec<Panel> = scenes.iter().map(panel).collect();
     let Some(first) = panels.first() else {
@@ -478,7 +481,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         sheet.size[0], sheet.size[1]
     );
     for (k, panel) in panels.iter().enumerate() {
-        panel.write(&mut svg, &sheet, sheet.place(k))?;
+        panel.write(&mut svg, &sheet, sheet.corner(k))?;
     }
     let foot = sheet.foot;
     let length = round_length(real(sheet.panel[0]) * first.raster.pixel);
@@ -518,7 +521,7 @@ struct Scales {
 }
 
 impl Scales {
-    fn of(scenes: &[Scene]) -> Self {
+    fn new(scenes: &[Scene]) -> Self {
         let waters = || scenes.iter().filter_map(|s| s.water.as_ref());
         let of_water = waters().flat_map(|w| {
             let cells = w.values.iter().zip(&w.solid);
@@ -593,7 +596,7 @@ impl Sheet {
         // Wide panels one above the other, narrow ones side by side.
         let columns = if 2 * height < width { 1 } else { panels.min(2) };
         let below = panels.div_ceil(columns) * (height + HEAD + GAP);
-        // Right of the length, which needs some room in narrow pictures.
+        // Right of the length, which needs some space in narrow pictures.
         let x = GAP + (width / 3).max(110);
         let size = [
             (columns * width + (columns + 1) * GAP)
@@ -611,7 +614,7 @@ impl Sheet {
     }
 
     /// Returns the upper left corner of a panel.
-    fn place(&self, k: usize) -> [usize; 2] {
+    fn corner(&self, k: usize) -> [usize; 2] {
         let [width, height] = self.panel;
         [
             GAP + (k % self.columns) * (width + GAP),
@@ -637,7 +640,9 @@ impl Panel {
         if let Some(all) = &scene.grains {
             for (k, (&p, &r)) in all.positions.iter().zip(&all.radii).enumerate() {
                 let colour = match (&all.values, scales.grains) {
-                    (Some(values), Some(scale)) => grain_colour(share(values[k], scale)),
+                    (Some(values), Some(scale)) => {
+                        grain_colour(fraction_of_range(values[k], scale))
+                    }
                     _ => SAND,
                 };
                 raster.grain(frame, p, r, colour, all.flat);
@@ -647,7 +652,9 @@ impl Panel {
             structures.paint(&mut raster, frame, |_| STONE);
         }
         if let (Some(faces), Some(scale)) = (&scene.faces, scales.grains) {
-            faces.paint(&mut raster, frame, |v| grain_colour(share(v, scale)));
+            faces.paint(&mut raster, frame, |v| {
+                grain_colour(fraction_of_range(v, scale))
+            });
         }
         let flat = scene.water.as_ref().filter(|w| w.cells[2] == 1);
         let lines = flat.filter(|w| w.flow.is_some()).map(|water| {
@@ -717,7 +724,7 @@ fn key(scenes: &[Scene], scales: &Scales) -> String {
     parts.join("; ")
 }
 
-/// A bar of colours with ticks at its ends and its middle.
+/// Returns a bar of colours with ticks at its ends and its middle.
 fn bar(
     svg: &mut String,
     [x, y]: [usize; 2],
@@ -746,7 +753,8 @@ fn bar(
         let x = x + place * STEP;
         let _ = writeln!(
             svg,
-            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
+            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" \
+             font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
             y - 8,
             y + 5,
             y + 16,
@@ -769,7 +777,7 @@ fn bar(
     );
 }
 
-/// A number with this many digits, without zeros at its end.
+/// Returns a number with this many digits, without zeros at its end.
 fn short(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits - 1);
     let (mantissa, power) = scientific.split_once('e').unwrap_or((&scientific, "0"));
@@ -836,7 +844,7 @@ mod tests {
         assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
     }
 
-    /// A scene of ten by ten metres without values.
+    /// Returns a scene of ten by ten metres without values.
     pub(super) fn square() -> Scene {
         let corner = |x: f64| [x, x, 0.0];
         Scene {

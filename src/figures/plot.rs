@@ -1,8 +1,8 @@
 //! Figures as SVG: axes, lines, points with error bars, bands and bounds.
 //!
-//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the same data on any
-//! machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis ([`sequential`]). Both are
-//! distinguishable for colour-blind readers and in grey.
+//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the
+//! same data on any machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis
+//! ([`sequential`]). Both are distinguishable for colour-blind readers and in grey.
 //!
 //! Labels may contain `_{sub}` and `^{super}`.
 
@@ -14,8 +14,8 @@ pub const CATEGORY: [&str; 8] = [
     "#222222", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442",
 ];
 
-/// The colour of entry `index` of `count` in an order, from dark violet to light green (after viridis, van der Walt and
-/// Smith, SciPy 2015; the yellow end, unreadable on white, is left out).
+/// Returns the colour of entry `index` of `count` in an order, from dark violet to light green (after viridis, van der
+/// Walt and Smith, SciPy 2015; the yellow end, unreadable on white, is left out).
 #[must_use]
 pub fn sequential(index: usize, count: usize) -> String {
     const STOPS: [[f64; 3]; 6] = [
@@ -37,12 +37,12 @@ pub fn sequential(index: usize, count: usize) -> String {
     let mix = |c: usize| STOPS[below][c] * (1.0 - t) + STOPS[below + 1][c] * t;
     format!("rgb({:.0},{:.0},{:.0})", mix(0), mix(1), mix(2))
 }
-/// How an axis maps values.
+/// Mapping of values to an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// In proportion.
+    /// Linear scale.
     Linear,
-    /// By the logarithm; values that are not positive are not drawn.
+    /// Logarithmic scale; values that are not positive are not drawn.
     Log,
 }
 
@@ -51,16 +51,16 @@ pub enum Scale {
 pub struct Axis {
     /// The quantity, as `τ_{h}` or `eroded mass`.
     pub quantity: String,
-    /// Its unit; empty for none.
+    /// Unit; empty for none.
     pub unit: String,
-    /// How values are mapped.
+    /// Mapping of values.
     pub scale: Scale,
     /// First and last value; from the data where `None`.
     pub range: Option<(f64, f64)>,
 }
 
 impl Axis {
-    /// A linear axis that starts at zero where the data are not negative.
+    /// Returns a linear axis that starts at zero where the data are not negative.
     #[must_use]
     pub fn linear(quantity: &str, unit: &str) -> Self {
         Self {
@@ -71,7 +71,7 @@ impl Axis {
         }
     }
 
-    /// A logarithmic axis.
+    /// Returns a logarithmic axis.
     #[must_use]
     pub fn log(quantity: &str, unit: &str) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl Axis {
         }
     }
 
-    /// The same axis with a fixed range.
+    /// Returns the axis with a fixed range.
     #[must_use]
     pub fn over(self, low: f64, high: f64) -> Self {
         Self {
@@ -104,7 +104,7 @@ pub struct Mark {
 }
 
 impl Mark {
-    /// A point without bars.
+    /// Returns a point without bars.
     #[must_use]
     pub fn at(x: f64, y: f64) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Mark {
     }
 }
 
-/// How a point looks.
+/// Mark of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// A disc of its colour.
@@ -131,14 +131,14 @@ pub enum Style {
     OpenSquare,
 }
 
-/// What a layer draws.
+/// Shape that a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A line through the points.
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
         points: Vec<(f64, f64)>,
-        /// Whether it is dashed.
+        /// `true` if it is dashed.
         dashed: bool,
     },
     /// The area between two lines.
@@ -150,7 +150,7 @@ pub enum Shape {
     Marks {
         /// The points.
         marks: Vec<Mark>,
-        /// How they look.
+        /// Mark of the points.
         style: Style,
     },
     /// Words to the upper right of points `(x, y, words)`.
@@ -168,7 +168,7 @@ pub enum Shape {
 /// Something drawn, with its colour and its entry in the legend (none where empty).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// What is drawn.
+    /// Shape that is drawn.
     pub shape: Shape,
     /// Any SVG colour.
     pub colour: String,
@@ -177,7 +177,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// A layer.
+    /// Returns a layer.
     #[must_use]
     pub fn new(shape: Shape, colour: &str, label: &str) -> Self {
         Self {
@@ -188,23 +188,23 @@ impl Layer {
     }
 }
 
-/// Where the legend stands.
+/// Position of the legend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Legend {
     /// Nowhere.
     None,
-    /// Beside the panel, on the right.
+    /// Position to the right of the panel.
     Right,
-    /// In the upper left corner.
+    /// Position in the upper left corner.
     TopLeft,
-    /// In the lower right corner.
+    /// Position in the lower right corner.
     BottomRight,
 }
 
 /// Two axes and their layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Above the panel.
+    /// Title above the panel.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
@@ -214,14 +214,14 @@ pub struct Panel {
     pub layers: Vec<Layer>,
     /// Place of the legend.
     pub legend: Legend,
-    /// Above the entries of the legend.
+    /// Title above the entries of the legend.
     pub legend_title: String,
 }
 
 /// Panels side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// From left to right.
+    /// Panels from left to right.
     pub panels: Vec<Panel>,
 }
 
@@ -237,7 +237,7 @@ const INK: &str = "#222222";
 const PALE: &str = "#e4e4e4";
 
 impl Figure {
-    /// The figure as the text of an SVG file.
+    /// Returns the figure as the text of an SVG file.
     #[must_use]
     pub fn to_svg(&self) -> String {
         let side = |panel: &Panel| match panel.legend {
@@ -255,10 +255,12 @@ impl Figure {
         };
         let height = (self.panels.iter().map(beside)).fold(TOP + PLOT_HEIGHT + BOTTOM, f64::max);
         let mut pen = Pen::default();
-        // Spaces are preserved, else those beside a raised or lowered span are dropped.
+        // Spaces are preserved, otherwise those next to a raised or lowered span are dropped.
         pen.put(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" height=\"{height:.0}\" \
-             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" \
+             height=\"{height:.0}\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', \
+             sans-serif\" \
              font-size=\"{TEXT}\" fill=\"{INK}\">"
         ));
         pen.put(format_args!(
@@ -413,8 +415,8 @@ impl Mapping {
         }
     }
 
-    /// 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
-    fn share(&self, value: f64) -> Option<f64> {
+    /// Returns 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
+    fn fraction(&self, value: f64) -> Option<f64> {
         let share = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
             Scale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -424,7 +426,7 @@ impl Mapping {
     }
 }
 
-/// Least and largest value; (0, 1) of nothing.
+/// Returns the smallest and largest value; (0, 1) of nothing.
 fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
         (low.min(v), high.max(v))
@@ -432,7 +434,7 @@ fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     if low > high { (0.0, 1.0) } else { (low, high) }
 }
 
-/// The next of 1, 2, 5 times a power of ten.
+/// Returns the next of 1, 2, 5 times a power of ten.
 fn nice_step(rough: f64) -> f64 {
     let power = 10_f64.powf(rough.log10().floor());
     let digit = rough / power;
@@ -442,7 +444,7 @@ fn nice_step(rough: f64) -> f64 {
     nice.unwrap_or(10.0) * power
 }
 
-/// A rounded number as an integer; counts of ticks and powers of ten are small.
+/// Returns a rounded number as an integer; counts of ticks and powers of ten are small.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "clamped to a small range first"
@@ -456,7 +458,7 @@ fn plain(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// An integer with a real minus sign.
+/// Returns an integer with a real minus sign.
 fn minus(value: i32) -> String {
     value.to_string().replace('-', "\u{2212}")
 }
@@ -500,7 +502,7 @@ fn escape(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
-/// Width of a text, about: glyphs of the fonts named are near 0.55 em on average.
+/// Returns the width of a text, about: glyphs of the fonts named are near 0.55 em on average.
 fn text_width(text: &str) -> f64 {
     let glyphs = text.chars().filter(|c| !"_^{}".contains(*c)).count();
     0.56 * TEXT * real(glyphs)
@@ -551,10 +553,10 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    fn place(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    fn position(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         // Points far outside are drawn to the clip only; huge coordinates trouble some viewers.
-        let x = self.x.share(x)?.clamp(-3.0, 4.0);
-        let y = self.y.share(y)?.clamp(-3.0, 4.0);
+        let x = self.x.fraction(x)?.clamp(-3.0, 4.0);
+        let y = self.y.fraction(y)?.clamp(-3.0, 4.0);
         Some((self.left + x * PLOT_WIDTH, TOP + (1.0 - y) * PLOT_HEIGHT))
     }
 
@@ -562,7 +564,8 @@ impl<'a> Drawing<'a> {
         let (left, right) = (self.left, self.left + PLOT_WIDTH);
         let bottom = TOP + PLOT_HEIGHT;
         pen.put(format_args!(
-            "<clipPath id=\"plot{}\"><rect x=\"{left:.2}\" y=\"{TOP:.2}\" width=\"{PLOT_WIDTH}\" height=\"{PLOT_HEIGHT}\"/></clipPath>",
+            "<clipPath id=\"plot{}\"><rect x=\"{left:.2}\" y=\"{TOP:.2}\" width=\"{PLOT_WIDTH}\" \
+             height=\"{PLOT_HEIGHT}\"/></clipPath>",
             self.index
         ));
         self.grid(pen);
@@ -572,7 +575,8 @@ impl<'a> Drawing<'a> {
         }
         pen.put(format_args!("</g>"));
         pen.put(format_args!(
-            "<path d=\"M{left:.2} {TOP:.2}V{bottom:.2}H{right:.2}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1.2\"/>"
+            "<path d=\"M{left:.2} {TOP:.2}V{bottom:.2}H{right:.2}\" fill=\"none\" stroke=\"{INK}\" \
+             stroke-width=\"1.2\"/>"
         ));
         self.ticks(pen);
         let middle = left + 0.5 * PLOT_WIDTH;
@@ -599,13 +603,13 @@ impl<'a> Drawing<'a> {
     fn grid(&self, pen: &mut Pen) {
         let bottom = TOP + PLOT_HEIGHT;
         for (value, text) in &self.x.ticks {
-            if let (Some(share), false) = (self.x.share(*value), text.is_empty()) {
+            if let (Some(share), false) = (self.x.fraction(*value), text.is_empty()) {
                 let x = self.left + share * PLOT_WIDTH;
                 pen.segment((x, TOP), (x, bottom), PALE, 0.8);
             }
         }
         for (value, text) in &self.y.ticks {
-            if let (Some(share), false) = (self.y.share(*value), text.is_empty()) {
+            if let (Some(share), false) = (self.y.fraction(*value), text.is_empty()) {
                 let y = bottom - share * PLOT_HEIGHT;
                 pen.segment((self.left, y), (self.left + PLOT_WIDTH, y), PALE, 0.8);
             }
@@ -615,7 +619,7 @@ impl<'a> Drawing<'a> {
     fn ticks(&self, pen: &mut Pen) {
         let bottom = TOP + PLOT_HEIGHT;
         for (value, text) in &self.x.ticks {
-            let Some(share) = self.x.share(*value) else {
+            let Some(share) = self.x.fraction(*value) else {
                 continue;
             };
             let x = self.left + share * PLOT_WIDTH;
@@ -626,7 +630,7 @@ impl<'a> Drawing<'a> {
             }
         }
         for (value, text) in &self.y.ticks {
-            let Some(share) = self.y.share(*value) else {
+            let Some(share) = self.y.fraction(*value) else {
                 continue;
             };
             let y = bottom - share * PLOT_HEIGHT;
@@ -650,7 +654,8 @@ impl<'a> Drawing<'a> {
                 let path = self.path(points.iter().copied());
                 if !path.is_empty() {
                     pen.put(format_args!(
-                        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" stroke-linejoin=\"round\"{dash}/>"
+                        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" \
+                         stroke-linejoin=\"round\"{dash}/>"
                     ));
                 }
             }
@@ -668,19 +673,22 @@ impl<'a> Drawing<'a> {
                 for mark in marks {
                     self.bars(pen, mark, colour);
                 }
-                for place in marks.iter().filter_map(|mark| self.place(mark.x, mark.y)) {
+                for place in marks
+                    .iter()
+                    .filter_map(|mark| self.position(mark.x, mark.y))
+                {
                     dot(pen, place, colour, *style);
                 }
             }
             Shape::Words { words } => {
                 for (x, y, text) in words {
-                    if let Some((x, y)) = self.place(*x, *y) {
+                    if let Some((x, y)) = self.position(*x, *y) {
                         pen.words(x + 6.0, y - 7.0, "start", "", text);
                     }
                 }
             }
             Shape::LowerBounds { points } => {
-                for place in points.iter().filter_map(|&(x, y)| self.place(x, y)) {
+                for place in points.iter().filter_map(|&(x, y)| self.position(x, y)) {
                     arrow(pen, place, colour);
                 }
             }
@@ -691,7 +699,7 @@ impl<'a> Drawing<'a> {
         let mut path = String::new();
         let mut command = 'M';
         for (x, y) in points {
-            match self.place(x, y) {
+            match self.position(x, y) {
                 Some((x, y)) => {
                     let _ = write!(path, "{command}{x:.2} {y:.2}");
                     command = 'L';
@@ -703,16 +711,16 @@ impl<'a> Drawing<'a> {
     }
 
     fn bars(&self, pen: &mut Pen, mark: &Mark, colour: &str) {
-        let Some((x, y)) = self.place(mark.x, mark.y) else {
+        let Some((x, y)) = self.position(mark.x, mark.y) else {
             return;
         };
         let bottom = TOP + PLOT_HEIGHT;
         if let Some((low, high)) = mark.y_bar {
             // A bar that reaches below a logarithmic axis ends at its foot.
             let low = self
-                .place(mark.x, low)
+                .position(mark.x, low)
                 .map_or(bottom + 9.0, |place| place.1);
-            let high = self.place(mark.x, high).map_or(y, |place| place.1);
+            let high = self.position(mark.x, high).map_or(y, |place| place.1);
             pen.segment((x, low), (x, high), colour, 1.2);
             for end in [low, high] {
                 pen.segment((x - 3.0, end), (x + 3.0, end), colour, 1.2);
@@ -720,9 +728,9 @@ impl<'a> Drawing<'a> {
         }
         if let Some((low, high)) = mark.x_bar {
             let low = self
-                .place(low, mark.y)
+                .position(low, mark.y)
                 .map_or(self.left - 9.0, |place| place.0);
-            let high = self.place(high, mark.y).map_or(x, |place| place.0);
+            let high = self.position(high, mark.y).map_or(x, |place| place.0);
             pen.segment((low, y), (high, y), colour, 1.2);
             for end in [low, high] {
                 pen.segment((end, y - 3.0), (end, y + 3.0), colour, 1.2);
@@ -747,7 +755,8 @@ impl<'a> Drawing<'a> {
         };
         if self.panel.legend != Legend::Right {
             pen.put(format_args!(
-                "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"white\" fill-opacity=\"0.85\"/>"
+                "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"white\" \
+                 fill-opacity=\"0.85\"/>"
             ));
         }
         let mut y = top + 0.5 * LINE + 5.0;
@@ -766,7 +775,8 @@ impl<'a> Drawing<'a> {
                     ));
                 }
                 Shape::Band { .. } => pen.put(format_args!(
-                    "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" fill-opacity=\"0.18\"/>",
+                    "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" \
+                     fill-opacity=\"0.18\"/>",
                     y - 5.0
                 )),
                 Shape::Marks { style, .. } => {
@@ -796,16 +806,18 @@ fn dot(pen: &mut Pen, (x, y): (f64, f64), colour: &str, style: Style) {
 
 fn square(pen: &mut Pen, (x, y): (f64, f64), colour: &str, fill: &str) {
     pen.put(format_args!(
-        "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"13\" height=\"13\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.8\"/>",
+        "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"13\" height=\"13\" fill=\"{fill}\" stroke=\"{colour}\" \
+         stroke-width=\"1.8\"/>",
         x - 6.5,
         y - 6.5
     ));
 }
 
-/// A bar with an arrow that points up.
+/// Draws a bar with an arrow that points up.
 fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
     pen.put(format_args!(
-        "<path d=\"M{:.2} {y:.2}H{:.2}M{x:.2} {y:.2}V{:.2}M{:.2} {:.2}L{x:.2} {:.2}L{:.2} {:.2}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\"/>",
+        "<path d=\"M{:.2} {y:.2}H{:.2}M{x:.2} {y:.2}V{:.2}M{:.2} {:.2}L{x:.2} {:.2}L{:.2} {:.2}\" fill=\"none\" \
+         stroke=\"{colour}\" stroke-width=\"1.6\"/>",
         x - 5.0,
         x + 5.0,
         y - 14.0,
@@ -817,7 +829,7 @@ fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
     ));
 }
 
-/// The values of a shape along both axes.
+/// Collects the values of a shape along both axes.
 fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     match shape {
         Shape::Line { points, .. } => {
@@ -830,7 +842,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
         }
         Shape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));
-            // Room for the arrow, and for the legend above it.
+            // Space for the arrow, and for the legend above it.
             ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
         Shape::Band { points } => {
@@ -848,7 +860,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     }
 }
 
-/// The label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
+/// Returns the label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
 fn label(axis: &Axis, power: i32) -> String {
     let factor = if power == 0 {
         String::new()
@@ -897,8 +909,8 @@ mod tests {
         assert_eq!(labels(&mapping), ["1", "10"]);
         let mapping = Mapping::new(&axis, &[0.9, 11.0]);
         assert_eq!(labels(&mapping), ["1", "2", "5", "10"]);
-        assert_eq!(mapping.share(0.0), None);
-        assert_eq!(mapping.share(-1.0), None);
+        assert_eq!(mapping.fraction(0.0), None);
+        assert_eq!(mapping.fraction(-1.0), None);
     }
 
     #[test]
@@ -955,10 +967,10 @@ mod tests {
         };
         let drawing = Drawing::new(&panel, LEFT, 0);
         assert_eq!(
-            drawing.place(5.0, 10.0),
+            drawing.position(5.0, 10.0),
             Some((LEFT + 0.5 * PLOT_WIDTH, TOP + 0.5 * PLOT_HEIGHT))
         );
-        assert_eq!(drawing.place(0.0, 1.0), Some((LEFT, TOP + PLOT_HEIGHT)));
+        assert_eq!(drawing.position(0.0, 1.0), Some((LEFT, TOP + PLOT_HEIGHT)));
     }
 
     #[test]

@@ -11,21 +11,21 @@ pub struct Block {
     pub rows: Range<usize>,
 }
 
-/// What stands at equal distances in memory along a row of a plane, or one in each of consecutive rows.
+/// Items at equal distances in memory along a row of a plane, or one in each of consecutive rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
-    /// How many there are.
+    /// Number of items.
     pub(crate) count: u32,
     /// Distance from one to the next.
     pub(crate) stride: u32,
     /// The row of the first.
     row: u32,
-    /// One in each row; else all are in one.
+    /// `true` if there is one in each row; otherwise all are in one.
     down: bool,
 }
 
 impl Line {
-    /// One in a row.
+    /// Returns one in a row.
     pub(crate) fn of(row: u32) -> Self {
         Self {
             count: 1,
@@ -35,7 +35,7 @@ impl Line {
         }
     }
 
-    /// The line with one more, `apart` from the first and in this row, where that continues it.
+    /// Returns the line with one more, `apart` from the first and in this row, where that continues it.
     pub(crate) fn with(self, row: u32, apart: u32) -> Option<Self> {
         let (stride, down) = if self.count == 1 {
             (apart, row > self.row)
@@ -53,12 +53,12 @@ impl Line {
         })
     }
 
-    /// The row of number `k`.
+    /// Returns the row of number `k`.
     pub(crate) fn row(&self, k: u32) -> u32 {
         self.row + k * u32::from(self.down)
     }
 
-    /// Which of them are in some rows.
+    /// Returns the range of items in some rows.
     pub(crate) fn within(&self, rows: &Range<usize>) -> Range<usize> {
         let (first, count) = (self.row as usize, self.count as usize);
         if self.down {

@@ -1,15 +1,16 @@
 //! Boundaries of the domain: a rule for each population that would enter from outside.
 //!
 //! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
-//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the order wall,
-//! velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always closes its corners.
+//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the
+//! order wall, velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always
+//! closes its corners.
 //!
 //! A boundary is one file. It holds, in this order:
 //!
 //! 1. the formula and its source;
 //! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
-//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the speed, the pressure
-//!    and the inflow that they impose, and the rule on the lattice;
+//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the
+//!    speed, the pressure and the inflow that they impose, and the rule on the lattice;
 //! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
 //!
 //! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
@@ -21,7 +22,7 @@
 //! | `model` | [`Model`], what the program asks a boundary of a case |
 //! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
 //! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
-//! | `wall` | half-way bounce-back at walls and imposed velocities, also while the pass goes on |
+//! | `wall` | half-way bounce-back at walls and imposed velocities, also during the pass |
 //! | `profile` | a velocity over a face |
 //! | `turbulent` | turbulence over an imposed velocity |
 //! | `sound` | the plane wave that leaves through an opening |
@@ -63,8 +64,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a boundary in a case is that
-/// of its module.
+/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a
+/// boundary in a case is that of its module.
 macro_rules! boundaries {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
         $(pub mod $module;)*
@@ -81,7 +82,7 @@ macro_rules! boundaries {
         }
 
         impl $list {
-            /// What the program asks about it.
+            /// Returns the model of the boundary.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -89,7 +90,7 @@ macro_rules! boundaries {
                 }
             }
 
-            /// Name in a case.
+            /// Returns the name in a case.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
@@ -97,8 +98,8 @@ macro_rules! boundaries {
                 }
             }
 
-            /// The boundary with its parameters checked and its tables read; what is wrong goes to the report. The path of the site is
-            /// that of the condition.
+            /// Returns the boundary with its parameters checked and its tables read; what is wrong goes to the report.
+            /// The path of the site is that of the condition.
             #[must_use]
             pub fn resolved(
                 &self,
@@ -115,7 +116,7 @@ macro_rules! boundaries {
                 resolved
             }
 
-            /// The rule on the lattice.
+            /// Returns the rule on the lattice.
             ///
             /// # Errors
             /// Where the cells of the patch show that the parameters cannot hold.
@@ -133,7 +134,7 @@ macro_rules! boundaries {
 }
 
 boundaries! {
-    /// What the fluid does at a face.
+    /// Boundary condition of the fluid at a face.
     Condition:
     no_slip NoSlip,
     moving_wall MovingWall,
@@ -156,7 +157,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// The same value always.
+    /// Returns a ramp with a constant value.
     #[must_use]
     pub fn constant(value: f64) -> Self {
         Self {
@@ -166,7 +167,7 @@ impl Ramp {
         }
     }
 
-    /// Value at a step.
+    /// Returns the value at a step.
     #[must_use]
     pub fn at(&self, step: f64) -> f64 {
         if step >= self.steps {
@@ -183,7 +184,7 @@ pub struct Patch<S: Stored = f64> {
     pub name: String,
     /// Axis of the face normal.
     pub axis: usize,
-    /// At the upper end of the axis.
+    /// `true` if it is at the upper end of the axis.
     pub upper: bool,
     /// Corners of the part in cells (the components along the axis are not used); later patches win.
     pub range: [[f64; 2]; 3],
@@ -192,7 +193,7 @@ pub struct Patch<S: Stored = f64> {
 }
 
 impl<S: Stored> Patch<S> {
-    /// Whether water goes through the face at a point, in cells.
+    /// Returns `true` if water passes through the face at a point, in cells.
     fn lets_through(&self, position: [f64; 3]) -> bool {
         self.rule.nature().surface == Surface::Opening
             && self
@@ -208,7 +209,7 @@ impl<S: Stored> Patch<S> {
     }
 }
 
-/// The last patch that holds a position on a face; none where only the default wall does.
+/// Returns the last patch that holds a position on a face; none where only the default wall does.
 #[must_use]
 pub fn holder<S: Stored>(
     patches: &[Patch<S>],
@@ -221,7 +222,8 @@ pub fn holder<S: Stored>(
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
-/// Points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between cells, where patches may meet.
+/// Returns points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between
+/// cells, where patches may meet.
 fn around(
     frame: &Frame,
     c: [i8; 3],
@@ -253,12 +255,12 @@ fn around(
     })
 }
 
-/// The patch of a link that crosses a face between those of the cells `beside` with their centres, and the part of
-/// these that imposes a velocity.
+/// Returns the patch of a link that crosses a face between those of the cells `beside` with their centres, and the part
+/// of these that imposes a velocity.
 ///
-/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a border a velocity is
-/// imposed in part: the flow through the face is then that of the cells of the patch, and the same at both of its ends. Between others the
-/// stronger one has the border.
+/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a
+/// border a velocity is imposed in part: the flow through the face is then that of the cells of the patch, and the same
+/// at both of its ends. Between others the stronger one has the border.
 fn on_border<S: Stored>(
     patches: &[Patch<S>],
     middle: [f64; 3],
@@ -281,7 +283,7 @@ fn on_border<S: Stored>(
     match (strongest, imposing) {
         (_, Some(p)) => (p, imposed / count),
         (Some(p), None) => (p, 1.0),
-        // There is always a cell beside.
+        // There is always an adjacent cell.
         (None, None) => (0, 1.0),
     }
 }
@@ -336,19 +338,20 @@ fn crossed<S: Stored>(
         .unwrap_or((defaults, 1.0))
 }
 
-/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the others by patch.
+/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the
+/// others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
     /// The patches from the strongest to the weakest.
     order: Vec<usize>,
     walls: wall::Walls,
     open: covered::OpenCells,
-    /// The patches whose rules need sums over all ranks, and room for these.
+    /// Patches whose rules need sums over all ranks, and a buffer for these.
     summed: Vec<usize>,
     sums: Vec<u128>,
 }
 
-/// Where a cell lies relative to the whole domain.
+/// Position of a cell in the whole domain.
 pub struct Frame {
     /// Cells of the whole domain.
     pub cells: [usize; 3],
@@ -359,14 +362,15 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Returns whether a link from a cell leaves the domain along an axis.
+    /// Returns `true` if a link from a cell leaves the domain along an axis.
     fn leaves(&self, at: [usize; 3], c: [i8; 3], a: usize) -> bool {
         !self.periodic[a] && ((c[a] < 0 && at[a] == 0) || (c[a] > 0 && at[a] + 1 == self.cells[a]))
     }
 }
 
 impl<S: Stored> Boundaries<S> {
-    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover cells.
+    /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover
+    /// cells.
     #[must_use]
     pub fn new(
         populations: &Populations<S>,
@@ -450,19 +454,19 @@ impl<S: Stored> Boundaries<S> {
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
-    /// Factor of the velocity of a patch at a step: that of its ramp.
+    /// Returns the factor of the velocity of a patch at a step: that of its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
         self.patches[patch].rule.factor(step)
     }
 
-    /// The links at walls as copies of numbers after a pass of this parity, with the patch of each for its factor. `plane` is the distance from plane to
-    /// plane.
+    /// Returns the links at walls as copies of numbers after a pass of this parity, with the patch of each for its
+    /// factor. `plane` is the distance from plane to plane.
     pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         self.walls.copies(parity, plane)
     }
 
-    /// Number of patches.
+    /// Returns the number of patches.
     pub(crate) fn count(&self) -> usize {
         self.patches.len()
     }
@@ -478,7 +482,7 @@ impl<S: Stored> Boundaries<S> {
         mirrored
     }
 
-    /// Names of the patches, in the order of [`Boundaries::fluxes`].
+    /// Returns the names of the patches, in the order of [`Boundaries::fluxes`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.patches.iter().map(|p| p.name.as_str())
     }
@@ -490,8 +494,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Whether the links at walls of a plane may be given as soon as the cells round it have collided: other rules may read numbers that the
-    /// walls give, or ghosts beside them.
+    /// Returns `true` if the links at walls of a plane may be given as soon as the cells next to it have collided:
+    /// other rules may read populations that the walls give, or ghosts next to them.
     #[must_use]
     pub fn walls_stand_alone(&self) -> bool {
         self.patches
@@ -499,16 +503,18 @@ impl<S: Stored> Boundaries<S> {
             .all(|patch| patch.rule.walls_stand_alone())
     }
 
-    /// Whether the rules do nothing but give their links to the walls, so that [`Self::give_walls`] is all that a step needs.
+    /// Returns `true` if the rules only give their links to the walls, so that [`Self::give_walls`] is all that a step
+    /// needs.
     #[must_use]
     pub fn are_walls(&self) -> bool {
         self.patches.iter().all(|patch| patch.rule.is_wall())
     }
 
-    /// Gives what comes back from the walls to some cells, ahead of [`Self::apply`].
+    /// Gives some cells the populations that return from the walls, ahead of [`Self::apply`].
     ///
     /// # Safety
-    /// `numbers` must be those of the slab, in the order of `parity`, and nobody may work on these cells or those beside them.
+    /// `numbers` must be those of the slab, in the order of `parity`, and no other thread may access these cells or
+    /// their neighbours.
     pub(crate) unsafe fn give_walls(
         &self,
         cells: &Block,
@@ -517,11 +523,11 @@ impl<S: Stored> Boundaries<S> {
         numbers: *mut S,
     ) {
         let speed = |patch: usize| self.velocity_factor(patch, step);
-        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or beside it.
+        // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or in an adjacent row.
         unsafe { self.walls.give(cells, speed, parity, numbers) };
     }
 
-    /// What the rules remember from step to step, by patch.
+    /// Returns the values that the rules keep from step to step, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.patches.iter().map(|patch| patch.rule.memory())
     }
@@ -569,8 +575,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the body force; the walls
-    /// of other planes than `planes` have been given theirs.
+    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the
+    /// body force; the walls of other planes than `planes` have been given theirs.
     pub fn apply(
         &mut self,
         populations: &mut Populations<S>,
@@ -602,7 +608,7 @@ impl<S: Stored> Boundaries<S> {
         self.open.close(fraction, populations);
     }
 
-    /// The last step in which a value at a face still changes by its ramp.
+    /// Returns the last step in which a value at a face still changes by its ramp.
     #[must_use]
     pub fn ramps_end(&self) -> f64 {
         let ramps = self.patches.iter().map(|patch| patch.rule.ramp_end());

@@ -1,12 +1,13 @@
 //! Collision operators, one file each.
 //!
-//! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel stands below, or in a file
-//! `kernel` beside it where it also runs on GPUs ([`super::gpu`]). The kernel is written once for scalars, vectors and GPUs. The list of
-//! operators generates the enum of the case and the choice of the pass.
+//! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel
+//! stands below, or in a file `kernel` next to it where it also runs on GPUs ([`super::gpu`]). The kernel is written
+//! once for scalars, vectors and GPUs. The list of operators generates the enum of the case and the choice of the pass.
 //!
-//! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and momentum
-//! m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and u = m/ρ, the equilibrium
-//! of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479) reads
+//! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and
+//! momentum m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and
+//! u = m/ρ, the equilibrium of second order (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479)
+//! reads
 //!
 //! g_i^eq = w_i [ δρ + 3 c·m + 9/2 (c·m)(c·u) - 3/2 m·u ].
 
@@ -28,8 +29,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trt::AntisymmetricRate;
 
-/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an operator in a case is that
-/// of its module.
+/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an
+/// operator in a case is that of its module.
 macro_rules! operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
         $(pub mod $module;)*
@@ -46,7 +47,7 @@ macro_rules! operators {
         }
 
         impl $list {
-            /// The description of the operator.
+            /// Returns the description of the operator.
             #[must_use]
             pub fn model(&self) -> &dyn Model {
                 match self {
@@ -54,7 +55,7 @@ macro_rules! operators {
                 }
             }
 
-            /// Name in a case.
+            /// Returns the name in a case.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
@@ -91,36 +92,38 @@ impl Default for Operator {
 
 /// A collision operator of a case: its parameters and its interface to the program.
 pub trait Model {
-    /// The operator for `plan`, at the relaxation time of the fluid.
+    /// Returns the operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;
 
-    /// The only velocity set that the operator works on; none where it works on all.
+    /// Returns the only velocity set that the operator works on; none if it works on all.
     fn only_on(&self) -> Option<VelocitySet> {
         None
     }
 
-    /// The rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and one for all antisymmetric
-    /// parts.
+    /// Returns the rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and
+    /// one for all antisymmetric parts.
     fn antisymmetric_rate(&self) -> Option<AntisymmetricRate> {
         None
     }
 
-    /// What is wrong with these parameters at the relaxation time of the fluid. `path` is the place of the family in the case.
+    /// Returns a finding for parameters that are wrong at the relaxation time of the fluid. `path` is the place of the
+    /// family in the case.
     fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
         let _ = (path, relaxation_time);
         None
     }
 
-    /// Up to where runs like it were seen to hold; none where no map judges this operator.
+    /// Returns the limit up to which similar runs held; none if no map judges this operator.
     fn border(&self, situation: &Situation) -> Option<Border>;
 
-    /// Returns the border for a body that moves through the fluid; none where no map judges this operator.
+    /// Returns the border for a body that moves through the fluid; none if no map judges this operator.
     fn border_of_moving(&self, body: &MovingBody) -> Option<Border>;
 
-    /// The cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
+    /// Returns the cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;
 
-    /// The wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number of steps.
+    /// Returns the wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number
+    /// of steps.
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let _ = relaxation_time;
         None
@@ -132,27 +135,28 @@ pub trait Model {
         Self: Sized;
 }
 
-/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ of the fluid.
+/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ
+/// of the fluid.
 pub trait Kernels: Copy + Send + Sync + 'static {
-    /// For one viscosity and open cells, with a body force where `FORCED`.
+    /// Kernel for one viscosity and open cells, with a body force if `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
-    /// For cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a kernel without a force
-    /// saves is little beside the velocity gradients.
+    /// Kernel for cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a
+    /// kernel without a force saves is little compared with the velocity gradients.
     type Local: Collision + 'static;
-    /// For cells that solids may cover; viscosity and force as for [`Kernels::Local`].
+    /// Kernel for cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;
 
-    /// See [`Kernels::Uniform`].
+    /// Returns the kernel: see [`Kernels::Uniform`].
     fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> Self::Uniform<FORCED>;
-    /// See [`Kernels::Local`].
+    /// Returns the kernel: see [`Kernels::Local`].
     fn local(&self, omega: f64, force: [f64; 3]) -> Self::Local;
-    /// See [`Kernels::Covered`].
+    /// Returns the kernel: see [`Kernels::Covered`].
     fn covered(&self, omega: f64, force: [f64; 3]) -> Self::Covered;
 }
 
 /// Receives the kernels of an operator, to choose a pass by them once at the start.
 pub trait Dispatch {
-    /// What is made of the kernels.
+    /// Result of the dispatch.
     type Output;
     /// Kernels that work on every velocity set.
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output;

@@ -1,4 +1,5 @@
-//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a limit.
+//! The extreme values of each row of a slab, found by all threads, to locate values that are not finite or exceed a
+//! limit.
 
 use super::fluid::Fluid;
 use super::lanes::Stored;
@@ -20,7 +21,7 @@ struct Share {
 }
 
 impl Rows {
-    /// Looks at every row.
+    /// Checks every row.
     pub fn look<S: Stored>(&mut self, fluid: &Fluid<S>) {
         if let Some(found) = fluid.extremes_on_gpu() {
             self.threads.resize_with(1, Share::default);
@@ -54,15 +55,15 @@ impl Rows {
         });
     }
 
-    /// The result.
+    /// Returns the result.
     pub fn iter(&self) -> impl Iterator<Item = &Extremes> {
         self.threads.iter().flat_map(|share| &share.found)
     }
 }
 
 impl<S: Stored> Populations<S> {
-    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in the
-    /// momentum.
+    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in
+    /// the momentum.
     #[inline(never)]
     pub fn row_extremes(
         &self,
@@ -104,12 +105,12 @@ pub struct Extremes {
     pub squared_speed: f64,
     /// Largest size of the density deviation.
     pub compression: f64,
-    /// Whether every number is finite.
+    /// `true` if every number is finite.
     pub finite: bool,
 }
 
-/// Squared speed of a cell from its density deviation, its momentum and half of the body force: one formula, so that a cell has the
-/// same bits alone and in its row.
+/// Returns the squared speed of a cell from its density deviation, its momentum and half of the body force: one
+/// formula, so that a cell has the same bits alone and in its row.
 #[inline(always)]
 #[must_use]
 pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
@@ -124,7 +125,8 @@ const AT_ONCE: usize = 8;
 fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
     let [drho, m @ ..] = moments;
     let (mut fastest, mut squeezed) = ([0.0_f64; AT_ONCE], [0.0_f64; AT_ONCE]);
-    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them by.
+    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them
+    // by.
     let mut zero = [0.0_f64; AT_ONCE];
     let mut look = |k: usize, d: f64, m: [f64; 3]| {
         let squared = squared_speed(d, m, half);
@@ -161,7 +163,7 @@ fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
     }
 }
 
-/// The same, four lanes at a time.
+/// Computes the extremes with four lanes.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn extremes_avx2(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {

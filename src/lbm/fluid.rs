@@ -53,7 +53,7 @@ pub struct Setup<S: Stored = f64> {
     pub patches: Vec<Patch<S>>,
     /// The action of solids on covered cells; none if no cell can be covered.
     pub saturation: Option<Method>,
-    /// What it runs on.
+    /// Device that it runs on.
     pub device: Device,
     /// Terms of the step that are added to force, boundaries, eddies and covered cells.
     pub terms: Vec<term::Make<S>>,
@@ -131,22 +131,22 @@ fn terms<'a, S: Stored>(
 /// Cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 1000;
 
-/// The planes of worker t.
-fn share(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
+/// Returns the planes of worker t.
+fn planes_of(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     let begin = |t: usize| planes.start + planes.len() * t / threads;
     begin(t)..begin(t + 1)
 }
 
-/// The planes of a share that have both neighbours in it.
+/// Returns the planes of a share that have both neighbours in it.
 fn inner(share: &Range<usize>) -> Range<usize> {
     let first = share.start + 1;
     first..(share.end - 1).max(first)
 }
 
-/// The planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not [`inner`] ones of the shares of the
-/// planes between its ends.
+/// Returns the planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not
+/// [`inner`] ones of the shares of the planes between its ends.
 fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
-    let followed = move |t: usize| inner(&share(&between(planes), threads, t));
+    let followed = move |t: usize| inner(&planes_of(&between(planes), threads, t));
     (0..=threads).map(move |t| {
         let begin = t.checked_sub(1).map_or(0, |t| followed(t).end);
         let end = if t == threads {
@@ -158,7 +158,7 @@ fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize
     })
 }
 
-/// The planes between the first and the last.
+/// Returns the planes between the first and the last.
 fn between(planes: usize) -> Range<usize> {
     1..planes.max(2) - 1
 }
@@ -173,7 +173,7 @@ pub struct Fluid<S: Stored> {
     turbulence: Option<EddyViscosity>,
     /// Velocities for the eddy viscosity; none without one.
     field: Option<VelocityField>,
-    /// Where solids are, if cells can be covered.
+    /// Cover of the cells by solids, if cells can be covered.
     cover: Option<Cover>,
     /// Free surface, if there is one.
     surface: Option<Box<Surface>>,
@@ -191,12 +191,12 @@ pub struct Fluid<S: Stored> {
     communicator: Communicator,
     threads: usize,
     step: u64,
-    /// The GPU holds the populations as they are here.
+    /// `true` if the GPU holds equal populations.
     shared_with_gpu: bool,
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Fluid at rest in the slab of this rank.
+    /// Returns fluid at rest in the slab of this rank.
     ///
     /// # Errors
     /// If the memory cannot be allocated, or a GPU is asked for that does not exist or cannot run this fluid.
@@ -313,7 +313,8 @@ impl<S: Stored> Fluid<S> {
         self.renew_velocities();
     }
 
-    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with all terms.
+    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with
+    /// all terms.
     fn shift_to_velocity(&mut self, cell: usize, half: [f64; 3]) {
         let (drho, momentum) = self.populations.moments(cell);
         let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
@@ -344,7 +345,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// What the openings remember from step to step, by patch.
+    /// Returns the values that the openings keep from step to step, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.boundaries.memories()
     }
@@ -354,7 +355,8 @@ impl<S: Stored> Fluid<S> {
         self.boundaries.recall(memories);
     }
 
-    /// How many steps may be made at once, where nobody sees the populations between them. The same on every rank.
+    /// Returns the number of steps that may be made at once, if no code reads the populations between them. It is equal
+    /// on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         if self.gpu.is_some() {
@@ -366,7 +368,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Steps between which nobody sees the populations, at most [`Self::at_once`]. Collective.
+    /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -383,8 +385,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// One step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every incoming population of the
-    /// slab is in place, except those at moving bodies, which the coupling sets.
+    /// Makes one step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every
+    /// incoming population of the slab is in place, except those at moving bodies, which the coupling sets.
     #[inline(never)]
     pub fn advance(&mut self) {
         self.shared_with_gpu = false;
@@ -513,13 +515,13 @@ impl<S: Stored> Fluid<S> {
         self.complete_velocities(std::iter::once(0..planes));
     }
 
-    /// The velocities of the next eddy viscosity; none without turbulence model.
+    /// Returns the velocities of the next eddy viscosity; none without turbulence model.
     #[must_use]
     pub fn velocities(&self) -> Option<&VelocityField> {
         self.field.as_ref()
     }
 
-    /// The same, to be set on a restart and inside bodies; then [`Self::spread_velocities`].
+    /// Returns the velocities for changes on a restart and inside bodies; then call [`Self::spread_velocities`].
     pub fn velocities_mut(&mut self) -> Option<&mut VelocityField> {
         self.field.as_mut()
     }
@@ -529,7 +531,7 @@ impl<S: Stored> Fluid<S> {
         self.closed.close(&self.populations, cells);
     }
 
-    /// Returns everything that acts on the populations beside collision and streaming.
+    /// Returns everything that acts on the populations in addition to collision and streaming.
     pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
         terms(
             &self.force,
@@ -542,7 +544,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without turbulence.
+    /// Returns the eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without
+    /// turbulence.
     #[must_use]
     pub fn eddy_viscosity(&self, cell: usize) -> f64 {
         let Some(field) = &self.field else { return 0.0 };
@@ -550,7 +553,7 @@ impl<S: Stored> Fluid<S> {
             .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
     }
 
-    /// How many threads work on some planes.
+    /// Returns the number of threads that work on some planes.
     fn workers(&self, planes: &Range<usize>) -> usize {
         self.threads.min(planes.len())
     }
@@ -564,7 +567,7 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         thread_pool::each(threads, |t| {
-            let cells = shared.planes(share(&planes, threads, t));
+            let cells = shared.planes(planes_of(&planes, threads, t));
             // SAFETY: the shares of planes are disjoint, and each worker has one.
             unsafe { self.pass.pass(shared, force, &cells, t) };
         });
@@ -580,7 +583,7 @@ impl<S: Stored> Fluid<S> {
             .min(all * shared.cells() / CELLS_PER_THREAD)
             .max(1);
         thread_pool::each(threads, |t| {
-            let mine = share(&(0..all), threads, t);
+            let mine = planes_of(&(0..all), threads, t);
             for (plane, first) in [(0, 0), (planes - 1, rows)] {
                 let part = |row: usize| row.clamp(first, first + rows) - first;
                 let cells = Block {
@@ -593,9 +596,10 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::run`]; what follows from the cells of the [`inner`] planes of each share is made as soon as the planes round them are done, while
-    /// their numbers are in the cache: velocities of the eddies beyond faces, and, where `walls` tells the time of the step, walls. Walking along
-    /// the walls of a cube of 200³ cells afterwards costs an eighth of the pass.
+    /// Does [`Self::run`]; values that follow from the cells of the [`inner`] planes of each share are computed as soon
+    /// as the planes next to them are done, while their numbers are in the cache: velocities of the eddies beyond
+    /// faces, and, if `walls` has the time of the step, walls. A separate loop over the walls of a cube of 200³ cells
+    /// costs an eighth of the pass.
     fn run_followed(
         &self,
         shared: &Shared<S>,
@@ -616,7 +620,7 @@ impl<S: Stored> Fluid<S> {
         let parity = self.populations.parity();
         let (pass, boundaries) = (&self.pass, &self.boundaries);
         thread_pool::each(threads, |t| {
-            let share = share(&planes, threads, t);
+            let share = planes_of(&planes, threads, t);
             let followed = inner(&share);
             for plane in share {
                 // SAFETY: the shares of planes are disjoint, and each worker has one.
@@ -638,30 +642,30 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// The patches by name, in the order of [`Fluid::fluxes`].
+    /// Returns the patches by name, in the order of [`Fluid::fluxes`].
     #[must_use]
     pub fn boundaries(&self) -> &Boundaries<S> {
         &self.boundaries
     }
 
-    /// The cover of the cells, if cells can be covered.
+    /// Returns the cover of the cells, if cells can be covered.
     #[must_use]
     pub fn cover(&self) -> Option<&Cover> {
         self.cover.as_ref()
     }
 
-    /// The cover of the cells, for the coupling.
+    /// Returns the cover of the cells, for the coupling.
     pub fn cover_mut(&mut self) -> Option<&mut Cover> {
         self.cover.as_mut()
     }
 
-    /// The lattice array.
+    /// Returns the lattice array.
     #[must_use]
     pub fn populations(&self) -> &Populations<S> {
         &self.populations
     }
 
-    /// The lattice array, for the coupling and for restarts.
+    /// Returns the lattice array, for the coupling and for restarts.
     pub fn populations_mut(&mut self) -> &mut Populations<S> {
         self.shared_with_gpu = false;
         &mut self.populations
@@ -680,25 +684,25 @@ impl<S: Stored> Fluid<S> {
         self.populations.set_home();
     }
 
-    /// Cells of the whole domain.
+    /// Returns the cells of the whole domain.
     #[must_use]
     pub fn domain_cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// First cell of the slab.
+    /// Returns the first cell of the slab.
     #[must_use]
     pub fn start(&self) -> [usize; 3] {
         self.start
     }
 
-    /// Periodic axes.
+    /// Returns the periodic axes.
     #[must_use]
     pub fn periodic(&self) -> [bool; 3] {
         self.periodic
     }
 
-    /// Relaxation time τ.
+    /// Returns the relaxation time τ.
     #[must_use]
     pub fn relaxation_time(&self) -> f64 {
         self.relaxation_time

@@ -1,15 +1,16 @@
-//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the processor.
+//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the
+//! processor.
 //!
-//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for GPUs (the crate root
-//! `src/lbm/kernels.rs`). All operations are rounded the same, so that a run has the same bits on both. `gpu/build.sh` makes the PTX in
-//! `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand when the run starts. The driver is loaded then; without one
-//! the program runs as before.
+//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for
+//! GPUs (the crate root `src/lbm/kernels.rs`). All operations are rounded the same, so that a run has the same bits on
+//! both. `gpu/build.sh` makes the PTX in `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand
+//! when the run starts. The driver is loaded then; without one the program runs as before.
 //!
 //! | file | content |
 //! |---|---|
 //! | `cell` | the pass over one cell, one thread each; also compiled for GPUs |
 //! | `copies` | what enters at walls and goes round periodic axes; also compiled for GPUs |
-//! | `covered`, `loads`, `sums` | the pass over a cell that solids cover, and the forces on them; also compiled for GPUs |
+//! | `covered`, `loads`, `sums` | the pass over a covered cell, and the forces on solids; also compiled for GPUs |
 //! | `balls` | the cover of the cells by balls; also compiled for GPUs |
 //! | `lists` | the lists of the covered cells; also compiled for GPUs |
 //! | `warp` | what the threads of a warp share; for GPUs alone |
@@ -18,13 +19,14 @@
 //! | `program` | a step of a slab as passes and copies |
 //! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
 //!
-//! The slab stays on the GPU while steps are made and its rows are checked, and comes back when somebody looks at populations. Kernels are added
-//! once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT, and with TRT and MRT partially saturated cells;
-//! D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A GPU does not run several ranks, structures, eddies and openings yet
-//! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
+//! The slab stays on the GPU while steps are made and its rows are checked, and is copied back when populations are
+//! read. Kernels are added once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT,
+//! and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A
+//! GPU does not run several ranks, structures, eddies and openings yet ([`Fluid::new`](super::fluid::Fluid::new)
+//! refuses them).
 //!
-//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor follows when somebody
-//! looks. Of other bodies the processor finds the cells and sends them.
+//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the
+//! processor gets them on demand. Of other bodies the processor finds the cells and sends them.
 
 pub mod balls;
 pub mod cell;
@@ -64,7 +66,7 @@ use std::io::Read;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// What the fluid runs on.
+/// Device that the fluid runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -108,11 +110,12 @@ fn ptx_of(name: &str) -> Option<&'static str> {
 /// The kernels for an operator: its name on GPUs, and the velocity set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// As [`Collision::ON_GPU`]; where solids may cover cells without the force, which is always there.
+    /// Name of the operator: see [`Collision::ON_GPU`]; if solids may cover cells, without the force, which is always
+    /// there.
     pub operator: &'static str,
-    /// As [`super::lattice::Lattice::NAME`].
+    /// Name of the velocity set: see [`super::lattice::Lattice::NAME`].
     pub set: &'static str,
-    /// Whether solids may cover cells.
+    /// `true` if solids may cover cells.
     pub covered: bool,
 }
 
@@ -121,7 +124,7 @@ impl Kernel {
         format!("{kind}{}_{}_{stored}", self.operator, self.set)
     }
 
-    /// Whether it was made for a storage: kernels are added when they have run on a GPU.
+    /// Returns `true` if it was made for a storage: kernels are added when they have run on a GPU.
     #[must_use]
     pub fn exists(&self, stored: &str) -> bool {
         let kind = if self.covered { "mixed_" } else { "" };
@@ -146,7 +149,7 @@ pub struct Gpu {
     /// The populations on the host, held in place for transfers: goes first.
     pinned: Option<Pinned>,
     numbers: CudaSlice<u8>,
-    /// What covers the cells, if anything can.
+    /// Cover of the cells, if they can be covered.
     cover: Option<OnGpu>,
     program: Program,
     /// The copies after the even and the odd pass.
@@ -173,7 +176,7 @@ unsafe impl Send for Pinned {}
 unsafe impl Sync for Pinned {}
 
 impl Pinned {
-    /// Holds the memory of some numbers in place; none where the system does not allow it.
+    /// Holds the memory of some numbers in place; none if the system does not allow it.
     ///
     /// # Safety
     /// The memory must stay until this is dropped.
@@ -200,22 +203,22 @@ struct Argument<T>(T);
 // SAFETY: made here of types with `repr(C)` and of numbers alone.
 unsafe impl<T> DeviceRepr for Argument<T> {}
 
-/// What went wrong, in a sentence.
+/// Returns the error of the driver as a sentence.
 fn failed(error: DriverError) -> String {
     format!("the GPU reports: {error}")
 }
 
-/// The first GPU, if there is a driver and a GPU.
+/// Returns the first GPU, if there is a driver and a GPU.
 fn context() -> Result<Arc<CudaContext>, String> {
-    // SAFETY: looks for a library.
+    // SAFETY: searches for a library.
     if !unsafe { sys::is_culib_present() } {
         return Err("there is no CUDA driver (libcuda.so.1) on this machine".into());
     }
     CudaContext::new(0).map_err(failed)
 }
 
-/// Name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a pass is measured by. `bytes` are
-/// copied at a time.
+/// Returns the name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a
+/// pass is measured by. `bytes` are copied at a time.
 ///
 /// # Errors
 /// When there is no GPU, or it fails.
@@ -243,8 +246,8 @@ pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
 }
 
 impl Gpu {
-    /// Room for the numbers of a slab, and for its cover if there is one, and the kernels for this operator and velocity set. `factors` are the
-    /// patches with a factor of their own.
+    /// Allocates memory for the numbers of a slab, and for its cover if there is one, and loads the kernels for this
+    /// operator and velocity set. `factors` are the patches with a factor of their own.
     ///
     /// # Safety
     /// The cover must be that of each later call, and outlive this.
@@ -283,7 +286,8 @@ impl Gpu {
         let copy = function(&format!("copies_{stored}")).map_err(failed)?;
         let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
         let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
-        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory goes.
+        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory
+        // goes.
         unsafe { context.disable_event_tracking() };
         let stream = context.new_stream().map_err(failed)?;
         let cover = cover.map(|cover| {
@@ -342,18 +346,18 @@ impl Gpu {
         self.stream
             .memcpy_htod(bytes, &mut self.numbers)
             .map_err(failed)?;
-        self.tell(|there| &there.ready)
+        self.record(|there| &there.ready)
     }
 
-    /// Tells the stream of the bodies that the fluid is so far.
-    fn tell(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+    /// Records for the stream of the bodies that the fluid has reached an event.
+    fn record(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => so_far(there).record(&self.stream).map_err(failed),
             None => Ok(()),
         }
     }
 
-    /// What the fluid does from now on waits until the stream of the bodies is so far.
+    /// Makes further work of the fluid wait until the stream of the bodies has reached an event.
     fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => self.stream.wait(so_far(there)).map_err(failed),
@@ -373,8 +377,8 @@ impl Gpu {
             .map_err(failed)
     }
 
-    /// The extreme values of the rows, of populations of a parity, in the order of the rows: the largest squared speed, the largest size of
-    /// the density deviation, and whether every number is finite. `half` is F/2.
+    /// Returns the extreme values of the rows, of populations of a parity, in the order of the rows: the largest
+    /// squared speed, the largest size of the density deviation, and whether every number is finite. `half` is F/2.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -409,7 +413,7 @@ impl Gpu {
             .collect())
     }
 
-    /// Density deviation and momenta of the cells of a row, of populations of a parity.
+    /// Computes the density deviation and momenta of the cells of a row, of populations of a parity.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -451,7 +455,8 @@ impl Gpu {
         self.stream.synchronize().map_err(failed)
     }
 
-    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in lattice units.
+    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in
+    /// lattice units.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -469,7 +474,8 @@ impl Gpu {
         let Some(cover) = &self.cover else {
             let mut launch = self.stream.launch_builder(&self.pass);
             launch.arg(&numbers).arg(&slab).arg(&operator).arg(&rates);
-            // SAFETY: the kernel takes these arguments; the program is that of the slab for which the room was made.
+            // SAFETY: the kernel takes these arguments; the program is that of the slab for which the memory was
+            // allocated.
             return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
         };
         // The covered cells first.
@@ -479,7 +485,8 @@ impl Gpu {
         let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
         let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
         let bodies = cover.bodies;
-        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to do.
+        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to
+        // do.
         let of_all = launch_of(cover.covered.cells.div_ceil(BLOCK));
         let mut launch = beside.launch_builder(&cover.kernels.mixed);
         launch
@@ -518,7 +525,7 @@ impl Gpu {
         cover.done(&self.stream).map_err(failed)
     }
 
-    /// Tells the GPU what covers the cells, before a pass or a look at them.
+    /// Sends to the GPU the cover of the cells, before a pass or a check of them.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -546,7 +553,7 @@ impl Gpu {
         }
     }
 
-    /// The fractions of the cells of a row of the cover that was given last, from a position on.
+    /// Reads the fractions of the cells of a row of the cover that was given last, from a position on.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -568,7 +575,8 @@ impl Gpu {
         }
     }
 
-    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a patch.
+    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a
+    /// patch.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -599,12 +607,12 @@ impl Gpu {
             // SAFETY: as above; the rectangles lie within the slab.
             unsafe { launch.launch(shape) }.map_err(failed)?;
         }
-        self.tell(|there| &there.ready)
+        self.record(|there| &there.ready)
     }
 }
 
 impl Drop for Gpu {
-    /// No work may use memory that goes.
+    /// Waits for the end of all work before memory is freed.
     fn drop(&mut self) {
         let streams = [
             Some(&self.stream),
@@ -618,7 +626,7 @@ impl Drop for Gpu {
     }
 }
 
-/// The shape of a launch of this many blocks.
+/// Returns the shape of a launch of this many blocks.
 fn launch_of(count: u32) -> LaunchConfig {
     LaunchConfig {
         grid_dim: (count, 1, 1),
@@ -628,7 +636,7 @@ fn launch_of(count: u32) -> LaunchConfig {
 }
 
 impl Program {
-    /// The shape of a launch with one thread for each cell.
+    /// Returns the shape of a launch with one thread for each cell.
     fn launch(&self) -> LaunchConfig {
         let [planes, rows, length] = self.cells;
         let width = length.next_multiple_of(32).min(BLOCK);
@@ -646,7 +654,7 @@ fn as_bytes(copies: &[Copies]) -> &[u8] {
     unsafe { std::slice::from_raw_parts(copies.as_ptr().cast(), size_of_val(copies)) }
 }
 
-/// Bytes in 10⁹ bytes.
+/// Converts bytes to 10⁹ bytes.
 fn giga(bytes: usize) -> f64 {
     base::number::real(bytes) * 1e-9
 }

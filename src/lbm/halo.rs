@@ -1,7 +1,7 @@
 //! Exchange of the populations that leave a slab, and their copies across periodic axes within it.
 //!
-//! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. In memory: after an even pass a ghost
-//! plane receives the slots that point away from the slab; after an odd pass it returns them.
+//! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. In memory: after an
+//! even pass a ghost plane receives the slots that point away from the slab; after an odd pass it returns them.
 
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
@@ -154,9 +154,11 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
     populations.cell(at)
 }
 
-/// Copies round the middle axis for some planes of the slab, where it is periodic; the pass takes what leaves along rows to their other ends.
+/// Copies round the middle axis for some planes of the slab, where it is periodic; the pass takes what leaves along
+/// rows to their other ends.
 ///
-/// After an even pass ghosts are filled, after an odd pass they are delivered, rows as a whole: with their ghosts, so that corners follow.
+/// After an even pass ghosts are filled, after an odd pass they are delivered, rows as a whole: with their ghosts, so
+/// that corners follow.
 pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: std::ops::Range<isize>) {
     let [slow, middle, fast] = populations.order();
     let rows = populations.cells()[middle].cast_signed();

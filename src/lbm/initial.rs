@@ -14,7 +14,7 @@ const MOST: usize = 27;
 
 /// Density deviation and velocity (lattice units) at a position in cells of the whole domain.
 pub trait Field: Sync {
-    /// State at a position; the first cell's centre is (½, ½, ½).
+    /// Returns the state at a position; the first cell's centre is (½, ½, ½).
     fn at(&self, position: [f64; 3]) -> (f64, [f64; 3]);
 }
 
@@ -24,7 +24,7 @@ impl<F: Fn([f64; 3]) -> (f64, [f64; 3]) + Sync> Field for F {
     }
 }
 
-/// Equilibrium deviation of one population.
+/// Returns the equilibrium deviation of one population.
 #[must_use]
 pub fn equilibrium(w: f64, c: [i8; 3], drho: f64, u: [f64; 3]) -> f64 {
     let rho = 1.0 + drho;
@@ -38,8 +38,8 @@ struct Numbers<S>(*mut S);
 // SAFETY: each thread writes to the cells of its own planes, whose positions differ from all others.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
-/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2 so that u includes it. Each thread fills the planes of
-/// which it makes the passes, so that their memory lies near it.
+/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2 so that u includes it. Each
+/// thread fills the planes of which it makes the passes, so that their memory lies near it.
 pub fn fill<S: Stored>(
     populations: &mut Populations<S>,
     start: [usize; 3],
@@ -95,7 +95,7 @@ pub fn fill<S: Stored>(
 /// Density deviation, velocity and its gradient ∂_a u_b.
 type Given = (f64, [f64; 3], [[f64; 3]; 3]);
 
-/// Whether two cells start with the same bits.
+/// Returns `true` if two cells start with the same bits.
 fn same(a: &Given, b: &Given) -> bool {
     let same = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| a[k].to_bits() == b[k].to_bits());
     a.0.to_bits() == b.0.to_bits()
@@ -103,7 +103,7 @@ fn same(a: &Given, b: &Given) -> bool {
         && a.2.iter().zip(&b.2).all(|(a, b)| same(a, b))
 }
 
-/// What the populations of all cells follow from beside the field.
+/// Data that the initial populations of all cells follow from, in addition to the field.
 struct State<'a> {
     velocities: &'a Velocities,
     relaxation_time: f64,
@@ -146,7 +146,8 @@ impl State<'_> {
                 }
             }
             let departure = -3.0 * w * (1.0 + drho) * self.relaxation_time * strain;
-            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then stays at rest.
+            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then
+            // stays at rest.
             let along = |v: [f64; 3]| (0..3).map(|a| f64::from(c[a]) * v[a]).sum::<f64>();
             let cf = along(half_force);
             let half_source = w * (3.0 * (cf - uf) + 9.0 * along(u) * cf);

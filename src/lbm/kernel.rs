@@ -1,8 +1,8 @@
 //! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
 //!
-//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written where its opposite
-//! was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in ghosts and padding, whose contents
-//! the boundaries renew after every pass.
+//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written
+//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in
+//! ghosts and padding, whose contents the boundaries renew after every pass.
 
 use super::block::Block;
 use super::collision::{Collision, Site};
@@ -21,20 +21,21 @@ use std::ops::Range;
 /// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// Bytes from the cells at work to those that are asked for. The work on a vector of cells of 19 or 27 populations is longer than what the
-/// processor looks ahead. Nine populations it sees coming, but not beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is
-/// 15 % faster where memory is slow, and one in the cache as fast as without.
+/// Returns the bytes from the cells at work to those that are prefetched. The work on a vector of cells of 19 or 27
+/// populations is longer than the prefetch distance of the processor. Nine populations it prefetches by itself, but not
+/// beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is 15 % faster where memory is slow, and
+/// one in the cache as fast as without.
 const fn bytes_ahead<const Q: usize>() -> usize {
     if Q > 9 { 4 * LINE } else { 8 * LINE }
 }
 
-/// Whether each vector of a population is whole cache lines, so that the next ones are asked for as it is read: the address is
-/// at hand then. Else they are asked for once a line.
+/// Returns `true` if each vector of a population is whole cache lines, so that the next ones are prefetched as it is
+/// read: the address is available then. Otherwise they are prefetched once a line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
 }
 
-/// What happens to a cell: an operator with an eddy viscosity.
+/// Update of a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<C, T> {
     /// The operator.
@@ -43,14 +44,15 @@ pub struct Update<C, T> {
     pub eddies: T,
     /// Viscosity of the fluid itself, lattice units.
     pub viscosity: f64,
-    /// Which worker this is, from 0.
+    /// Number of the worker, from 0.
     pub worker: usize,
 }
 
-/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and processor.
+/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and
+/// processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &Block);
 
-/// What the threads of one pass share.
+/// Data that the threads of one pass share.
 pub struct Shared<S> {
     base: *mut S,
     /// Position read for each population by the row at plane 0, row 0.
@@ -65,7 +67,8 @@ pub struct Shared<S> {
     whole: [u32; 2],
     /// Wet parts of the rows of each plane; null without a free surface.
     wet: *const WetPlane,
-    /// Where the first cell of the first row reads what streams along the rows and against them, where the rows go round.
+    /// Positions from which the first cell of the first row reads the populations that stream along the rows and
+    /// against them, for periodic rows.
     around: [Vec<usize>; 2],
 }
 
@@ -74,22 +77,22 @@ pub struct Shared<S> {
 unsafe impl<S> Sync for Shared<S> {}
 
 impl<S> Shared<S> {
-    /// The numbers of all populations.
+    /// Returns the numbers of all populations.
     pub(crate) fn numbers(&self) -> *mut S {
         self.base
     }
 
-    /// What the pass reads and leaves of the velocities.
+    /// Returns the velocities that the pass reads and writes.
     pub(crate) fn velocity(&self) -> &View {
         &self.velocity
     }
 
-    /// Rows of a plane.
+    /// Returns the rows of a plane.
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Cells of a row.
+    /// Returns the cells of a row.
     pub(crate) fn cells(&self) -> usize {
         self.cells
     }
@@ -114,7 +117,7 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Some planes as a whole.
+    /// Returns some whole planes.
     pub(crate) fn planes(&self, planes: Range<usize>) -> Block {
         Block {
             planes,
@@ -122,13 +125,14 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Takes what left the row that starts `start` numbers after the first one at its ends round to its other end.
+    /// Applies periodicity at the ends of the row that starts `start` numbers after the first one.
     ///
-    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and the reverse; after an
-    /// even pass these are what the ghosts of the row have to hold, after an odd pass they are delivered. Both are the same copies.
+    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and
+    /// the reverse; after an even pass these are what the ghosts of the row have to hold, after an odd pass they are
+    /// delivered. Both are the same copies.
     ///
     /// # Safety
-    /// The cells of the row must be done, and nobody else may work on them.
+    /// The cells of the row must be done, and no other thread may access them.
     #[inline(always)]
     unsafe fn go_round(&self, start: usize) {
         let row = self.base.wrapping_add(start);
@@ -186,7 +190,7 @@ impl<S: Stored> Shared<S> {
     }
 }
 
-/// The pass for this lattice, operator, storage and level.
+/// Returns the pass for this lattice, operator, storage and level.
 #[must_use]
 pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     level: Level,
@@ -231,8 +235,8 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
 }
 
-/// Where the cells at work have their numbers: an address for each (c_y, c_z) of [`ACROSS`], and the distances from there to where
-/// c_x is 1 and -1 (see [`super::populations`]).
+/// Positions of the numbers of the cells at work: an address for each (c_y, c_z) of [`ACROSS`], and the distances from
+/// there to where c_x is 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
     at: &'a [*mut S; 9],
     along: [isize; 2],
@@ -286,7 +290,8 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
 
 impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
     /// # Safety
-    /// From each of `at` and those beside them on, a vector must be numbers that nobody else reads or writes.
+    /// From each of `at` and the positions next to them on, a vector must be numbers that no other thread reads or
+    /// writes.
     #[inline(always)]
     unsafe fn new(at: &'a [*mut S; 9], along: [isize; 2]) -> Self {
         Self {
@@ -296,7 +301,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
-    /// Where population i is read.
+    /// Returns the address at which population i is read.
     #[inline(always)]
     fn address(&self, i: usize) -> *mut S {
         let c = L::C[i];
@@ -308,7 +313,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
-    /// What [`Site::leave`] left along i.
+    /// Returns the population that [`Site::leave`] left along i.
     #[inline(always)]
     fn outgoing<N: super::lanes::Lanes>(&self, i: usize) -> N
     where
@@ -346,8 +351,8 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
     }
 }
 
-/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of nine before the loop, and
-/// fetch most of them from the stack in every turn.
+/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of
+/// nine before the loop, and fetch most of them from the stack in every turn.
 #[inline(always)]
 fn opaque(along: &mut [isize; 2]) {
     #[cfg(target_arch = "x86_64")]
@@ -368,7 +373,8 @@ fn opaque(along: &mut [isize; 2]) {
 }
 
 /// # Safety
-/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of `N`.
+/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of
+/// `N`.
 #[inline(always)]
 unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     shared: &Shared<S>,
@@ -401,7 +407,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
         ahead.wrapping_sub(shared.first[0]).cast_signed(),
         behind.wrapping_sub(shared.first[0]).cast_signed(),
     ];
-    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing them takes time.
+    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing
+    // them takes time.
     let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
     for plane in block.planes.clone() {
         for row in block.rows.clone() {
@@ -420,7 +427,8 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 while k < end {
                     let mut along = along;
                     opaque(&mut along);
-                    // SAFETY: a row has room for whole vectors (populations: pitch), ghosts included; no other thread works on it.
+                    // SAFETY: a row has capacity for whole vectors (populations: pitch), ghosts included; no other
+                    // thread works on it.
                     let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
                     if T::ACTIVE && eddies.present() {
                         // SAFETY: an interior cell.
@@ -513,7 +521,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     });
                 }
             }
-            // SAFETY: the row is done, and nobody else works on it.
+            // SAFETY: the row is done, and no other thread works on it.
             unsafe { shared.go_round(start) };
         }
     }

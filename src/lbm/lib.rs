@@ -1,13 +1,13 @@
 //! Lattice Boltzmann: populations, collision, streaming, boundaries, moments.
 //!
-//! All quantities are in lattice units: cells, steps, deviations of the density from one. [`fluid::Fluid::advance`] is the step: one fused
-//! collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab ([`halo`]), and the boundary conditions
-//! ([`boundary`]). The module `coupling` handles moving bodies, through [`populations::Link`] or through the cells that they cover
-//! ([`saturation`]).
+//! All quantities are in lattice units: cells, steps, deviations of the density from one. [`fluid::Fluid::advance`] is
+//! the step: one fused collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab
+//! ([`halo`]), and the boundary conditions ([`boundary`]). The module [`coupling`] handles moving bodies,
+//! through [`populations::Link`] or through the cells that they cover ([`saturation`]).
 //!
 //! | file | content |
 //! |---|---|
-//! | `fluid` | one slab of fluid: the step, its state, surfaces told to the eddy viscosity |
+//! | `fluid` | one slab of fluid: the step, its state, wall surfaces for the eddy-viscosity model |
 //! | `kernel` | the fused pass over the rows of a slab |
 //! | `gpu` | the pass and the walls on a GPU, by the same operators |
 //! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |

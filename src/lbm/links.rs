@@ -1,5 +1,5 @@
-//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid Mech. 271
-//! (1994) 285).
+//! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid
+//! Mech. 271 (1994) 285).
 //!
 //! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
 //! kept (Ladd 1994), so that both ends bounce back:
@@ -14,10 +14,11 @@
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
 //!
-//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for discs and spheres,
-//! the last face that the link enters for convex polyhedra.
+//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for
+//! discs and spheres, the last face that the link enters for convex polyhedra.
 //!
-//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not affect them.
+//! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not
+//! affect them.
 
 pub mod fixed;
 
@@ -32,17 +33,17 @@ use base::thread_pool;
 /// The two numbers of a link and where it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyLink {
-    /// Where the two populations lie.
+    /// Positions of the two populations.
     pub link: Link,
     /// Middle of the link in half cells, in the frame of the body's raw position.
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// The outer cell is fluid of this slab: the link counts in the load.
+    /// `true` if the outer cell is fluid of this slab: the link counts in the load.
     pub loads: bool,
-    /// The wall's velocity enters (not in narrow gaps).
+    /// `true` if the wall's velocity enters (not in narrow gaps).
     pub moves: bool,
-    /// The cell behind the outer one is fluid.
+    /// `true` if the cell behind the outer one is fluid.
     pub backed: bool,
 }
 
@@ -56,7 +57,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Height of a point over it \[cells\].
+    /// Returns the height of a point over it \[cells\].
     #[inline(always)]
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {
@@ -67,12 +68,12 @@ impl Plane {
 /// Force, and twice the moment about the origin of the cells, in quanta.
 pub type Load = [i128; 6];
 
-/// How the surface is placed on a link.
+/// Method by which the surface is placed on a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// At the middle of the link.
     HalfWay,
-    /// Where the surface is.
+    /// At the exact position of the surface.
     Interpolated,
 }
 
@@ -121,7 +122,8 @@ struct Numbers<S>(*mut S);
 // lists never touch the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
 unsafe impl<S> Sync for Numbers<S> {}
 
-/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the links that it made.
+/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the
+/// links that it made.
 pub const BODIES_PER_THREAD: usize = 16;
 
 /// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
@@ -140,8 +142,8 @@ fn prefetch<S>(numbers: *const S, at: usize) {
     let _ = (numbers, at);
 }
 
-/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]` belong to
-/// body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
+/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]`
+/// belong to body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.
@@ -185,7 +187,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     });
 }
 
-/// What the links of a body share.
+/// Data that the links of a body share.
 struct Along<'a, S> {
     numbers: *mut S,
     parity: Parity,
@@ -205,7 +207,8 @@ fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) 
     }
 }
 
-/// Where the link from `d`, about the centre, along `c` enters a disc or sphere, as a part of its length.
+/// Returns the point at which the link from `d`, about the centre, along `c` enters a disc or sphere, as a fraction of
+/// its length.
 #[inline(always)]
 fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     let (cc, dc) = (dot::<D>(c, c), dot::<D>(d, c));
@@ -214,8 +217,8 @@ fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     (-dc - root) / cc
 }
 
-/// As [`into_ball`], of a convex polyhedron about `centre`: it is entered through the last of the faces that have the link's start
-/// in front of them.
+/// Returns the point of entry, like [`into_ball`], for a convex polyhedron about `centre`: it is entered through the
+/// last of the faces that have the link's start in front of them.
 #[inline(always)]
 fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
     let start = std::array::from_fn(|a| centre[a] + d[a]);
@@ -235,7 +238,7 @@ fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f6
     q
 }
 
-/// What a link needs to know of its direction.
+/// Data of a link that depend on its direction.
 #[derive(Clone, Copy, Default)]
 struct Direction {
     c: [f64; 3],
@@ -268,7 +271,7 @@ impl Table {
     }
 
     #[inline(always)]
-    fn of(&self, link: &BodyLink) -> &Direction {
+    fn direction(&self, link: &BodyLink) -> &Direction {
         &self.0[usize::from(link.direction % 32)]
     }
 }
@@ -292,7 +295,7 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
         table,
         motion,
     } = all;
-    let along = table.of(link);
+    let along = table.direction(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
     let u = surface_velocity::<D>(motion, r);
     let term = if link.moves {
@@ -320,8 +323,8 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
 }
 
 /// # Safety
-/// As for [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be written
-/// by any thread: both cells are fluid, so no link stands between them.
+/// As for [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be
+/// written by any thread: both cells are fluid, so no link stands between them.
 #[inline(always)]
 unsafe fn interpolated<S: Stored, const D: usize>(
     all: &Along<S>,
@@ -330,9 +333,8 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     cut: impl Fn([f64; 3], [f64; 3]) -> f64,
 ) {
     if !(link.loads && link.backed) {
-        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose outer
-        // cell belongs to the neighbouring slab is interpolated there.
-        // SAFETY: promised by the caller.
+        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose
+        // outer cell belongs to the neighbouring slab is interpolated there. SAFETY: promised by the caller.
         unsafe { half_way::<S, D>(all, link, load) };
         return;
     }
@@ -342,7 +344,7 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         table,
         motion,
     } = all;
-    let along = table.of(link);
+    let along = table.direction(link);
     let c = along.c;
     let d: [f64; 3] =
         std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);
@@ -391,7 +393,7 @@ mod tests {
     use super::*;
     use base::random::Stream;
 
-    /// A turned cuboid about a centre that no cell favours.
+    /// Returns a turned cuboid about a centre that no cell favours.
     fn cuboid(centre: [f64; 3]) -> Vec<Plane> {
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
         let edges = [5.0, 6.0, 7.0];

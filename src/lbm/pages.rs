@@ -1,7 +1,8 @@
-//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages, also in programs and tests with another allocator.
+//! Memory for the fields of a slab: zeros directly from the operating system, in huge pages, also in programs and tests
+//! with another allocator.
 //!
-//! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and the processor
-//! spends its time on address translation.
+//! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and
+//! the processor spends its time on address translation.
 
 use super::lanes::Stored;
 use base::allocator;
@@ -21,7 +22,7 @@ unsafe impl<S: Send> Send for Pages<S> {}
 unsafe impl<S: Sync> Sync for Pages<S> {}
 
 impl<S: Stored> Pages<S> {
-    /// `len` zeros.
+    /// Allocates `len` zeros.
     ///
     /// # Errors
     /// If the memory cannot be allocated.
@@ -41,7 +42,7 @@ impl<S: Stored> Pages<S> {
         })
     }
 
-    /// The first number.
+    /// Returns the address of the first number.
     pub(super) fn start(&mut self) -> *mut S {
         self.start
     }

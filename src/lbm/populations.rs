@@ -9,19 +9,22 @@
 //! | even pass | slot ī of x | slot j̄ of x - c_j |
 //! | odd pass | slot i of x + c_i | slot j of x |
 //!
-//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either pass; only their roles
-//! change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only this file depends on the parity.
-//! Each number is accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
+//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either
+//! pass; only their roles change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only
+//! this file depends on the parity. Each number is accessed by exactly one cell per pass, so that the order of cells,
+//! threads and ranks has no effect.
 //!
 //! # Layout
 //!
-//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one ghost cell on every
-//! side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a
-//! third of the speed. Memory comes from `mmap` with huge pages advised before the first access.
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one
+//! ghost cell on every side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array
+//! distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes from `mmap` with huge pages advised before
+//! the first access.
 //!
-//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers that a cell reads and
-//! writes therefore lie at nine addresses and two distances from them, which fit into the registers of the processor; 27 addresses do
-//! not. D3Q19 leaves four places unused; they are never accessed and cost no memory.
+//! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers
+//! that a cell reads and writes therefore lie at nine addresses and two distances from them, which fit into the
+//! registers of the processor; 27 addresses do not. D3Q19 leaves four places unused; they are never accessed and cost
+//! no memory.
 
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{Avx2, Avx512};
@@ -32,12 +35,12 @@ use super::quanta::{quanta, sum_of_quanta};
 use base::number::real;
 use base::thread_pool;
 
-/// Whether the last pass was even or odd: it decides which end of a link is "in".
+/// Parity of the last pass, even or odd: it decides which end of a link is "in".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parity {
     /// Populations lie in their own cell: the state at start and after an odd pass.
     Home,
-    /// After an even pass: outgoing populations still lie, reversed, where they were read.
+    /// State after an even pass: outgoing populations still lie, reversed, where they were read.
     Reversed,
 }
 
@@ -50,8 +53,8 @@ pub struct Link {
     pub far: u32,
 }
 
-/// The axis of unit stride: of those across the split one the longer (the first if equal), since the faces at the ends of rows are the
-/// dearest, a line of the cache for each number.
+/// Returns the axis of unit stride: of those across the split one the longer (the first if equal), since the faces at
+/// the ends of rows cost most: one cache line per value.
 fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
     (0..dimension)
         .filter(|&a| a != split)
@@ -60,7 +63,7 @@ fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// Sums of a thread over rows and the moments of one row: room that is kept.
+/// Sums of a thread over rows and the moments of one row: buffers, reused between rows.
 #[derive(Clone, Debug, Default)]
 pub struct RowSums {
     sums: [i128; 4],
@@ -71,7 +74,7 @@ pub struct RowSums {
 const MOST_VELOCITIES: usize = 27;
 
 impl Link {
-    /// Position of the outgoing f*_i(x).
+    /// Returns the position of the outgoing f*_i(x).
     #[inline(always)]
     #[must_use]
     pub fn out(self, parity: Parity) -> usize {
@@ -81,7 +84,7 @@ impl Link {
         }) as usize
     }
 
-    /// Position of the incoming f_ī(x) of the next step.
+    /// Returns the position of the incoming f_ī(x) of the next step.
     #[inline(always)]
     #[must_use]
     pub fn incoming(self, parity: Parity) -> usize {
@@ -101,9 +104,9 @@ pub struct Populations<S: Stored> {
     cells: [usize; 3],
     /// Distance in elements between neighbours along x, y, z.
     strides: [usize; 3],
-    /// Positions of one array, and the room up to the next.
+    /// Number of positions of one array, up to the next.
     array: usize,
-    /// Where the array of each population begins.
+    /// Start of the array of each population.
     begins: Vec<usize>,
     /// Position of cell (0, 0, 0) within an array.
     origin: usize,
@@ -113,7 +116,7 @@ pub struct Populations<S: Stored> {
     parity: Parity,
     /// Instructions for sums over rows.
     level: Level,
-    /// The numbers of these cells are elsewhere: those here are of an earlier step.
+    /// `true` if the current values are on the GPU; this copy is stale.
     away: bool,
 }
 
@@ -133,12 +136,12 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    /// Returns the places of a slab of `cells` (x, y, z) with the slab axis `split`.
     #[must_use]
     pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
-        // Room for whole vectors beyond the last cell; never a multiple of a page.
+        // Capacity for whole vectors beyond the last cell; never a multiple of a page.
         let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
         if pitch.is_multiple_of(512) {
             pitch += 8;
@@ -209,43 +212,43 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Interior cells along x, y, z.
+    /// Returns the interior cells along x, y, z.
     #[must_use]
     pub fn cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// Axes from slowest (the slab axis) to fastest (unit stride).
+    /// Returns the axes from slowest (the slab axis) to fastest (unit stride).
     #[must_use]
     pub fn order(&self) -> [usize; 3] {
         self.order
     }
 
-    /// The velocity set.
+    /// Returns the velocity set.
     #[must_use]
     pub fn velocities(&self) -> &Velocities {
         &self.velocities
     }
 
-    /// Which pass ran last.
+    /// Returns which pass ran last.
     #[must_use]
     pub fn parity(&self) -> Parity {
         self.parity
     }
 
-    /// Bytes held.
+    /// Returns the bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.memory.len() * size_of::<S>()
     }
 
-    /// Number of positions of a cell-sized array that shares this layout (for flags and maps).
+    /// Returns the number of positions of a cell-sized array that shares this layout (for flags and maps).
     #[must_use]
     pub fn cell_positions(&self) -> usize {
         self.array
     }
 
-    /// Position within one array of a cell, ghosts included.
+    /// Returns the position within one array of a cell, ghosts included.
     #[inline(always)]
     #[must_use]
     pub fn cell(&self, at: [isize; 3]) -> usize {
@@ -255,13 +258,13 @@ impl<S: Stored> Populations<S> {
             .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
     }
 
-    /// The same of a cell that is no ghost.
+    /// Returns the position of a cell that is no ghost.
     #[must_use]
     pub fn interior_cell(&self, at: [usize; 3]) -> usize {
         self.cell(at.map(usize::cast_signed))
     }
 
-    /// Distance in positions from a cell to its neighbour along direction `i`.
+    /// Returns the distance in positions from a cell to its neighbour along direction `i`.
     #[inline(always)]
     #[must_use]
     pub fn offset(&self, i: usize) -> isize {
@@ -271,7 +274,7 @@ impl<S: Stored> Populations<S> {
             .sum()
     }
 
-    /// The link that leaves the cell at position `cell` along direction `i`.
+    /// Returns the link that leaves the cell at position `cell` along direction `i`.
     #[inline]
     #[must_use]
     pub fn link(&self, cell: usize, i: usize) -> Link {
@@ -282,21 +285,21 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of slot `i` of a cell, independently of the parity.
+    /// Returns the position of slot `i` of a cell, independently of the parity.
     #[inline(always)]
     #[must_use]
     pub fn slot(&self, cell: usize, i: usize) -> usize {
         self.begins[i] + cell
     }
 
-    /// Position of the incoming f_j of a cell.
+    /// Returns the position of the incoming f_j of a cell.
     #[inline]
     #[must_use]
     pub fn incoming(&self, cell: usize, j: usize) -> usize {
         self.incoming_after(self.parity, cell, j)
     }
 
-    /// Position of the incoming f_j of a cell after a pass of this parity.
+    /// Returns the position of the incoming f_j of a cell after a pass of this parity.
     #[inline]
     #[must_use]
     pub fn incoming_after(&self, parity: Parity, cell: usize, j: usize) -> usize {
@@ -308,7 +311,7 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
+    /// Returns the position of the outgoing f*_i of a cell (meaningful after a pass, before the next).
     #[inline]
     #[must_use]
     pub fn outgoing(&self, cell: usize, i: usize) -> usize {
@@ -318,20 +321,20 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// The whole array.
+    /// Returns the whole array.
     ///
     /// # Panics
-    /// If the numbers are on a GPU and nobody has fetched them: an old state would pass for the present one.
+    /// If the numbers are on a GPU and have not been fetched: an old state would pass for the present one.
     #[must_use]
     pub fn numbers(&self) -> &[S] {
         assert!(!self.away, "the populations are on the GPU");
         &self.memory
     }
 
-    /// The whole array, to write.
+    /// Returns the whole array, to write.
     ///
     /// # Panics
-    /// As [`Self::numbers`].
+    /// On the conditions of [`Self::numbers`].
     pub fn numbers_mut(&mut self) -> &mut [S] {
         assert!(!self.away, "the populations are on the GPU");
         &mut self.memory
@@ -342,7 +345,7 @@ impl<S: Stored> Populations<S> {
         self.parity = Parity::Home;
     }
 
-    /// Every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
+    /// Returns every interior cell of the slab in the order slow, middle, fast: local coordinates and position.
     pub fn interior(&self) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
         let [s, m, f] = self.order;
         let cells = self.cells;
@@ -359,7 +362,8 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Every row of interior cells along the fastest axis, in the same order: local coordinates and position of its first cell.
+    /// Returns every row of interior cells along the fastest axis, in the same order: local coordinates and position of
+    /// its first cell.
     pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
         let [s, m, _] = self.order;
         let cells = self.cells;
@@ -380,17 +384,18 @@ impl<S: Stored> Populations<S> {
         };
     }
 
-    /// For each population, where a row of cells starting at `cell` reads it; the opposite is written there.
+    /// Returns, for each population, the position from which a row of cells starting at `cell` reads it; the opposite
+    /// is written there.
     pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
         std::array::from_fn(|i| self.incoming(cell, i))
     }
 
-    /// Whether the numbers are elsewhere.
+    /// Returns `true` if the current values are on the GPU.
     pub(crate) fn are_away(&self) -> bool {
         self.away
     }
 
-    /// The numbers go elsewhere, or come back.
+    /// Marks the numbers as held by the GPU, or as current again.
     pub(crate) fn set_away(&mut self, away: bool) {
         self.away = away;
     }
@@ -400,17 +405,18 @@ impl<S: Stored> Populations<S> {
         self.memory.start()
     }
 
-    /// Density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed alike).
+    /// Returns the density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed
+    /// alike).
     #[must_use]
     pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.incoming(cell, i))
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit, in the order in which they lie
-    /// in memory: density deviation, then the three momenta.
+    /// Computes the moments of a row of `length` cells along the fastest axis from `cell` on, equal to the bit, in the
+    /// order in which they lie in memory: density deviation, then the three momenta.
     #[inline(never)]
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
-        // Whole vectors: a row has room for them.
+        // Whole vectors: a row has capacity for them.
         let padded = length.next_multiple_of(WIDEST);
         for m in moments.iter_mut() {
             m.clear();
@@ -437,13 +443,13 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// The sum of values of cells in quanta, in any order the same.
+    /// Returns the sum of values of cells in quanta, in any order the same.
     #[must_use]
     pub fn in_quanta(&self, values: &[f64]) -> i128 {
         sum_of_quanta(self.level, values)
     }
 
-    /// Density deviation and momenta of all interior cells in quanta, summed by all threads.
+    /// Returns the density deviation and momenta of all interior cells in quanta, summed by all threads.
     #[must_use]
     pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
         self.sum_rows(room, |_, moments, sums| {
@@ -453,7 +459,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// The same with the momenta of some cells only; the density is that of all.
+    /// Sums the density of all cells and the momenta of some cells only.
     #[must_use]
     pub fn totals_within(
         &self,
@@ -498,7 +504,8 @@ impl<S: Stored> Populations<S> {
         totals
     }
 
-    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a place of its own.
+    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a
+    /// place of its own.
     pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
         let [slow, middle, _] = self.order;
         let rows = self.cells[slow] * self.cells[middle];
@@ -512,7 +519,7 @@ impl<S: Stored> Populations<S> {
         });
     }
 
-    /// Local coordinates of the interior or ghost cell at a position within an array.
+    /// Returns the local coordinates of the interior or ghost cell at a position within an array.
     #[must_use]
     pub fn coordinates(&self, position: usize) -> [isize; 3] {
         let [slow, middle, fast] = self.order;
@@ -528,7 +535,7 @@ impl<S: Stored> Populations<S> {
         at
     }
 
-    /// The same from the outgoing populations: momentum after the collision.
+    /// Returns the moments of the outgoing populations: momentum after the collision.
     #[must_use]
     pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.outgoing(cell, i))
@@ -563,7 +570,7 @@ pub(super) const ACROSS: [[i8; 2]; 9] = [
     [-1, 1],
 ];
 
-/// Which of the arrays is that of a velocity.
+/// Returns the index of the array of a velocity.
 fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
     let across = ACROSS.iter().position(|a| *a == [c[1], c[2]]).unwrap_or(0);
     let all = if velocities.dimension == 2 { 3 } else { 9 };
@@ -578,10 +585,11 @@ fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
 /// Bytes ahead that are asked for where rows are summed.
 const AHEAD: usize = 256;
 
-/// Density deviation and momenta of the cells of a row from where it has each population.
+/// Adds the density deviation and momenta of the cells of a row from where it has each population.
 ///
 /// # Safety
-/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the instructions of `N`.
+/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the
+/// instructions of `N`.
 #[inline(always)]
 unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     velocities: &[[i8; 3]],
@@ -613,14 +621,14 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
             (&mut *y, m[1]),
             (&mut *z, m[2]),
         ] {
-            // SAFETY: whole vectors have room.
+            // SAFETY: there is capacity for whole vectors.
             unsafe { <f64 as Memory<N>>::store(values.as_mut_ptr().add(k), value) };
         }
     }
 }
 
 /// # Safety
-/// As [`add_rows`].
+/// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn add_rows_avx2<S: Stored>(
@@ -633,7 +641,7 @@ unsafe fn add_rows_avx2<S: Stored>(
 }
 
 /// # Safety
-/// As [`add_rows`].
+/// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
 unsafe fn add_rows_avx512<S: Stored>(

@@ -2,11 +2,12 @@
 //!
 //! u(x) = A Σ_n a_n cos(k_n·x + φ_n),  a_n ⊥ k_n,  |a_n| = 1,  A = (2 D/N)^½ in D dimensions
 //!
-//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1} exp(-k² σ²/2):
+//! Each mode is free of divergence, and so is the sum. Wave numbers are drawn from the energy spectrum E(k) ~ k^{D+1}
+//! exp(-k² σ²/2):
 //! |k| σ is the length of a vector of D + 2 normal numbers. The longitudinal correlation of the ensemble is
-//! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in groups of D: in a
-//! random frame the mode along each axis points along the next one. Their a_n are an orthogonal frame, so that the mean square of
-//! every component is exactly one, not only on average over seeds.
+//! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in
+//! groups of D: in a random frame the mode along each axis points along the next one. Their a_n are an orthogonal
+//! frame, so that the mean square of every component is exactly one, not only on average over seeds.
 //!
 //! All values are functions of seed and position: they are the same on any rank, in any order, and after a restart.
 
@@ -58,14 +59,15 @@ impl Fluctuations {
         }
     }
 
-    /// The modes on a lattice, of unit root mean square.
+    /// Returns the modes on a lattice, of unit root mean square.
     #[must_use]
     pub fn modes(&self, dimension: usize, units: &LatticeUnits) -> Modes {
         let length = units.length_to_lattice(self.length_scale);
         Modes::new(self.seed, length, dimension)
     }
 
-    /// Largest over mean speed; 1 without fluctuations. They rarely go beyond three times their root mean square.
+    /// Returns the largest over mean speed; 1 without fluctuations. They rarely go beyond three times their root mean
+    /// square.
     #[must_use]
     pub fn gusts(fluctuations: Option<&Self>) -> f64 {
         1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
@@ -74,7 +76,7 @@ impl Fluctuations {
 
 /// Modes of a field; divided by two and by three.
 const COUNT: usize = 96;
-/// What the random numbers are for.
+/// Purpose of the random numbers.
 const PURPOSE: u32 = 31;
 
 /// One wave.
@@ -96,7 +98,7 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// The field of a seed with an integral length in cells.
+    /// Returns the field of a seed with an integral length in cells.
     #[must_use]
     pub fn new(seed: u64, length: f64, dimension: usize) -> Self {
         let sigma = length * (2.0 / PI).sqrt();
@@ -119,7 +121,7 @@ impl Modes {
         Self { list, dimension }
     }
 
-    /// The nearest field that repeats along the axes that have a length in cells.
+    /// Returns the nearest field that repeats along the axes that have a length in cells.
     #[must_use]
     pub fn periodic(mut self, lengths: [Option<f64>; 3]) -> Self {
         for mode in &mut self.list {
@@ -134,13 +136,13 @@ impl Modes {
         self
     }
 
-    /// The waves.
+    /// Returns the waves.
     #[must_use]
     pub fn list(&self) -> &[Mode] {
         &self.list
     }
 
-    /// Velocity at a place in cells.
+    /// Returns the velocity at a place in cells.
     #[must_use]
     pub fn at(&self, place: [f64; 3]) -> [f64; 3] {
         let mut u = [0.0; 3];
@@ -171,13 +173,13 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     v.map(|x| x / size)
 }
 
-/// A normal number (Box and Muller 1958).
+/// Returns a normal number (Box and Muller 1958).
 fn normal(draws: &mut Stream) -> f64 {
     let radius = (-2.0 * (1.0 - draws.uniform()).ln()).sqrt();
     radius * (TAU * draws.uniform()).cos()
 }
 
-/// An orthogonal frame of uniform direction; in two dimensions its first two axes lie in the plane.
+/// Returns an orthogonal frame of uniform direction; in two dimensions its first two axes lie in the plane.
 fn frame(draws: &mut Stream, dimension: usize) -> [[f64; 3]; 3] {
     if dimension == 2 {
         let (s, c) = (TAU * draws.uniform()).sin_cos();
@@ -189,7 +191,7 @@ fn frame(draws: &mut Stream, dimension: usize) -> [[f64; 3]; 3] {
     [first, cross(third, first), third]
 }
 
-/// The part of `v` across `k`, as long as `v` was; in two dimensions within the plane.
+/// Returns the part of `v` across `k`, as long as `v` was; in two dimensions within the plane.
 fn across(k: [f64; 3], v: [f64; 3], dimension: usize) -> [f64; 3] {
     let squared = dot(k, k);
     if squared <= 0.0 {
@@ -235,8 +237,8 @@ mod tests {
         }
     }
 
-    /// The correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), across it that plus r/(D - 1) times its
-    /// derivative (Batchelor 1953). Averages over space of a sum of waves are sums over waves.
+    /// The correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), across it that plus r/(D - 1)
+    /// times its derivative (Batchelor 1953). Averages over space of a sum of waves are sums over waves.
     #[test]
     fn correlations_are_those_of_the_length() {
         let length = 3.0;

@@ -1,8 +1,9 @@
-//! Terms of the fluid step: everything that acts on the populations beside collision and streaming.
+//! Terms of the fluid step: everything that acts on the populations in addition to collision and streaming.
 //!
-//! The step asks the list of its terms ([`super::fluid::Fluid::terms`]) what they allow and what they did: whether two steps may be made in one
-//! sweep, whether a GPU runs them, the momentum that they gave to the water, and the velocity of a cell between two steps. The defaults of
-//! [`Term`] are the cautious answers, so that a term without an answer of its own costs speed and not correctness.
+//! The step asks the list of its terms ([`super::fluid::Fluid::terms`]) what they allow and what they did: whether two
+//! steps may be made in one sweep, whether a GPU runs them, the momentum that they gave to the water, and the velocity
+//! of a cell between two steps. The defaults of [`Term`] are the cautious answers, so that a term without an answer of
+//! its own costs speed and not correctness.
 //!
 //! | term | acts | file |
 //! |---|---|---|
@@ -14,8 +15,9 @@
 //! | free surface | around the collision | `surface.rs` |
 //! | porous zones | before the collision, through [`Term::act`] | `term/porous.rs` |
 //!
-//! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and a line where
-//! the lattice of a plan is set up (`simulation::setup`); what a plan has to know of it is a [`scene term`](crate::term) beside the scene's.
+//! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and
+//! a line where the lattice of a plan is set up (`simulation::setup`); what a plan has to know of it is a
+//! [`scene term`](crate::term) next to the scene's.
 
 pub mod porous;
 
@@ -35,7 +37,8 @@ pub trait Term<S: Stored> {
     /// Returns its name for messages: "a GPU does not run ... yet".
     fn name(&self) -> &'static str;
 
-    /// Returns `true` if two steps may be made in one sweep: it needs nothing but the collision and the walls between them.
+    /// Returns `true` if two steps may be made in one sweep: it needs nothing but the collision and the walls between
+    /// them.
     fn allows_two_steps(&self) -> bool {
         false
     }
@@ -48,8 +51,8 @@ pub trait Term<S: Stored> {
     /// Acts on the populations that come into the cells, before they collide with `half` of the body force.
     fn act(&mut self, _populations: &mut Populations<S>, _half: [f64; 3], _cover: Option<&Cover>) {}
 
-    /// Returns the momentum that those cells for which `counts` holds (local coordinates) received in the last step, in quanta; the
-    /// uniform body force is counted elsewhere.
+    /// Returns the momentum that those cells for which `counts` holds (local coordinates) received in the last step, in
+    /// quanta; the uniform body force is counted elsewhere.
     fn impulse(
         &self,
         _populations: &Populations<S>,

@@ -1,9 +1,11 @@
-//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to that of the fluid. One file per model.
+//! Eddy viscosity: the viscosity ν_t of eddies smaller than a cell, computed from the velocity gradient and added to
+//! that of the fluid. One file per model.
 //!
-//! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with which the cells
-//! collided **one step before**, by second-order central differences. The pass writes the velocity of each cell beside the
-//! populations and reads the field of the previous step ([`field`]), so that the field costs 36 bytes per cell and step and no separate pass.
-//! The delay is of the order of dt, far below the time scale of resolved eddies.
+//! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with
+//! which the cells collided **one step before**, by second-order central differences. The pass writes the velocity of
+//! each cell in addition to the populations and reads the field of the previous step ([`field`]), so that the field
+//! costs 36 bytes per cell and step and no separate pass. The delay is of the order of dt, far below the time scale of
+//! resolved eddies.
 
 pub mod field;
 
@@ -13,8 +15,8 @@ use base::family::{self, Description};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in a case is that of
-/// its module.
+/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in
+/// a case is that of its module.
 macro_rules! eddy_viscosities {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
         $(pub mod $module;)*
@@ -31,7 +33,7 @@ macro_rules! eddy_viscosities {
         }
 
         impl $list {
-            /// The model for `plan`.
+            /// Returns the model for `plan`.
             #[must_use]
             pub fn describe(&self) -> Description {
                 match self {
@@ -39,7 +41,8 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+            /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the
+            /// family in the case.
             #[must_use]
             pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
                 match self {
@@ -47,7 +50,7 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// ν_t of a cell in lattice units.
+            /// Returns ν_t of a cell in lattice units.
             #[must_use]
             pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
                 match self {
@@ -75,40 +78,42 @@ eddy_viscosities! {
 
 /// A model of an eddy viscosity with its parameters as they stand in a case.
 pub trait Model {
-    /// The model for `plan`.
+    /// Returns the model for `plan`.
     fn describe(&self) -> Description;
 
-    /// What is wrong with the model in a domain of `dimension` axes. `path` is the place of the family in the case.
+    /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the family in
+    /// the case.
     fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
         let _ = (path, dimension);
         None
     }
 
-    /// Numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity gradient g_ab = ∂u_a/∂x_b.
+    /// Returns the numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity
+    /// gradient g_ab = ∂u_a/∂x_b.
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// ν_t in lattice units.
+    /// Returns ν_t in lattice units.
     fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
         numerator / denominator
     }
 }
 
-/// Why a model is used, in `plan`.
+/// Reason for a model, in `plan`.
 const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
 
 /// The eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {
-    /// Whether cells have rates of their own.
+    /// `true` if cells have rates of their own.
     const ACTIVE: bool;
-    /// Whether there is a model at all, where the type leaves it open.
+    /// Returns `true` if there is a model at all, for types that do not decide it.
     fn present(&self) -> bool {
         Self::ACTIVE
     }
-    /// As [`Model::fraction`].
+    /// Returns the fraction of the model: see [`Model::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
+    /// Returns ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
     #[inline(always)]
     fn rate<N: Lanes>(&self, viscosity: f64, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
@@ -117,7 +122,7 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     }
 }
 
-/// No model.
+/// Flow without an eddy-viscosity model.
 #[derive(Clone, Copy, Debug)]
 pub struct Resolved;
 
@@ -130,8 +135,8 @@ impl Eddies for Resolved {
     }
 }
 
-/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so that it need not
-/// be compiled for each.
+/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so
+/// that it need not be compiled for each.
 impl Eddies for Option<EddyViscosity> {
     const ACTIVE: bool = true;
 
@@ -149,7 +154,7 @@ impl Eddies for Option<EddyViscosity> {
     }
 }
 
-/// S:S of the rate of strain S = (g + gᵀ)/2.
+/// Returns S:S of the rate of strain S = (g + gᵀ)/2.
 #[inline(always)]
 fn strain_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let half = N::splat(0.5);

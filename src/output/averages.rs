@@ -1,18 +1,18 @@
 //! Time averages of the velocity and of its products in every cell, and their means over planes.
 //!
-//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums: the number of
-//! samples, the density deviation, the velocity and its six products. From these follow
+//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums:
+//! the number of samples, the density deviation, the velocity and its six products. From these follow
 //!
 //! ```text
 //! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
 //! ```
 //!
 //! as fields (`averages`), and, where a `profile` is requested, the same for all cells of each plane across an axis
-//! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the profile are
-//! relative to the mean of the plane. They do not contain eddies smaller than a cell.
+//! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the
+//! profile are relative to the mean of the plane. They do not contain eddies smaller than a cell.
 //!
-//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are part of a
-//! checkpoint and of the hash of the state.
+//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are
+//! part of a checkpoint and of the hash of the state.
 
 use base::error::Error;
 use base::number::real;
@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 /// Sums of a cell: samples, density deviation, u v w, uu vv ww uv vw uw; lattice units.
 pub const SUMS: usize = 11;
 
-/// Which product stands for each component of the tensor, row by row.
+/// Index of the product for each component of the tensor, row by row.
 const TENSOR: [usize; 9] = [0, 3, 5, 3, 1, 4, 5, 4, 2];
 
 /// Columns of the profile, and their units.
@@ -54,12 +54,12 @@ pub struct Averages {
     first: u64,
     every: Interval,
     samples: u64,
-    /// In the order `[z][y][x][sum]`.
+    /// Sums in the order `[z][y][x][sum]`.
     sums: Vec<f64>,
     states: Scratch,
 }
 
-/// Room for a band of states: no part of what the averages are.
+/// Buffer for a band of states: no part of the averages.
 #[derive(Clone, Debug, Default)]
 struct Scratch(BandStates);
 
@@ -70,7 +70,7 @@ impl PartialEq for Scratch {
 }
 
 impl Averages {
-    /// The averages of a plan in the slab of `fluid`, without samples.
+    /// Returns the averages of a plan in the slab of `fluid`, without samples.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
         let (first, every) = Self::schedule(plan)?;
@@ -91,11 +91,12 @@ impl Averages {
         Some((first, plan.clock.every(written.sample_every)))
     }
 
-    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so far go on, `false` if
-    /// the averages begin anew.
+    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so
+    /// far continue, `false` if the averages begin anew.
     ///
     /// # Errors
-    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another weight.
+    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another
+    /// weight.
     pub fn continues(old: &Plan, new: &Plan, step: u64) -> Result<bool, &'static str> {
         let (Some((old_first, old_every)), Some((first, every))) =
             (Self::schedule(old), Self::schedule(new))
@@ -147,13 +148,13 @@ impl Averages {
         self.samples
     }
 
-    /// The sums of the slab, in the order `[z][y][x][sum]`.
+    /// Returns the sums of the slab, in the order `[z][y][x][sum]`.
     #[must_use]
     pub fn sums(&self) -> &[f64] {
         &self.sums
     }
 
-    /// Goes on from saved sums of the same slab.
+    /// Continues from saved sums of the same slab.
     pub fn restore(&mut self, samples: u64, sums: Vec<f64>) {
         self.samples = samples;
         self.sums = sums;
@@ -234,7 +235,7 @@ impl AverageFields {
     }
 }
 
-/// The rows of the profile across `axis` without their time, one for each plane of cells. Collective.
+/// Returns the rows of the profile across `axis` without their time, one for each plane of cells. Collective.
 pub(super) fn profile(
     averages: &Averages,
     fluid: &dyn FluidView,
@@ -275,7 +276,7 @@ pub(super) fn profile(
         .collect()
 }
 
-/// The table of the profile.
+/// Returns the table of the profile.
 pub(super) fn profile_path(folder: &Path) -> PathBuf {
     folder.join("averages_profile.csv")
 }
@@ -289,7 +290,7 @@ pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table
     }
 }
 
-/// The error of averages without a lattice.
+/// Returns the error of averages without a lattice.
 pub(super) fn none() -> Error {
     Error::Internal("there are no averages to write".into())
 }
@@ -408,7 +409,7 @@ mod tests {
         assert_eq!(straight, other);
     }
 
-    /// Sums of the past go on under the same schedule, are dropped by one that starts later, and forbid any other.
+    /// Sums of the past continue under the same schedule, are dropped by one that starts later, and forbid any other.
     #[test]
     fn sums_go_on_only_under_the_same_schedule() {
         let plan = |set: &[&str]| {

@@ -1,7 +1,8 @@
-//! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of ranks.
+//! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of
+//! ranks.
 //!
-//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the rotation since the start
-//! as a vector: its direction is the axis, its length the angle.
+//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the
+//! rotation since the start as a vector: its direction is the axis, its length the angle.
 
 use super::grains::{space_vector, spin_vector, wrapped};
 use super::order::{sorted, vector};
@@ -50,7 +51,7 @@ impl Blocks {
         Ok(())
     }
 
-    /// The faces of a row's block.
+    /// Adds the faces of a row's block.
     fn push(&mut self, row: &[u64; NUMBERS], scene: &Scene) {
         let Some(solid) = scene.polyhedron(row[0]) else {
             return;
@@ -140,7 +141,7 @@ impl Blocks {
     }
 }
 
-/// A block as numbers; none for what has no faces.
+/// Returns a block as numbers; none for what has no faces.
 fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u64; NUMBERS]> {
     let (_, state) = particles.polyhedron(k)?;
     let (body, motion) = (&particles.body[k], &particles.motion[k]);
@@ -177,16 +178,19 @@ mod tests {
         "domain": {"size": [4, 4, 4], "spacing": 0.5, "periodic": ["x"]},
         "materials": {"granite": {"density": 2600}},
         "bodies": [
-            {"name": "ball", "shape": {"sphere": {"radius": 0.2}}, "position": [3, 3, 3], "motion": {"fixed": {}}, "material": "granite"},
-            {"name": "box", "shape": {"cuboid": {"edges": [1, 2, 0.5]}}, "position": [2, 2, 1], "motion": {"free": {}}, "material": "granite"}
+            {"name": "ball", "shape": {"sphere": {"radius": 0.2}}, "position": [3, 3, 3], "motion": {"fixed": {}},
+            "material": "granite"},
+            {"name": "box", "shape": {"cuboid": {"edges": [1, 2, 0.5]}}, "position": [2, 2, 1],
+            "motion": {"free": {}}, "material": "granite"}
         ],
-        "blocks": {"material": "granite", "initial": {"list": [{"shape": {"vertices": [[0, 0, 3], [1, 0, 3], [0, 1, 3], [0, 0, 4]]}}]}},
+        "blocks": {"material": "granite", "initial": {"list": [{"shape": {"vertices": [[0, 0, 3], [1, 0, 3], [0, 1,
+        3], [0, 0, 4]]}}]}},
         "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}},
         "time": {"end": 0.1},
         "output": {"blocks": {"every": 0.01}}
     }"#;
 
-    /// The volume that the faces of one id enclose, by the divergence theorem.
+    /// Returns the volume that the faces of one id enclose, by the divergence theorem.
     fn enclosed(blocks: &Blocks, id: i64) -> f64 {
         let at = |corner: usize| Vector3::from_fn(|k, _| blocks.points[3 * corner + k]);
         let (mut volume, mut first) = (0.0, 0);

@@ -1,8 +1,8 @@
 //! Conversion of the state to named arrays and back, and the hash of the state.
 //!
-//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming population of
-//! every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the run in its manifest. A
-//! continued run gives the same bits as an uninterrupted one.
+//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming
+//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the
+//! run in its manifest. A continued run gives the same bits as an uninterrupted one.
 
 mod check;
 
@@ -34,8 +34,8 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its numbers, where an array in the
-/// order `[z][y][x]` has `per_cell` numbers a cell.
+/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its
+/// numbers, where an array in the order `[z][y][x]` has `per_cell` numbers a cell.
 fn each_cell_of<S: Stored>(
     populations: &Populations<S>,
     per_cell: usize,
@@ -51,7 +51,8 @@ fn each_cell_of<S: Stored>(
     }
 }
 
-/// Incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy would double the memory of a run.
+/// Returns the incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy
+/// would double the memory of a run.
 fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
@@ -76,7 +77,7 @@ fn scatter<S: Stored>(populations: &mut Populations<S>, range: &Range<usize>, so
     }
 }
 
-/// Local cells of a slab in the order `[z][y][x]` with their positions.
+/// Returns the local cells of a slab in the order `[z][y][x]` with their positions.
 fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], usize)> + '_ {
     let populations = fluid.populations();
     let [nx, ny, nz] = populations.cells();
@@ -85,7 +86,8 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
         .map(|at| (at, populations.cell(at.map(usize::cast_signed))))
 }
 
-/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without turbulence.
+/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without
+/// turbulence.
 fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let field = fluid.velocities()?;
     let populations = fluid.populations();
@@ -102,7 +104,8 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     }))
 }
 
-/// Kind, mass and unshared excess of the cells of a slab below a free surface, in the order `[z][y][x][number]`; none without one.
+/// Returns the kind, mass and unshared excess of the cells of a slab below a free surface, in the order
+/// `[z][y][x][number]`; none without one.
 fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let surface = fluid.surface()?;
     let populations = fluid.populations();
@@ -114,7 +117,7 @@ fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     }))
 }
 
-/// Where a slab lies in an array of `q` numbers a cell: shape, start and count.
+/// Returns the box of a slab in an array of `q` numbers a cell: shape, start and count.
 fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     let (all, start, count) = (
         fluid.domain_cells(),
@@ -209,8 +212,8 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub particles: &'a Particles<Sp>,
     /// Contacts, if any.
     pub dem: Option<&'a Dem<Sp>>,
-    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a preparation
-    /// compares; not part of the hash.
+    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a
+    /// preparation compares; not part of the hash.
     pub earlier: Option<&'a [f64]>,
 }
 
@@ -314,7 +317,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         })
     }
 
-    /// Hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
+    /// Returns the hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
     #[must_use]
     pub fn hash(&self, communicator: &Communicator) -> String {
         let mut hash = StateHash::new();
@@ -324,7 +327,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let populations = fluid.populations();
             let cells = populations.cells();
             let kinds = fluid.surface().map(Surface::kinds);
-            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as they lie in memory.
+            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as
+            // they lie in memory.
             let [slow, middle, fast] = populations.order();
             let of_plane = |plane: usize| {
                 let mut part = StateHash::new();
@@ -458,7 +462,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
     }
 }
 
-/// The key of the column of each number that a law keeps of a contact, beside the number; `keys` are made once.
+/// Returns the column key of each number that a law keeps of a contact, with the number; `keys` are made once.
 fn history_keys<'a>(
     keys: &'a mut Vec<u64>,
     kind: &str,
@@ -597,12 +601,12 @@ pub fn read_earlier<S: Saved>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f
     reader.read(EARLIER, &start, &count).map_err(as_error)
 }
 
-/// Local cells of a slab in the order in which checkpoints hold them.
+/// Returns the local cells of a slab in the order in which checkpoints hold them.
 pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
 
-/// Sums over time of a slab from a checkpoint; they stay at nothing where it holds none.
+/// Sums over time of a slab from a checkpoint; they stay at nothing if it holds none.
 ///
 /// # Errors
 /// When they cannot be read.
@@ -622,7 +626,7 @@ pub fn read_averages<S: Saved>(
     Ok(())
 }
 
-/// Numbers of the seepage in a checkpoint, on every rank; none if there are none.
+/// Returns the numbers of the seepage in a checkpoint, on every rank; none if there are none.
 ///
 /// # Errors
 /// When they cannot be read.
@@ -637,8 +641,8 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank and from
-/// there to their owners.
+/// Returns grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank
+/// and from there to their owners.
 ///
 /// # Errors
 /// When a column is missing or broken.

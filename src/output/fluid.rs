@@ -1,7 +1,7 @@
 //! Fields of the fluid as an image, one value per cell, in SI.
 //!
-//! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central difference,
-//! one-sided in the cells at a face that is not periodic.
+//! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central
+//! difference, one-sided in the cells at a face that is not periodic.
 
 use super::vorticity::Velocities;
 use base::error::Error;
@@ -14,12 +14,12 @@ use plan::scene::grid::Grid;
 
 /// A number type of a field in a file.
 pub(crate) trait Number: Element {
-    /// Rounded to the nearest.
-    fn of(value: f64) -> Self;
+    /// Returns the value, rounded to the nearest.
+    fn from_value(value: f64) -> Self;
 }
 
 impl Number for f64 {
-    fn of(value: f64) -> Self {
+    fn from_value(value: f64) -> Self {
         value
     }
 }
@@ -29,7 +29,7 @@ impl Number for f32 {
         clippy::cast_possible_truncation,
         reason = "files in f32 are rounded on purpose"
     )]
-    fn of(value: f64) -> Self {
+    fn from_value(value: f64) -> Self {
         value as Self
     }
 }
@@ -128,32 +128,31 @@ impl<T: Number> Buffers<T> {
                     FieldName::Velocity => to.extend(
                         velocity
                             .iter()
-                            .flat_map(|u| u.map(|u| T::of(units.velocity_to_si(u)))),
+                            .flat_map(|u| u.map(|u| T::from_value(units.velocity_to_si(u)))),
                     ),
                     FieldName::Pressure => to.extend(
                         density
                             .iter()
-                            .map(|rho| T::of(units.density_deviation_to_pressure(*rho))),
+                            .map(|rho| T::from_value(units.density_deviation_to_pressure(*rho))),
                     ),
                     FieldName::Density => to.extend(
                         density
                             .iter()
-                            .map(|rho| T::of(units.density_deviation_to_density(*rho))),
+                            .map(|rho| T::from_value(units.density_deviation_to_density(*rho))),
                     ),
                     FieldName::Vorticity => {
                         let first = if grid.dimension == 3 { 0 } else { 2 };
                         for cell in band.clone() {
                             let w = self.velocities.vorticity(cell, grid.periodic);
-                            let w = w.map(|w| T::of(units.rate_to_si(w)));
+                            let w = w.map(|w| T::from_value(units.rate_to_si(w)));
                             to.extend_from_slice(&w[first..]);
                         }
                     }
-                    FieldName::EddyViscosity => to.extend(
-                        band.clone()
-                            .map(|cell| T::of(units.viscosity_to_si(fluid.eddy_viscosity(cell)))),
-                    ),
+                    FieldName::EddyViscosity => to.extend(band.clone().map(|cell| {
+                        T::from_value(units.viscosity_to_si(fluid.eddy_viscosity(cell)))
+                    })),
                     FieldName::Fill => {
-                        to.extend(band.clone().map(|cell| T::of(fluid.fill(cell))));
+                        to.extend(band.clone().map(|cell| T::from_value(fluid.fill(cell))));
                     }
                     // Refused by the plan.
                     FieldName::Head => {}

@@ -31,7 +31,7 @@ pub(crate) struct Grains {
 const NUMBERS: usize = 3 + 6 * 3;
 
 impl Grains {
-    /// Nothing yet; with the displacements where `displaced`.
+    /// Makes an empty record; with the displacements if `displaced`.
     pub(crate) fn new(displaced: bool) -> Self {
         Self {
             displaced,
@@ -150,7 +150,7 @@ impl Grains {
     }
 }
 
-/// Where owned grain `k` stands inside the domain (m), whenever it was wrapped last.
+/// Returns the position of owned grain `k` inside the domain (m), whenever it was wrapped last.
 pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid) -> [f64; 3] {
     let raw = space_vector(&particles.motion[k].position);
     std::array::from_fn(|axis| {
@@ -171,12 +171,12 @@ pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid)
     })
 }
 
-/// A vector of the plane or of space with three components.
+/// Returns a vector of the plane or of space with three components.
 pub(crate) fn space_vector<C: Components>(value: &C) -> [f64; 3] {
     std::array::from_fn(|k| if k < C::COUNT { value.get(k) } else { 0.0 })
 }
 
-/// A spin or moment as a vector: in the plane along z.
+/// Returns a spin or moment as a vector: in the plane along z.
 pub(crate) fn spin_vector<C: Components>(value: &C) -> [f64; 3] {
     if C::COUNT == 1 {
         [0.0, 0.0, value.get(0)]
@@ -185,12 +185,12 @@ pub(crate) fn spin_vector<C: Components>(value: &C) -> [f64; 3] {
     }
 }
 
-/// In the plane forces are per metre of depth.
+/// Returns the unit of forces: in the plane they are per metre of depth.
 pub(crate) fn force_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N/m" } else { "N" }
 }
 
-/// The same for torques.
+/// Returns the unit of torques.
 pub(crate) fn torque_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N m/m" } else { "N m" }
 }

@@ -55,8 +55,9 @@ impl RankGroup<'_> {
         self.checked(on_root(self, work))
     }
 
-    /// The result of a joint write as one of this program. A write that failed half-way leaves HDF5 in a state from which
-    /// it cannot be shut down, so that the job ends here, on all ranks, with the exit code of an error of input or output.
+    /// Returns the result of a joint write as one of this program. A write that failed half-way leaves HDF5 in a state
+    /// from which it cannot be shut down, so that the job ends here, on all ranks, with the exit code of an error of
+    /// input or output.
     ///
     /// # Errors
     /// [`Error::Io`] with the words of the error.

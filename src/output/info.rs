@@ -75,7 +75,7 @@ fn read_json(path: &Path) -> Result<Value, Error> {
     serde_json::from_str(&text).map_err(|error| failed(path, error))
 }
 
-/// A folder and the folders in it, one level deep: checkpoints may have their own.
+/// Returns a folder and the folders in it, one level deep: checkpoints may have their own.
 fn folder(path: &Path) -> Result<Value, Error> {
     let mut files = Vec::new();
     for entry in entries(path)? {
@@ -227,7 +227,7 @@ fn table(path: &Path) -> Result<Value, Error> {
     Ok(Value::Object(all))
 }
 
-/// A checkpoint by its manifest, verified bit by bit.
+/// Returns a checkpoint by its manifest, verified bit by bit.
 fn checkpoint(path: &Path, arrays: bool) -> Value {
     let manifest = match io::checkpoint::verify(path, &Alone) {
         Ok(found) => found.manifest,
@@ -256,7 +256,7 @@ fn checkpoint(path: &Path, arrays: bool) -> Value {
     all
 }
 
-/// Nested names and values, two spaces a level.
+/// Writes nested names and values, two spaces a level.
 fn write_value(text: &mut String, value: &Value, level: usize) {
     let indent = "  ".repeat(level);
     // Writing to a String cannot fail.

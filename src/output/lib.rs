@@ -219,7 +219,7 @@ impl Outputs {
     /// series and the last row of each probe. Collective.
     ///
     /// # Errors
-    /// As [`Self::write_due`].
+    /// Those of [`Self::write_due`].
     pub fn write_all_now<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
         for probe in &mut self.probes {
@@ -233,7 +233,7 @@ impl Outputs {
     }
 
     /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is
-    /// about to go on, so that its files become those of a run that never ended there. Collective.
+    /// about to continue, so that its files become those of a run that never ended there. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -270,7 +270,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// The next step at which an output is due; `u64::MAX` if none is.
+    /// Returns the next step at which an output is due; `u64::MAX` if none is.
     #[must_use]
     pub fn next_due(&self) -> u64 {
         self.next
@@ -299,7 +299,7 @@ impl Outputs {
     ) -> Result<(), Error> {
         let (scene, grid) = (&view.plan.scene, &view.plan.scene.grid);
         let communicator = view.domain.communicator();
-        let file = File::of(view, &self.provenance);
+        let file = File::new(view, &self.provenance);
         if let Some(output) = &mut self.fluid {
             output.write(view.step, &due, |fields, series| {
                 fields.write(view, &file, series)
@@ -395,7 +395,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    fn of<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
+    fn new<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
         Self {
             when: Moment {
                 step: view.step,

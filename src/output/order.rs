@@ -1,10 +1,11 @@
-//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of ranks.
+//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of
+//! ranks.
 
 use base::error::Error;
 use decomposition::{Communicator, exchange};
 
-/// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all ids,
-/// sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
+/// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all
+/// ids, sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
 ///
 /// # Errors
 /// [`Error::Internal`] where a message is no list of rows.
@@ -42,7 +43,7 @@ pub(crate) fn sorted<const N: usize>(
     Ok(rows)
 }
 
-/// Three numbers of a row.
+/// Returns three numbers of a row.
 pub(crate) fn vector<const N: usize>(row: &[u64; N], first: usize) -> [f64; 3] {
     std::array::from_fn(|k| f64::from_bits(row[first + k]))
 }

@@ -15,12 +15,13 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
-//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
+//! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
-//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
-//! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
-//! cells whose centre is in the fluid count, below a free surface by their fill levels. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
+//! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
+//! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
+//! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
+//! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
 mod fabric;
@@ -62,7 +63,7 @@ pub(crate) struct Probe {
     pub(crate) last: Option<u64>,
     path: PathBuf,
     headings: Vec<Heading>,
-    /// On rank 0.
+    /// Table of the probe, on rank 0.
     table: Option<Table>,
     /// The rows of one sample, on rank 0; reused.
     rows: Vec<Vec<f64>>,
@@ -102,7 +103,7 @@ const VELOCITY: [Heading; 3] = [
 const POSITION: [Heading; 3] = [("x", "m"), ("y", "m"), ("z", "m")];
 
 impl Probe {
-    /// All probes of the plan. Collective.
+    /// Returns all probes of the plan. Collective.
     pub(crate) fn all(
         plan: &Plan,
         folder: &Path,
@@ -189,7 +190,8 @@ impl Probe {
     }
 }
 
-/// A new table, or the one of an earlier part of the run; whether it holds a whole sample of the step it goes on from.
+/// Opens a new table, or that of an earlier part of the run; returns also `true` if it holds a whole sample of the step
+/// that the run continues from.
 fn open(
     path: &Path,
     headings: &[Heading],
@@ -209,7 +211,7 @@ fn open(
     Ok((before(path, headings, step)?, false))
 }
 
-/// The table without its rows from `step` on.
+/// Returns the table without its rows from `step` on.
 fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<Table> {
     match step.checked_sub(1) {
         Some(before) => Table::resume(path, headings, before),
@@ -378,7 +380,7 @@ impl At {
         Ok(())
     }
 
-    /// Rows of one sample.
+    /// Returns the rows of one sample.
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
@@ -482,7 +484,7 @@ pub(super) fn fluid<'a, S: Space>(view: &View<'a, S>) -> Result<&'a dyn FluidVie
     view.fluid.ok_or_else(no_fluid)
 }
 
-/// Edge (2-D, m) or face (3-D, m²) of a cell.
+/// Returns the edge (2-D, m) or face (3-D, m²) of a cell.
 fn face_area(units: &LatticeUnits) -> f64 {
     if units.dimension == 2 {
         units.spacing
@@ -491,7 +493,8 @@ fn face_area(units: &LatticeUnits) -> f64 {
     }
 }
 
-/// Discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN where there is no fluid.
+/// Returns the discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN if there is no
+/// fluid.
 fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position: f64) -> [f64; 7] {
     let (grid, units) = (&view.plan.scene.grid, fluid.units());
     let neighbours = clamped(position, grid, axis);
@@ -551,7 +554,8 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
     ]
 }
 
-/// Force and torque of the water on a structure in the last step, the torque about the lower corner of the domain.
+/// Returns the force and torque of the water on a structure in the last step, the torque about the lower corner of the
+/// domain.
 fn structure<S: Space>(view: &View<S>, fluid: &dyn FluidView, index: usize) -> [f64; 6] {
     let mine = fluid.structure_loads().get(index).copied();
     let communicator = view.domain.communicator();
@@ -566,7 +570,7 @@ fn structure<S: Space>(view: &View<S>, fluid: &dyn FluidView, index: usize) -> [
     [x, y, z, a, b, c]
 }
 
-/// Motion and loads of a body; NaN once it is gone.
+/// Returns the motion and loads of a body; NaN once it is gone.
 fn body<S: Space>(view: &View<S>, id: u64) -> Result<[f64; 21], Error> {
     let particles = view.particles;
     let mut bytes = Vec::new();

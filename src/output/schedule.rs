@@ -10,7 +10,7 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// From nothing: due at step 0, then at every step of the interval; without an interval never.
+    /// Starts a schedule: due at step 0, then at every step of the interval; without an interval never.
     pub(crate) fn new(every: Option<Interval>) -> Self {
         Self {
             every,
@@ -18,7 +18,7 @@ impl Schedule {
         }
     }
 
-    /// After a restart at `step`; `written`: what was due at that very step is there already.
+    /// Continues a schedule after a restart at `step`; `written`: what was due at that very step is there already.
     pub(crate) fn resumed(every: Option<Interval>, step: u64, written: bool) -> Self {
         let mut schedule = Self::new(every);
         if written {
@@ -29,24 +29,24 @@ impl Schedule {
         schedule
     }
 
-    /// Whether it is due at `step`. A step that was passed by is not made up for.
+    /// Returns `true` if it is due at `step`. A step that was passed is not made up for.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         step >= self.next && self.falls_on(step)
     }
 
-    /// Time went past `step`: what was due there happened or was passed by.
+    /// Continues past `step`: outputs due there have happened or were passed.
     pub(crate) fn pass(&mut self, step: u64) {
         if step >= self.next {
             self.next = self.next_from(step + 1);
         }
     }
 
-    /// The next step at which it is due.
+    /// Returns the next step at which it is due.
     pub(crate) fn next(&self) -> u64 {
         self.next
     }
 
-    /// Whether `step` is one of those at which there is an output, rather than the end of a run.
+    /// Returns `true` if `step` is one of those at which there is an output, rather than the end of a run.
     pub(crate) fn falls_on(&self, step: u64) -> bool {
         self.every.is_some_and(|every| every.falls_on(step))
     }

@@ -1,7 +1,7 @@
 //! Fields of the seepage as cell data of its coarse grid, in SI.
 //!
-//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the equations as
-//! printed); cells outside the walls have porosity 0.
+//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the
+//! equations as printed); cells outside the walls have porosity 0.
 
 use super::fluid::Number;
 use case::fluid::Precision;
@@ -84,16 +84,16 @@ impl<T: Number> Buffers<T> {
         }
         let (pressure, pores) = (seepage.pressure(), seepage.pores());
         for cell in 0..seepage.grid().count() {
-            self.pressure.push(T::of(pressure.pressure(cell)));
-            self.porosity.push(T::of(pores.porosity()[cell]));
+            self.pressure.push(T::from_value(pressure.pressure(cell)));
+            self.porosity.push(T::from_value(pores.porosity()[cell]));
             self.velocity
-                .extend(seepage.water_velocity(cell).map(T::of));
+                .extend(seepage.water_velocity(cell).map(T::from_value));
             let head = if pores.porosity()[cell] > 0.0 {
                 pressure.head(pressure.reduced(cell))
             } else {
                 f64::NAN
             };
-            self.head.push(T::of(head));
+            self.head.push(T::from_value(head));
         }
     }
 

@@ -67,7 +67,8 @@ const CASE: &str = r#"{
       {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}},
       {"name": "top", "face": "y_max", "condition": {"free_slip": {}}}
     ]}},
-  "bodies": [{"name": "ball", "shape": {"disc": {"radius": 2e-3}}, "position": [3.2e-3, 2e-3], "material": "glass", "motion": {"fixed": {}}}],
+  "bodies": [{"name": "ball", "shape": {"disc": {"radius": 2e-3}}, "position": [3.2e-3, 2e-3], "material": "glass",
+  "motion": {"fixed": {}}}],
   "coupling": {"bounce_back": {}},
   "time": {"end": 10},
   "output": {
@@ -88,7 +89,7 @@ fn plan() -> Plan {
     Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
 }
 
-/// The ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
+/// Returns the ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
 fn solids() -> (Particles<Plane>, Dem<Plane>) {
     let law = Law::Linear(Linear {
         parameters: PairTable::uniform(

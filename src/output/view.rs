@@ -9,14 +9,15 @@ use dem::particles::Particles;
 use dem::space::Space;
 use plan::Plan;
 
-/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains follow.
+/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains
+/// follow.
 #[derive(Clone, Copy)]
 pub struct View<'a, S: Space> {
     /// The plan of the run.
     pub plan: &'a Plan,
     /// Ranks and slabs.
     pub domain: &'a Domain,
-    /// This rank's slab of fluid, if the scene has one.
+    /// Slab of fluid of this rank, if the scene has one.
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,

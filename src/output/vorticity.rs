@@ -60,11 +60,11 @@ impl Velocities {
             .product()
     }
 
-    fn place(&self, [x, y, z]: [usize; 3]) -> usize {
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         (z * self.cells[1] + y) * self.cells[0] + x
     }
 
-    /// Place of a cell in a plane across the split axis.
+    /// Returns the index of a cell in a plane across the split axis.
     fn place_in_plane(&self, cell: [usize; 3]) -> usize {
         match self.axis {
             0 => cell[2] * self.cells[1] + cell[1],
@@ -82,7 +82,7 @@ impl Velocities {
         for z in starts[2]..ends[2] {
             for y in starts[1]..ends[1] {
                 for x in starts[0]..ends[0] {
-                    for u in self.own[self.place([x, y, z])] {
+                    for u in self.own[self.index([x, y, z])] {
                         bytes.extend_from_slice(&u.to_le_bytes());
                     }
                 }
@@ -91,12 +91,12 @@ impl Velocities {
         bytes
     }
 
-    /// Velocity of a cell of the slab.
+    /// Returns the velocity of a cell of the slab.
     pub(crate) fn at(&self, cell: [usize; 3]) -> [f64; 3] {
-        self.own[self.place(cell)]
+        self.own[self.index(cell)]
     }
 
-    /// Velocity of the next cell along `axis`, up or down; none outside the domain.
+    /// Returns the velocity of the next cell along `axis`, up or down; none outside the domain.
     fn beside(&self, cell: [usize; 3], axis: usize, up: bool, periodic: bool) -> Option<[f64; 3]> {
         let last = self.cells[axis] - 1;
         let at_end = cell[axis] == if up { last } else { 0 };
@@ -119,7 +119,8 @@ impl Velocities {
         Some(self.at(next))
     }
 
-    /// Derivative of the velocity along `axis` per cell: central, one-sided in the cells at a face of the domain.
+    /// Returns the derivative of the velocity along `axis` per cell: central, one-sided in the cells at a face of the
+    /// domain.
     fn derivative(&self, cell: [usize; 3], axis: usize, periodic: bool) -> [f64; 3] {
         let here = self.at(cell);
         let low = self.beside(cell, axis, false, periodic);
@@ -133,7 +134,7 @@ impl Velocities {
         std::array::from_fn(|k| (to[k] - from[k]) * over)
     }
 
-    /// Vorticity (per step) of a cell; in 2-D only the last component is not zero.
+    /// Returns the vorticity (per step) of a cell; in 2-D only the last component is not zero.
     pub(crate) fn vorticity(&self, cell: [usize; 3], periodic: [bool; 3]) -> [f64; 3] {
         let [dx, dy, dz] = std::array::from_fn(|axis| self.derivative(cell, axis, periodic[axis]));
         [dy[2] - dz[1], dz[0] - dx[2], dx[1] - dy[0]]

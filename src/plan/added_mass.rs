@@ -1,32 +1,36 @@
 //! Added-mass stability: the smallest density ratio of a free body and the fluid.
 //!
-//! The load of a step is known only after the body has moved. A body much lighter than the fluid then oscillates with a growing amplitude.
-//! The parameters are s = ρ_s/ρ_f and the radius R in cells, for other shapes n V/A in n dimensions.
+//! The load of a step is known only after the body has moved. A body much lighter than the fluid then oscillates with a
+//! growing amplitude. The parameters are s = ρ_s/ρ_f and the radius R in cells, for other shapes n V/A in n
+//! dimensions.
 //!
-//! *Links* resist a change of the velocity with 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f along its
-//! normal for each cell of its area: on average 2/3 for a disc and 5/9 for a sphere. Divided by the mass this is a = 4/(3 R s) and
-//! 5/(3 R s) per step. With the mean of two loads, v(n+1) = v(n) - a (v(n) + v(n-1))/2 grows for a > 2, so that stability requires
+//! *Links* resist a change of the velocity with 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f
+//! along its normal for each cell of its area: on average 2/3 for a disc and 5/9 for a sphere. Divided by the mass this
+//! is a = 4/(3 R s) and 5/(3 R s) per step. With the mean of two loads, v(n+1) = v(n) - a (v(n) + v(n-1))/2 grows for
+//! a > 2, so that stability requires
 //!
 //! ```text
 //! s R > 2/3 for discs,   s R > 5/6 for spheres
 //! ```
 //!
-//! *Partially saturated cells*: the internal fluid takes the velocity of the body within a step, F(n) = -m_w [v(n) - v(n-1)], and its
-//! inertia is compensated with the change of the body's last step. Together s [v(n+1) - v(n)] = [v(n) - 2 v(n-1) + v(n-2)]/2, which grows
-//! for s < 1/2; the resistance of the surface adds a part that decreases with R. Without the compensation only the first term remains, and
-//! slightly lighter bodies are stable.
+//! *Partially saturated cells*: the internal fluid takes the velocity of the body within a step, F(n) = -m_w [v(n) -
+//! v(n-1)], and its inertia is compensated with the change of the body's last step. Together s [v(n+1) - v(n)] =
+//! [v(n) - 2 v(n-1) + v(n-2)]/2, which grows for s < 1/2; the resistance of the surface adds a part that decreases with
+//! R. Without the compensation only the first term remains, and slightly lighter bodies are stable.
 //!
-//! The limits of links are in this file, those of saturated cells in the file of each operator ([`lbm::saturation`]). They are
-//! measured over radii, positions relative to the cells and relaxation times (`benches/stability/README.md`): every body lighter than
-//! `fails` was unstable, no body heavier than `holds`. The limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly
-//! to follow a step, below 0.6 it keeps the disturbance by the body. The number of solid steps has no effect, because the load is constant over them.
+//! The limits of links are in this file, those of saturated cells in the file of each operator
+//! ([`lbm::saturation`]). They are measured over radii, positions relative to the cells and relaxation times
+//! (`benches/stability/README.md`): every body lighter than `fails` was unstable, no body heavier than `holds`. The
+//! limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly to follow a step, below 0.6 it
+//! keeps the disturbance by the body. The number of solid steps has no effect, because the load is constant over them.
 //!
-//! *Packed grains in saturated cells* ([`packed`](crate::scene::packed)): the water in the cells between grains that touch is held by all of
-//! them, and the resistance that a grain meets within one step is that of a body with a layer of it. The bound rises with the relaxation time, as
-//! momentum spreads farther in a step, and falls with the radius: with 4 cells per diameter and tau = 1.5 grains in a bed need 3.5 times the density
-//! of the fluid, alone 1.1 times.
+//! *Packed grains in saturated cells* ([`packed`](crate::scene::packed)): the water in the cells between grains that
+//! touch is held by all of them, and the resistance that a grain meets within one step is that of a body with a layer
+//! of it. The bound rises with the relaxation time, as momentum spreads farther in a step, and falls with the radius:
+//! with 4 cells per diameter and tau = 1.5 grains in a bed need 3.5 times the density of the fluid, alone 1.1 times.
 //!
-//! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells with internal fluid. Lighter bodies are stable without it.
+//! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells with internal fluid. Lighter bodies are
+//! stable without it.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -59,7 +63,8 @@ const LINKS: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// s from which on bodies in saturated cells hold where the water inside is left in, by relaxation time: discs, spheres.
+/// s from which on bodies in saturated cells hold where the water inside is left in, by relaxation time: discs,
+/// spheres.
 const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     &[
         (0.5, 0.41),
@@ -77,7 +82,7 @@ const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// Between the points of a table, and on along its last stretch.
+/// Interpolates between the points of a table, and on along its last stretch.
 fn between(table: &[(f64, f64)], x: f64) -> f64 {
     let next = table.iter().position(|p| p.0 > x).unwrap_or(table.len());
     let [(x0, y0), (x1, y1)] = [
@@ -88,7 +93,7 @@ fn between(table: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).max(0.0)
 }
 
-/// The bounds of a body of radius R in cells.
+/// Returns the bounds of a body of radius R in cells.
 fn bounds(
     coupling: &Coupling,
     operator: Option<SolidOperator>,
@@ -122,7 +127,7 @@ struct Kind {
     material: usize,
     /// Radius that the water sees, in cells.
     radius: f64,
-    /// Whether it lies among others of its kind.
+    /// `true` if it is among others of its kind.
     packed: bool,
 }
 
@@ -208,7 +213,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
-            "a {} with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it unstable",
+            "a {} with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it \
+             unstable",
             if kind.packed {
                 "grain in a bed"
             } else {
@@ -235,13 +241,14 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// 2 where the plan refuses for the density, 1 where it warns.
+    /// Returns 2 where the plan refuses for the density, 1 where it warns.
     fn verdict(coupling: &str, density: f64) -> u8 {
         let text = format!(
             r#"{{
                 "domain": {{"size": [0.04, 0.04], "spacing": 1e-3}},
                 "materials": {{"body": {{"density": {density}}}}},
-                "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8}}}},
+                "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5,
+                "relaxation_time": 0.8}}}},
                 "bodies": [{{"name": "body", "shape": {{"disc": {{"radius": 0.005}}}}, "position": [0.02, 0.02],
                             "motion": {{"free": {{}}}}, "material": "body"}}],
                 "coupling": {coupling}, "time": {{"end": 1}}

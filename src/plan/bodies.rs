@@ -1,9 +1,10 @@
 //! Smallest resolution of a body on the lattice; [`super::added_mass`] limits its density.
 //!
 //! * A disc or sphere is at least four cells across, because fewer cells do not represent its shape.
-//! * A block is at least one cell thick. A block of less than two cells may cover all of its cells only in part, and with the viscous
-//!   weighting a partly covered cell becomes permeable as τ approaches ½: a stream at τ = 0.50006 passed through a plate of half a cell, and
-//!   through a plate of one cell that straddled two, with less than 4 % of its force on the plate.
+//! * A block is at least one cell thick. A block of less than two cells may cover all of its cells only in part, and
+//!   with the viscous weighting a partly covered cell becomes permeable as τ approaches ½: a stream at τ = 0.50006
+//!   passed through a plate of half a cell, and through a plate of one cell that straddled two, with less than 4 % of
+//!   its force on the plate.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -17,7 +18,7 @@ use case::coupling::Coupling;
 const FEWEST_CELLS: f64 = 4.0;
 /// Fewest cells in the thickness of a block.
 const THINNEST: f64 = 1.0;
-/// As many hold a cell that is full, however a plate lies along the lattice.
+/// Thickness of a plate \[cells\] that contains full cells in any position on the lattice.
 const SOLID: f64 = 2.0;
 
 /// Checks all limits of bodies in the fluid.
@@ -83,8 +84,8 @@ fn diameters(
     }
 }
 
-/// Proposes the coarsest spacing, at most `finest`, that divides the present one and so all that it divides; none where that would
-/// be more than eight times as fine.
+/// Proposes the coarsest spacing, at most `finest`, that divides the present one and so all that it divides; none where
+/// that would be more than eight times as fine.
 pub(super) fn finer(scene: &Scene, finest: f64, text: String) -> Remedy {
     let h = scene.grid.spacing;
     let parts = (h / finest * (1.0 - 1e-9)).ceil();
@@ -120,7 +121,8 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
             findings.error(&path, reason, remedy);
         } else if cells < SOLID * (1.0 - 1e-9) {
             let reason = format!(
-                "the block is {} cells thick; a block of less than {SOLID} cells may fill no cell completely, and water of low viscosity then flows through it",
+                "the block is {} cells thick; a block of less than {SOLID} cells may fill no cell completely, and \
+                 water of low viscosity then flows through it",
                 number(cells)
             );
             findings.warn(&path, reason, remedy);

@@ -1,29 +1,31 @@
 //! The largest stable time step of contacts, from the highest frequency of the bodies that they connect.
 //!
-//! A contact is a spring K and a dashpot C between two bodies with masses M, in the normal and tangential directions; rotation
-//! also moves the contact point. For small motions, the explicit step with velocities half a step behind is
+//! A contact is a spring K and a dashpot C between two bodies with masses M, in the normal and tangential directions;
+//! rotation also moves the contact point. For small motions, the explicit step with velocities half a step behind is
 //!
 //! ```text
 //! x(n+1) - 2 x(n) + x(n-1) = -dt² M⁻¹ K x(n) - dt M⁻¹ C [x(n) - x(n-1)]
 //! ```
 //!
-//! The solution grows and changes its sign in every step if the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is above 4. Without
-//! dashpots this is dt > 2/w with the highest angular frequency w. Dashpots reduce the limit, that of one oscillator by the factor
-//! sqrt(1 + zeta²) - zeta. Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite Elements for Continua and Structures, 2000,
-//! chapter 6. The maps of `benches/stability` confirm the limit.
+//! The solution grows and changes its sign in every step if the largest eigenvalue of `M⁻¹ (dt² K + 2 dt C)` is
+//! above 4. Without dashpots this is dt > 2/w with the highest angular frequency w. Dashpots reduce the limit, that of
+//! one oscillator by the factor sqrt(1 + zeta²) - zeta. Source: T. Belytschko, W. K. Liu, B. Moran, Nonlinear Finite
+//! Elements for Continua and Structures, 2000, chapter 6. The maps of `benches/stability` confirm the limit.
 //!
 //! The step is compared with two limits:
 //!
-//! * The limit of the initial contacts of a listed or read sample, by power iteration, which converges to it from above. Above the limit without
-//!   shear springs the case is refused; shear springs are left out because contacts under low pressure slip. Above the limit with shear springs, and with
-//!   the largest overlaps that the law expects, the case is unstable.
-//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing of discs or
-//!   spheres. That of the shear springs is 16 or 20 if all grains rotate in the same sense on 4 or 6 neighbours, the number in a random
-//!   packing. Z neighbours give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the bound of a single element (B. M. Irons). Above this limit,
-//!   grains that start apart or are prepared are unstable; a sample that its initial contacts hold together gets a warning.
+//! * The limit of the initial contacts of a listed or read sample, by power iteration, which converges to it from
+//!   above. Above the limit without shear springs the case is refused; shear springs are left out because contacts
+//!   under low pressure slip. Above the limit with shear springs, and with the largest overlaps that the law expects,
+//!   the case is unstable.
+//! * The limit of a packing of the smallest grains. `lambda m/k` of the normal springs is 6 or 8 in the densest packing
+//!   of discs or spheres. That of the shear springs is 16 or 20 if all grains rotate in the same sense on 4 or 6
+//!   neighbours, the number in a random packing. Z neighbours give at most `2 Z max(k_n, k_s (1 + m r²/I))/m`, the
+//!   bound of a single element (B. M. Irons). Above this limit, grains that start apart or are prepared are unstable; a
+//!   sample that its initial contacts hold together gets a warning.
 //!
-//! The limit of a block assumes springs on all its faces, with neighbours that move against it. Above the limit of a single face the case
-//! is refused.
+//! The limit of a block assumes springs on all its faces, with neighbours that move against it. Above the limit of a
+//! single face the case is refused.
 //!
 //! Springs and dashpots of a contact come from its law: [`ContactModel::springs`].
 
@@ -41,17 +43,17 @@ use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::{BondOpening, ContactModel, Depth, StaticContact};
 
-/// The step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
+/// Returns the step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
 fn limit(stiffness: f64, dashpot: f64) -> f64 {
     4.0 / (dashpot + (dashpot * dashpot + 4.0 * stiffness).sqrt())
 }
 
-/// m r²/I of a disc or sphere.
+/// Returns m r²/I of a disc or sphere.
 fn turning(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }
 
-/// The limit of the densest packing of a kind of grain with `partners` at most round each.
+/// Returns the limit of the densest packing of a kind of grain with `partners` at most round each.
 fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
@@ -85,12 +87,12 @@ fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partner
     shortest
 }
 
-/// Whether contacts of the start are bonded.
+/// Returns `true` if contacts at the start are bonded.
 fn bonds(scene: &Scene, law: &dyn ContactModel) -> bool {
     law.bonds() && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
 }
 
-/// How many others a grain can touch at most: the rest of all, and the walls.
+/// Returns the maximum number of bodies that a grain can touch: all others, and the walls.
 fn others(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
@@ -98,7 +100,7 @@ fn others(scene: &Scene) -> f64 {
     base::number::real(all.saturating_sub(1))
 }
 
-/// The limit of the densest packing of the grains over their critical step; infinite where nothing moves.
+/// Returns the limit of the densest packing of the grains over their critical step; infinite if nothing moves.
 pub fn of_packing(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
         (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {
@@ -210,23 +212,24 @@ impl Limits {
 
 /// Stable time steps of bodies \[s\].
 struct Limits {
-    /// With the contacts of the start as they slip; infinite where they are not known or far from it.
+    /// Limit with the contacts at the start as they slip; infinite if they are not known or far from it.
     slipping: f64,
-    /// With the same contacts as they stick and are pressed.
+    /// Limit with the same contacts as they stick and are pressed.
     sticking: f64,
-    /// In a packing.
+    /// Limit in a packing.
     packing: f64,
-    /// Whether the contacts of the start hold all bodies, so that a packing is not what they come to at once.
+    /// `true` if contacts at the start hold all bodies, so that they do not form a packing at once.
     held: bool,
 }
 
 /// Opening of a bond over the diameter of the smallest grain from which on a third grain fits between the two.
 const A_GRAIN_BETWEEN: f64 = 1.0;
-/// The same from which on the bond is longer than the contact that it stands for.
+/// Opening of a bond over the diameter of the smallest grain from which on the bond is longer than the contact that it
+/// represents.
 const LONG: f64 = 0.1;
 
-/// How far a bond opens before it breaks: lists of neighbours reach that far. A strength beside a spring that is too soft for it makes
-/// bonds across other grains, and lists without end.
+/// Checks the opening at which a bond breaks: lists of neighbours reach that far. A strength with a spring that is too
+/// soft for it makes bonds across other grains, and lists without end.
 fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let kinds = moving(scene);
     let smallest = 2.0 * kinds.iter().map(|k| k.1).fold(f64::INFINITY, f64::min);
@@ -276,8 +279,8 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     }
 }
 
-/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this much stiffer, pressed
-/// together or between unequal grains.
+/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this
+/// much stiffer, pressed together or between unequal grains.
 const LOOK: f64 = 0.25;
 
 fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
@@ -318,7 +321,7 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     }
 }
 
-/// What decides the solid step.
+/// Returns the path of the field that determines the solid step.
 fn path(scene: &Scene) -> &'static str {
     if scene.flow.is_some() {
         "time.solid_steps_per_fluid_step"
@@ -330,7 +333,8 @@ fn path(scene: &Scene) -> &'static str {
 }
 
 fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
-    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be shorter.
+    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be
+    // shorter.
     let critical = clock.critical_solid_time_step.unwrap_or(f64::INFINITY);
     let safe = if scene.flow.is_some() || scene.time.solid_time_step.is_some() {
         critical * scene.time.solid_time_step_safety

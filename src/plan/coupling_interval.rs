@@ -17,13 +17,11 @@
 //! T <= 0.7/w,    or    T <= tau/2  and  T² <= 40 zeta tau/w  and  T <= 0.35 max(1/w_1, t_1)
 //! ```
 //!
-//! with the damping ratio zeta of the contacts. The factors are measured
-//! (`jobs/verification/coupling-interval`): within them the
-//! settlement of columns and beds differs from that of an interval of one step by at most 2 % at any time;
-//! from about twice as much on
-//! beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at most 0.5/(w_i T) of
-//! what it takes from a slow one; the
-//! dashpots take `zeta w_i²/w`, which is least beside it at `w_i T = 4.5`.
+//! with the damping ratio zeta of the contacts. The factors are measured (`jobs/verification/coupling-interval`):
+//! within them the settlement of columns and beds differs from that of an interval of one step by at most 2 % at any
+//! time; from about twice as much on beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at
+//! most 0.5/(w_i T) of what it takes from a slow one; the dashpots take `zeta w_i²/w`, which has its minimum relative
+//! to it at `w_i T = 4.5`.
 
 use super::Clock;
 use super::critical_step::moving;
@@ -53,13 +51,13 @@ const PATH: &str = "fluid.darcy.coupling_interval";
 /// The limits of the interval \[s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Limits {
-    /// By the period of the contacts.
+    /// Limit by the period of the contacts.
     pub(crate) contact: f64,
-    /// By the time in which drag stops a bed.
+    /// Limit by the time in which drag stops a bed.
     pub(crate) drag: f64,
-    /// By what the dashpots of the contacts take out.
+    /// Limit by the energy that the dashpots of the contacts take out.
     pub(crate) damping: f64,
-    /// By the slowest oscillation and the consolidation of the bed.
+    /// Limit by the slowest oscillation and the consolidation of the bed.
     pub(crate) bed: f64,
 }
 
@@ -150,7 +148,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     all
 }
 
-/// Damping ratio of the normal dashpot between two grains of a size.
+/// Returns the damping ratio of the normal dashpot between two grains of a size.
 fn damping(scene: &Scene, material: usize, radius: f64) -> f64 {
     let Some(contact) = &scene.contact else {
         return 0.0;
@@ -234,7 +232,7 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// Eight grains of 1 mm on each other in a column of liquid.
+    /// Returns eight grains of 1 mm on each other in a column of liquid.
     fn column(
         viscosity: f64,
         damping: f64,

@@ -15,7 +15,7 @@ pub(crate) struct Critical {
     pub(crate) limits: TimeLimits,
 }
 
-/// Material and radius (m) of spheres and discs that move by forces, the smallest of each source.
+/// Returns the material and radius (m) of spheres and discs that move by forces, the smallest of each source.
 pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     let mut moving: Vec<(usize, f64)> = Vec::new();
     if let Some(grains) = &scene.grains {
@@ -59,8 +59,8 @@ pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
         .map(|(_, grain)| grain)
 }
 
-/// 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time as well; of a block
-/// with all its faces in touch.
+/// Returns 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time
+/// as well; of a block with all its faces in touch.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let law = scene.contact.as_ref()?.model();
     let of_spheres = moving(scene)

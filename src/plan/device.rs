@@ -1,7 +1,7 @@
-//! What stands between a scene and a GPU.
+//! Features that prevent running on a GPU.
 //!
-//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells ([`lbm::gpu`]).
-//! Whether there is a GPU is known when the run starts.
+//! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells
+//! ([`lbm::gpu`]). The presence of a GPU is known when the run starts.
 
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
@@ -12,7 +12,7 @@ use case::fluid::{Device, Precision};
 use lbm::boundary::Surface;
 use lbm::fluid::kernel_exists_on_gpu;
 
-/// What of a scene a GPU does not run yet.
+/// Returns the features of a scene that a GPU does not run yet.
 fn obstacles(scene: &Scene) -> Vec<String> {
     let Some(flow) = &scene.flow else {
         return Vec::new();
@@ -63,7 +63,7 @@ fn obstacles(scene: &Scene) -> Vec<String> {
     all
 }
 
-/// What the fluid of a scene runs on: not on a GPU where something stands against it.
+/// Returns the device of the fluid of a scene: not a GPU if a feature prevents it.
 #[must_use]
 pub fn device(scene: &Scene) -> Device {
     let wish = scene.flow.as_ref().map_or(Device::Cpu, |flow| flow.device);
@@ -87,7 +87,9 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.error(
             &path,
             format!("a GPU does not run {} yet", against.join(", ")),
-            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, with trt and mrt also bodies in saturated cells, d3q19 with trt, and in f64 without a force d3q19 and d2q9 with bgk")
+            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, with trt \
+                and mrt also bodies in saturated cells, d3q19 with trt, and in f64 without a force d3q19 and d2q9 \
+                with bgk")
                 .set(&path, "cpu"),
         );
     }
@@ -99,7 +101,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    fn of(example: &str, set: &[&str]) -> Result<Plan, Vec<base::error::Problem>> {
+    fn planned(example: &str, set: &[&str]) -> Result<Plan, Vec<base::error::Problem>> {
         let set: Vec<String> = set.iter().map(|&text| text.into()).collect();
         let text = examples::find(example).unwrap().text;
         Plan::prepare(Document::read(text, &set, Path::new("."))?)
@@ -117,10 +119,10 @@ mod tests {
             "output={}",
         ];
         let with = |device| [&cavity[..], &[device]].concat();
-        let ok = of("cavity", &with(gpu));
+        let ok = planned("cavity", &with(gpu));
         assert!(ok.is_ok(), "{ok:?}");
-        assert!(of("cavity", &[gpu]).is_err());
-        let Err(problems) = of("piping", &[gpu]) else {
+        assert!(planned("cavity", &[gpu]).is_err());
+        let Err(problems) = planned("piping", &[gpu]) else {
             panic!("the openings and links of piping were accepted");
         };
         let problem = problems
@@ -129,9 +131,9 @@ mod tests {
             .unwrap();
         assert!(problem.reason.contains("pressure"), "{}", problem.reason);
         assert!(problem.reason.contains("bounce_back"), "{}", problem.reason);
-        let auto = of("piping", &["fluid.lattice_boltzmann.device=auto"]).unwrap();
+        let auto = planned("piping", &["fluid.lattice_boltzmann.device=auto"]).unwrap();
         assert_eq!(super::device(&auto.scene), super::Device::Cpu);
-        let auto = of("cavity", &with("fluid.lattice_boltzmann.device=auto")).unwrap();
+        let auto = planned("cavity", &with("fluid.lattice_boltzmann.device=auto")).unwrap();
         assert_eq!(super::device(&auto.scene), super::Device::Auto);
     }
 }

@@ -1,17 +1,17 @@
 //! Distance of the closed ends of a seepage from what drives it.
 //!
-//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k, water leaks into
-//! a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27, 198, 1946; J. Bear, Hydraulics of
-//! Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ = 2 D/π, the length of the slowest mode,
-//! cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of an imposed head adds the resistance of a length
-//! λ coth(L/λ) instead of λ. Between the heads lies the base B:
+//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k,
+//! water leaks into a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27,
+//! 198, 1946; J. Bear, Hydraulics of Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ =
+//! 2 D/π, the length of the slowest mode, cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of
+//! an imposed head adds the resistance of a length λ coth(L/λ) instead of λ. Between the heads lies the base B:
 //!
 //! ```text
 //! q(L) / q(∞) = (B + 2 λ) / (B + λ coth(L1/λ) + λ coth(L2/λ))
 //! ```
 //!
-//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with stated conductivities;
-//! structures are no part of it.
+//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with
+//! stated conductivities; structures are no part of it.
 
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -47,14 +47,16 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         findings.warn(
             &format!("domain.size[{axis}]"),
             format!(
-                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground is {} m: \
+                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground \
+                 is {} m: \
                  the discharge is about {} % below that of ground without ends",
                 number(shortest.unwrap_or(0.0)),
                 number(length),
                 number(100.0 * loss)
             ),
             format!(
-                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground beyond would do",
+                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground \
+                 beyond would do",
                 number(FAR * length)
             ),
         );
@@ -108,7 +110,8 @@ impl Ends {
     }
 }
 
-/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for all as layers.
+/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for
+/// all as layers.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let conducts = seepage.written.density * strength / seepage.written.viscosity;
@@ -141,7 +144,8 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     found.into_iter().collect()
 }
 
-/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to the highest.
+/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to
+/// the highest.
 fn leakage_length(conductivity: &[f64], thickness: f64) -> f64 {
     let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
     let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
@@ -194,11 +198,14 @@ mod tests {
                 "density": 1000, "viscosity": 1e-3,
                 "zones": [
                     {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
-                    {"name": "cover", "region": {"layer": {"from": 4}}, "permeability": {"hydraulic_conductivity": 4e-6}}
+                    {"name": "cover", "region": {"layer": {"from": 4}},
+                        "permeability": {"hydraulic_conductivity": 4e-6}}
                 ],
                 "boundaries": [
-                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]}, "condition": {"head": {"value": 10}}},
-                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]}, "condition": {"head": {"value": 6}}}
+                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]},
+                        "condition": {"head": {"value": 10}}},
+                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]},
+                        "condition": {"head": {"value": 6}}}
                 ]
             }},
             "time": {"end": 1}

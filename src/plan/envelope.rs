@@ -1,7 +1,7 @@
-//! How far each limit of the method is, before a single step.
+//! Distances from the limits of the method, before a single step.
 //!
-//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C with C = h/dt, and at a given
-//! tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
+//! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C
+//! with C = h/dt, and at a given tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
@@ -18,7 +18,7 @@ use base::number::real;
 /// Relative change of density by an imposed pressure from which on the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
-/// All limits; those crossed become findings.
+/// Returns all limits; those crossed become findings.
 pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Vec<Margin> {
     let mut margins = Vec::new();
     if let Some(flow) = &scene.flow {
@@ -158,7 +158,7 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     slower_clock(flow, h, dt / flow.time_step, text)
 }
 
-/// The lattice takes pressure for density: dp/(rho c_s²) must stay small.
+/// Checks dp/(rho c_s²), which must stay small because the lattice takes pressure for density.
 fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let units = flow.units(&scene.grid);
     let most = scene.guards.max_compression;
@@ -274,7 +274,8 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     );
 }
 
-/// The largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1 C.
+/// Returns the largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1
+/// C.
 #[must_use]
 pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;

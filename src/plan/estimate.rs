@@ -1,8 +1,9 @@
 //! Memory, disk space and time of a run, before the run.
 //!
-//! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum over the phases of
-//! a step ([`time`]), with rates of one core of a reference machine; `solver plan` measures on the machine at hand how fast
-//! it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans` compares all three with runs.
+//! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum
+//! over the phases of a step ([`time`]), with rates of one core of a reference machine; `solver plan` measures on the
+//! machine at hand how fast it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans`
+//! compares all three with runs.
 
 pub mod disk;
 mod joints;
@@ -23,7 +24,8 @@ use time::Seconds;
 pub struct Machine {
     /// The pass over the lattice with the operator, the eddies and the storage of the plan.
     pub fluid: f64,
-    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards, hashes.
+    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards,
+    /// hashes.
     pub grains: f64,
     /// Time to write a small file to the disk \[s\].
     pub file_seconds: f64,
@@ -42,7 +44,7 @@ impl Default for Machine {
 /// The costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Bytes of a cell: populations with their ghosts, and what eddies, coupling and averages keep beside them.
+    /// Bytes of a cell: populations with their ghosts, and the data that eddies, coupling and averages add.
     pub bytes_per_cell: f64,
     /// Number of grains, blocks and bodies as the run begins.
     pub grains: f64,
@@ -83,7 +85,7 @@ pub struct OnCores {
     pub seconds: f64,
 }
 
-/// What the costs are made of.
+/// Quantities that the costs depend on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Amounts {
     /// Cells of the lattice.
@@ -109,7 +111,7 @@ pub struct Amounts {
 }
 
 impl Amounts {
-    fn of(scene: &Scene) -> Self {
+    fn new(scene: &Scene) -> Self {
         let dimension = scene.grid.dimension;
         let spacing = scene.grid.spacing;
         let cell = spacing.powi(if dimension == 3 { 3 } else { 2 });
@@ -163,7 +165,7 @@ impl Amounts {
         all
     }
 
-    /// Everything that the contact search knows.
+    /// Returns everything that the contact search knows.
     fn moving(&self) -> f64 {
         self.grains + self.blocks + self.bodies
     }
@@ -176,7 +178,7 @@ fn outputs(every: f64, end: f64) -> f64 {
 
 impl Estimate {
     pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let amounts = Amounts::of(scene);
+        let amounts = Amounts::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
@@ -196,14 +198,14 @@ impl Estimate {
         self.seconds = Seconds::of(
             scene,
             clock,
-            &Amounts::of(scene),
+            &Amounts::new(scene),
             self.machine,
             self.checkpoint_bytes,
         );
         self.seconds_on_one_core = self.seconds.sum();
     }
 
-    /// The same on a machine of this speed.
+    /// Converts the estimate to a machine of this speed.
     pub fn on(&mut self, machine: Machine, scene: &Scene, clock: &Clock) {
         let known = |speed: f64| speed > 0.0 && speed.is_finite();
         if known(machine.fluid) && known(machine.grains) {
@@ -213,8 +215,8 @@ impl Estimate {
         }
     }
 
-    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared, the pass over the lattice
-    /// at the speed of cores that pass at the same time. Messages are not counted.
+    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared,
+    /// the pass over the lattice at the speed of cores that pass at the same time. Messages are not counted.
     pub fn on_cores(&mut self, scene: &Scene, ranks: usize, threads: usize, crowded: f64) {
         let planes = scene.grid.cells[scene.grid.split_axis.min(2)];
         let cores = real(ranks * threads);
@@ -231,15 +233,15 @@ impl Estimate {
         });
     }
 
-    /// The smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a lattice, or where grains
-    /// alone need more.
+    /// Returns the smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a
+    /// lattice, or where grains alone need more.
     fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
         scene.flow.as_ref()?;
         let grid = &scene.grid;
         let cells = &grid.cells[..grid.dimension];
         let mut lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
         // What is gathered for an output grows with the cells, too.
-        if self.fluid_output_bytes > disk::tables(&Amounts::of(scene)) {
+        if self.fluid_output_bytes > disk::tables(&Amounts::new(scene)) {
             lattice += self.fluid_output_bytes;
         }
         let room = available - (self.memory_bytes - lattice);
@@ -292,13 +294,13 @@ impl Estimate {
                     size(self.memory_bytes),
                     size(available)
                 ),
-                "leave room for the system",
+                "leave memory for the system",
             );
         }
     }
 }
 
-/// A number of bytes as text.
+/// Returns a number of bytes as text.
 pub(crate) fn size(bytes: f64) -> String {
     let units = ["B", "kB", "MB", "GB", "TB", "PB"];
     let mut value = bytes;
@@ -314,7 +316,7 @@ pub(crate) fn size(bytes: f64) -> String {
     }
 }
 
-/// Memory of this machine \[bytes\], if the system reports it.
+/// Returns the memory of this machine \[bytes\], if the system reports it.
 fn machine_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
@@ -377,7 +379,7 @@ mod tests {
         let whole = planned("piping", &["grains.cut=[]"]).unwrap();
         let cut = planned("piping", &[]).unwrap();
         let part = cut.estimate.grains / whole.estimate.grains;
-        // The hole and the margins beside the bulk.
+        // The hole and the margins next to the bulk.
         assert!((0.3..0.7).contains(&part), "{part}");
         assert!(cut.estimate.seconds.grains < whole.estimate.seconds.grains);
         approx::assert_relative_eq!(

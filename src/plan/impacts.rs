@@ -1,4 +1,4 @@
-//! How deep impacts press contacts.
+//! Estimated maximum overlap of contacts from impacts.
 //!
 //! A body of mass m that meets a spring k with dashpot c at speed v presses it by
 //!
@@ -7,14 +7,15 @@
 //! delta = (15 m v²/(8 K))^(2/5)       where the stiffness hardens as K delta^½
 //! ```
 //!
-//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics, 1985, sections 4.2 and
-//! 11.4). Contacts are small beside the bodies: at delta = 0.1 R the circle of contact with a plane has 0.44 R, far from the small contact
-//! that all laws assume (Johnson, section 4.1), and the plan warns. At delta = R the centre of the body is in the surface: it leaves a
-//! thin wall on the other side, and two bodies change places. Runs beyond that were seen to do so.
+//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics,
+//! 1985, sections 4.2 and 11.4). Contacts are small compared with the bodies: at delta = 0.1 R the circle of contact
+//! with a plane has 0.44 R, far from the small contact that all laws assume (Johnson, section 4.1), and the plan warns.
+//! At delta = R the centre of the body is in the surface: it leaves a thin wall on the other side, and two bodies
+//! change places. Runs beyond that were seen to do so.
 //!
-//! The speed is what is known before the run: the difference between the velocity of a body and that of each other at the start, with the
-//! reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain of what touches nothing at the start. In the water of a lattice
-//! nothing falls faster than it settles.
+//! The speed is what is known before the run: the difference between the velocity of a body and that of each other at
+//! the start, with the reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain
+//! of what touches nothing at the start. In the water of a lattice nothing falls faster than it settles.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -36,21 +37,21 @@ use std::ops::ControlFlow;
 const LARGE: f64 = 0.1;
 /// Part of the radius at which a body is through.
 const THROUGH: f64 = 1.0;
-/// Nearer than this, over the radius, a body rests on what is beside it rather than falls onto it.
+/// Gap over the radius below which a body is supported by its neighbour rather than falls onto it.
 const BESIDE: f64 = 0.05;
 
-/// What moves by forces.
+/// Body that moves by forces.
 struct Moving {
     path: String,
     material: usize,
     mass: f64,
-    /// Of a polyhedron that of the largest sphere in it.
+    /// Radius; for a polyhedron that of the largest sphere in it.
     radius: f64,
     /// Round it.
     reach: f64,
     velocity: [f64; 3],
     at: [f64; 3],
-    /// Whether it may fall from there.
+    /// `true` if it may fall from there.
     falls: bool,
 }
 
@@ -92,7 +93,7 @@ struct Things {
 }
 
 impl Things {
-    fn of(scene: &Scene) -> Self {
+    fn new(scene: &Scene) -> Self {
         let mut all = Self::default();
         all.add_bodies(scene);
         all.add_blocks(scene);
@@ -258,7 +259,7 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
     }
 }
 
-/// Overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
+/// Returns the overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
 fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), speed: f64) -> f64 {
     let hardens = law.impact_speed().is_some();
     let known = 2e-4 * one.radius;
@@ -289,7 +290,7 @@ fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), spee
 struct Impact<'a> {
     one: &'a Moving,
     speed: f64,
-    /// Of it what comes of a fall.
+    /// Part of the speed that a fall causes.
     fall: f64,
     /// Overlap over the radius.
     part: f64,
@@ -319,8 +320,8 @@ const DIVISIONS: f64 = 8.0;
 
 /// Returns the classes of velocity of all that moves or stands; what stands or is driven has no end of mass.
 ///
-/// A light grain that flies fast and a boulder at rest are in two classes, so that no pair combines the speed of one with the mass of
-/// the other.
+/// A light grain that flies fast and a boulder at rest are in two classes, so that no pair combines the speed of one
+/// with the mass of the other.
 fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     let driven = others.iter().map(|velocity| (*velocity, f64::INFINITY));
     let free = moving.iter().map(|one| (one.velocity, one.mass));
@@ -359,7 +360,8 @@ fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     classes.into_values().collect()
 }
 
-/// Returns the speed at which a body may have fallen to the end of the domain [m/s]; in the water of a lattice at most that of settling.
+/// Returns the speed at which a body may have fallen to the end of the domain [m/s]; in the water of a lattice at most
+/// that of settling.
 fn fall(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
     if !one.falls {
         return 0.0;
@@ -428,7 +430,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         mut moving,
         others,
         standing,
-    } = Things::of(scene);
+    } = Things::new(scene);
     at_rest(scene, &mut moving, &standing);
     let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
         return;
@@ -453,7 +455,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         (impact.part / LARGE).powi(2)
     };
     let reason = format!(
-        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a contact is small up to {LARGE} of it",
+        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a \
+         contact is small up to {LARGE} of it",
         impact.one.path,
         number(impact.one.mass),
         number(impact.speed),
@@ -482,7 +485,7 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// A disc that meets another, or the floor after a fall.
+    /// Returns a disc that meets another, or the floor after a fall.
     fn planned(change: &[&str]) -> Plan {
         let text = case::examples::find("collision").unwrap().text;
         let change: Vec<String> = change.iter().map(|set| (*set).to_owned()).collect();
@@ -526,7 +529,8 @@ mod tests {
         assert_eq!(severity(&with("1e4")), Some(Severity::Unstable));
         // A driven wall counts, and so does a fall of what touches nothing.
         let still = "grains.initial.list=[{\"position\": [0.08, 0.05], \"radius\": 0.01}]";
-        let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \"material\": \"glass\", \"velocity\": [200, 0]}]";
+        let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \
+            \"material\": \"glass\", \"velocity\": [200, 0]}]";
         assert_eq!(severity(&planned(&[still])), None);
         assert_eq!(severity(&planned(&[still, wall])), Some(Severity::Unstable));
         let fall = planned(&[still, "gravity=[0, -9.81]"]);

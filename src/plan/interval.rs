@@ -1,7 +1,8 @@
 //! The steps of an event that repeats every T seconds.
 //!
-//! Event k belongs to the time `k T` and happens at the nearest step, `round(k T / dt)`. Each step is computed from its own time, so that the
-//! events never drift away from the multiples of T. No two events share a step: an interval shorter than a step counts as one step.
+//! Event k belongs to the time `k T` and happens at the nearest step, `round(k T / dt)`. Each step is computed from its
+//! own time, so that the events never drift away from the multiples of T. No two events share a step: an interval
+//! shorter than a step counts as one step.
 
 /// An interval of time, measured in steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +12,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// `interval` seconds in steps of `time_step` seconds.
+    /// Returns the interval of `interval` seconds in steps of `time_step` seconds.
     #[must_use]
     pub fn new(interval: f64, time_step: f64) -> Self {
         let steps = interval / time_step;
@@ -24,7 +25,7 @@ impl Interval {
         }
     }
 
-    /// Every so many whole steps; at least 1.
+    /// Returns the interval of a number of whole steps; at least 1.
     #[must_use]
     pub fn of_steps(steps: u64) -> Self {
         Self {
@@ -32,20 +33,20 @@ impl Interval {
         }
     }
 
-    /// The step of event `event`; event 0 is at step 0.
+    /// Returns the step of event `event`; event 0 is at step 0.
     #[must_use]
     pub fn step(&self, event: u64) -> u64 {
         let step = (base::number::real(event) * self.steps).round();
         u64::try_from(super::whole(step)).unwrap_or(u64::MAX)
     }
 
-    /// Whether an event happens at `step`.
+    /// Returns `true` if an event happens at `step`.
     #[must_use]
     pub fn falls_on(&self, step: u64) -> bool {
         self.next_from(step) == step
     }
 
-    /// The first step with an event that is not before `step`.
+    /// Returns the first step with an event that is not before `step`.
     #[must_use]
     pub fn next_from(&self, step: u64) -> u64 {
         let before = (base::number::real(step) / self.steps).floor() - 1.0;

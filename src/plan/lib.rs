@@ -101,20 +101,20 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The steps nearest to the multiples of `interval` seconds.
+    /// Returns the steps nearest to the multiples of `interval` seconds.
     #[must_use]
     pub fn every(&self, interval: f64) -> Interval {
         Interval::new(interval, self.time_step)
     }
 
-    /// The fewest whole steps that take `interval` seconds or longer; at least 1.
+    /// Returns the fewest whole steps that take `interval` seconds or longer; at least 1.
     #[must_use]
     pub fn interval_to_steps(&self, interval: f64) -> u64 {
         steps(interval / self.time_step).max(1)
     }
 }
 
-/// More steps than this never end.
+/// Maximum number of steps: more never end.
 const MOST_STEPS: f64 = 1e13;
 
 impl Plan {
@@ -126,10 +126,10 @@ impl Plan {
         Self::made(document, None)
     }
 
-    /// Plans a case that goes on with the state of another: what both leave out is as the other plan chose it.
+    /// Plans a case that continues from the state of another: choices that both leave out are those of the other plan.
     ///
     /// # Errors
-    /// As [`Self::prepare`].
+    /// Those of [`Self::prepare`].
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
         Self::made(document, Some(like))
     }
@@ -183,7 +183,8 @@ impl Plan {
                     ..
                 } = plan.clock;
                 log::info!(
-                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
+                    "plan: {steps} steps of {time_step:.6e} s with {solid_steps_per_step} solid steps each, about \
+                     {:.0} MB and {:.0} core-seconds; {} limits, {} warnings",
                     plan.estimate.memory_bytes / 1e6,
                     plan.estimate.seconds_on_one_core,
                     plan.margins.len(),
@@ -219,7 +220,8 @@ impl Plan {
         self.estimate.on(machine, &self.scene, &self.clock);
     }
 
-    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them over that of one alone.
+    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them
+    /// over that of one alone.
     pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }
@@ -272,9 +274,7 @@ impl Plan {
     }
 }
 
-/// The time steps: the fluid's, cut into as many solid ones as the stiffest light grain needs.
-/// Those of a plan that it goes on from stay.
-/// Returns the hash of the text of a case without its pilot; none of a text that is no JSON.
+/// Returns the hash of the text of a case without its pilot; none if the text is no JSON.
 #[must_use]
 pub fn hash_without_pilot(text: &str) -> Option<String> {
     let mut tree: serde_json::Value = serde_json::from_str(text).ok()?;
@@ -412,7 +412,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     })
 }
 
-/// A number of steps: the nearest whole number, if it is one to round-off, else the next.
+/// Returns a number of steps: the nearest whole number, if it is one to round-off, else the next.
 fn steps(x: f64) -> u64 {
     let nearest = x.round();
     let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);

@@ -1,13 +1,14 @@
 //! Linear stability over the steps of a run: growing waves with multiple relaxation times.
 //!
-//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the moments of an operator are not orthogonal under the weights of
-//! the lattice and have different rates, some waves grow in fluid at rest ([`lbm::collision::linear_stability`]): with the published
-//! matrix and rates of Suga by 0.075 % per step at tau = 0.5001. A short run does not show this. Over G = gain times steps an amplitude
-//! grows by the factor e^G. With the operator `mrt` none grow.
+//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the moments of an operator are not orthogonal
+//! under the weights of the lattice and have different rates, some waves grow in fluid at rest
+//! ([`lbm::collision::linear_stability`]): with the published matrix and rates of Suga by 0.075 % per step at
+//! tau = 0.5001. A short run does not show this. Over G = gain times steps an amplitude grows by the factor e^G. With
+//! the operator `mrt` none grow.
 //!
-//! Evidence: with the matrix of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau = 0.5001 after 11,000
-//! steps (G = 8.3). With cells four times as wide it was stable for its 3907 steps (G = 3.6). Eddy viscosity may damp such waves, so that the
-//! finding is a warning.
+//! Evidence: with the matrix of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau =
+//! 0.5001 after 11,000 steps (G = 8.3). With cells four times as wide it was stable for its 3907 steps (G = 3.6). Eddy
+//! viscosity may damp such waves, so that the finding is a warning.
 
 use super::Clock;
 use crate::scene::findings::{Findings, number};
@@ -17,11 +18,11 @@ use serde_json::json;
 
 /// The largest G without a finding.
 const QUIET: f64 = 7.0;
-/// From this gain in a step on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7 (3.3 %) under a lid;
-/// with q = 1.99 and XX = 1.2 they failed at 2.5 %.
+/// Gain in a step from which on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7
+/// (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
 const FAILS: f64 = 0.024;
 
-/// Whether a wave gains too much over the run.
+/// Reports a wave that grows too much over the run.
 pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     let growing = flow.collision.model().growing_wave(flow.relaxation_time);
     let Some(wave) = growing else { return };
@@ -61,7 +62,7 @@ mod tests {
     use crate::Plan;
     use case::Document;
 
-    /// The finding about waves in a closed box of water with an operator and relaxation time over some steps.
+    /// Returns the finding about waves in a closed box of water with an operator and relaxation time over some steps.
     fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {
         let step = (tau - 0.5) / 3.0 * 1e-2;
         let end = step * f64::from(steps);

@@ -33,7 +33,8 @@ pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margi
     }
 }
 
-/// The smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the time step.
+/// The smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the
+/// time step.
 const LEAST_PROPOSED: f64 = 0.505;
 
 /// Proposes `part` of the time step through the field that fixes it, if the resulting relaxation time is stable.

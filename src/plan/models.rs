@@ -264,7 +264,8 @@ impl Choices<'_> {
                 "free surface",
                 "volume of fluid on the lattice",
                 format!(
-                    "water stands up to {} m; air has no flow and no pressure of its own: what water encloses is lost and counted; \
+                    "water stands up to {} m; air has no flow and no pressure of its own: what water encloses is lost \
+                     and counted; \
                      no surface tension, no entrainment of air",
                     number(surface.head())
                 ),

@@ -1,12 +1,13 @@
-//! How fast the water seeps: the Reynolds number of the pores before the run.
+//! Speed of the seepage: the Reynolds number of the pores before the run.
 //!
 //! ```text
 //! Re = rho q d/mu        q: superficial velocity, d: diameter of the largest grains
 //! ```
 //!
-//! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11): beyond, inertial
-//! losses grow with the square of the velocity. The flux is that of the largest difference of imposed pressures over the height of the grid
-//! through a bed of equal grains in random close packing, in zones the most permeable one, or the largest flux that is imposed. The run measures the number again.
+//! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11):
+//! beyond, inertial losses grow with the square of the velocity. The flux is that of the largest difference of imposed
+//! pressures over the height of the grid through a bed of equal grains in random close packing, in zones the most
+//! permeable one, or the largest flux that is imposed. The run measures the number again.
 
 use super::explicit_drag;
 use crate::scene::Scene;
@@ -21,7 +22,7 @@ const DARCY: f64 = 1.0;
 const PACKED: f64 = 0.4;
 const PATH: &str = "fluid.darcy.resistance";
 
-/// The Reynolds number of the pores; none without seepage, grains or drive.
+/// Returns the Reynolds number of the pores; none without seepage, grains or drive.
 #[must_use]
 pub fn reynolds(scene: &Scene) -> Option<f64> {
     let seepage = scene.seepage.as_ref()?;
@@ -67,7 +68,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     findings.warn(
         PATH,
         format!(
-            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial losses count from about {} \
+            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial \
+             losses count from about {} \
              on, and a resistance in proportion to the flux overstates it",
             number(reynolds),
             number(DARCY)

@@ -43,7 +43,8 @@ pub(super) fn check(
         findings.error(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
-                "the zone `{}` takes {} times the momentum of its water in a step of {} s: the velocity swings from step to step above 2",
+                "the zone `{}` takes {} times the momentum of its water in a step of {} s: the velocity swings from \
+                 step to step above 2",
                 limit.zone.name,
                 number(2.0 * found.used),
                 number(flow.time_step)

@@ -199,7 +199,8 @@ impl Plan {
                 format!("time on {} x {} cores", on.ranks, on.threads),
                 duration(on.seconds),
                 format!(
-                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} times the mean; no messages",
+                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} \
+                     times the mean; no messages",
                     on.crowded, on.unevenness
                 ),
             ]);
@@ -218,7 +219,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A table with aligned columns; nothing at all without rows.
+/// Returns a table with aligned columns; nothing at all without rows.
 fn table(
     f: &mut Formatter<'_>,
     head: [&str; 3],

@@ -99,14 +99,14 @@ pub struct Scene {
     pub ground_collapse: Option<collapse::GroundCollapse>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
-    /// Causes of changes of density in the lattice fluid beside the pressures that the case states.
+    /// Causes of changes of density in the lattice fluid in addition to the pressures that the case states.
     pub density_causes: Vec<auto::density::Cause>,
 }
 
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Density [kg/m3]; required for free motion.
     pub density: Option<f64>,
@@ -185,7 +185,7 @@ impl Solids {
 }
 
 impl Scene {
-    /// Resolves a case; returns warnings beside the scene.
+    /// Resolves a case; returns the scene and warnings.
     ///
     /// # Errors
     /// All problems of the case, warnings included.
@@ -196,8 +196,9 @@ impl Scene {
         }
     }
 
-    /// The scene as far as it can be resolved, with all findings. If it continues the state of another scene, fields that both
-    /// leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema refuses.
+    /// Returns the scene as far as it can be resolved, with all findings. If it continues the state of another scene,
+    /// fields that both leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema
+    /// refuses.
     pub(crate) fn attempt<'a>(
         case: &'a Case,
         like: Option<&Self>,
@@ -206,7 +207,7 @@ impl Scene {
         let mut findings = Findings::with_wrong(case, wrong);
         if let Some(like) = like {
             let spacing = auto::spacing::Spacing::like(like);
-            return Self::at(case, &spacing, Some(like), findings);
+            return Self::resolve_at(case, &spacing, Some(like), findings);
         }
         // A spacing chosen from wrong fields would be the cause of further findings.
         if case.domain.spacing.is_none() && findings.stop_plan() {
@@ -215,20 +216,20 @@ impl Scene {
         let Some(spacing) = auto::spacing::first(case, &mut findings) else {
             return (None, findings);
         };
-        let (scene, findings) = Self::at(case, &spacing, None, findings);
+        let (scene, findings) = Self::resolve_at(case, &spacing, None, findings);
         if findings.stopped {
             return (scene, findings);
         }
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
-            Some(finer) => Self::at(case, &finer, None, Findings::with_wrong(case, wrong)),
+            Some(finer) => Self::resolve_at(case, &finer, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }
     }
 
     /// Resolves a case at a spacing, with the choices that it leaves to the program.
-    fn at<'a>(
+    fn resolve_at<'a>(
         written: &Case,
         spacing: &auto::spacing::Spacing,
         like: Option<&Self>,
@@ -358,13 +359,14 @@ impl Scene {
         })
     }
 
-    /// Whether each grain stores its initial position: where [`Self::follows_grains`] requires it, and for the erosion law.
+    /// Returns `true` if each grain stores its initial position: if [`Self::follows_grains`] requires it, and for the
+    /// erosion law.
     #[must_use]
     pub fn marks_start(&self) -> bool {
         self.follows_grains() || self.erosion_law.is_some()
     }
 
-    /// Whether an output or analysis requires the initial position of each grain.
+    /// Returns `true` if an output or analysis requires the initial position of each grain.
     #[must_use]
     pub fn follows_grains(&self) -> bool {
         let written = self.output.grains.as_ref();
@@ -373,13 +375,14 @@ impl Scene {
             || written.is_some_and(|grains| grains.displacement)
     }
 
-    /// Id of the first grain: the named bodies come first, then the blocks.
+    /// Returns the id of the first grain: the named bodies come first, then the blocks.
     #[must_use]
     pub fn first_grain(&self) -> u64 {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// All polyhedra with their materials and whether they move by forces, in the order of their ids: bodies, then blocks.
+    /// Returns all polyhedra with their materials and whether they move by forces, in the order of their ids: bodies,
+    /// then blocks.
     pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
             let free = body.mobility == bodies::Mobility::Free;
@@ -391,7 +394,7 @@ impl Scene {
         bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
     }
 
-    /// The polyhedron of this id in its initial position.
+    /// Returns the polyhedron of this id in its initial position.
     #[must_use]
     pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
         let place = usize::try_from(id).ok()?;
@@ -403,7 +406,7 @@ impl Scene {
         block.map(|block| &block.solid)
     }
 
-    /// Whether there are solids.
+    /// Returns `true` if there are solids.
     #[must_use]
     pub fn has_solids(&self) -> bool {
         self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
@@ -419,7 +422,7 @@ impl Scene {
         }
     }
 
-    /// Density of a material [kg/m3]; zero where it has none.
+    /// Returns the density of a material [kg/m3]; zero where it has none.
     #[must_use]
     pub fn density(&self, material: usize) -> f64 {
         let known = self.materials.get(material);
@@ -556,7 +559,7 @@ fn of_times(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// The matched operator scales the times of its fluid.
+/// Reports a solid operator that scales two rates of the fluid, with a collision operator that has one.
 fn of_covered_cells(case: &Case, findings: &mut Findings) {
     if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
         (&case.coupling, &case.fluid)
@@ -581,7 +584,7 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// What polyhedra can do without, and what they cannot.
+/// Rejects features that polyhedra do not support.
 fn of_polyhedra(case: &Case, findings: &mut Findings) {
     if matches!(case.fluid, Some(Fluid::Darcy(_))) {
         findings.error(
@@ -605,13 +608,13 @@ fn of_polyhedra(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Whether the case has a law of blocks.
+/// Returns `true` if the case has polyhedra, which need a law of blocks.
 pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }
 
-/// The material that walls and structures have where the case states none: that of the grains, else of the blocks, else of the first free body,
-/// else of the first body.
+/// Returns the material that walls and structures have where the case states none: that of the grains, else of the
+/// blocks, else of the first free body, else of the first body.
 pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
@@ -626,7 +629,7 @@ pub(crate) fn usual_material(case: &Case) -> Option<&str> {
         .map(String::as_str)
 }
 
-/// The index of a material, or a finding.
+/// Returns the index of a material, or a finding.
 pub(crate) fn material(
     names: &[String],
     name: &str,

@@ -1,10 +1,11 @@
-//! What a drawing and a sheet of data easily get wrong in seepage, said before the run.
+//! Consistency checks of seepage input.
 //!
-//! * Conditions that meet without a structure between them. A sheet pile that ends beside the edge of a patch, or short of the surface, leaves
-//!   neighbouring cells on the surface with different heads. Water then flows from one to the other beside the pile, and the discharge depends
-//!   on the size of the cells.
+//! * Conditions that meet without a structure between them. A sheet pile that ends next to the edge of a patch, or
+//!   short of the surface, leaves neighbouring cells on the surface with different heads. Water then flows from one to
+//!   the other around the pile, and the discharge depends on the size of the cells.
 //! * Ground that no zone fills. Without grains it is open water.
-//! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they act on.
+//! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they
+//!   act on.
 
 use super::explicit_drag::openness;
 use crate::scene::Scene;
@@ -83,7 +84,8 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             Some(ZonePermeability::Value(k)) if k > GRAVEL => findings.warn(
                 &path,
                 format!(
-                    "a permeability of {} m2 is a hydraulic conductivity of {} m/s; coarse gravel has a permeability of about 1e-7 m2",
+                    "a permeability of {} m2 is a hydraulic conductivity of {} m/s; coarse gravel has a permeability \
+                     of about 1e-7 m2",
                     number(k),
                     number(k * conducts)
                 ),
@@ -155,14 +157,16 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             findings.warn(
                 &format!("{PATH}.boundaries[{n}].condition.head.value"),
                 format!(
-                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water there is under suction, and \
+                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water \
+                     there is under suction, and \
                      seepage has no free surface",
                     number(head),
                     number(elevation - head),
                     patch.name,
                     number(elevation)
                 ),
-                "heads count from the origin of the domain, not from the ground: add the elevation of the ground, or end the patch at the water level",
+                "heads count from the origin of the domain, not from the ground: add the elevation of the ground, or \
+                 end the patch at the water level",
             );
         }
     }
@@ -212,11 +216,13 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
         findings.warn(
             &format!("{PATH}.boundaries[{}].patch", pair[1]),
             format!(
-                "`{first}` and `{second}` impose different heads side by side at ({}) m, and no structure is between them: water flows from one to the \
+                "`{first}` and `{second}` impose different heads side by side at ({}) m, and no structure is between \
+                 them: water flows from one to the \
                  other along the face, and the discharge depends on the size of the cells",
                 place.join(", ")
             ),
-            "let a structure reach the face where the patches meet, or leave a strip of the face between them without a condition",
+            "let a structure reach the face where the patches meet, or leave a strip of the face between them without \
+             a condition",
         );
     };
     // What each face of a cell holds; a later condition takes precedence.
@@ -296,11 +302,13 @@ fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     findings.warn(
         &format!("{PATH}.zones"),
         format!(
-            "no zone fills {} of {} cells, the first of them at ({}) m: without grains they are open water, which hardly resists the flow",
+            "no zone fills {} of {} cells, the first of them at ({}) m: without grains they are open water, which \
+             hardly resists the flow",
             open().count(),
             wet().count(),
             place.join(", ")
         ),
-        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds everywhere else",
+        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds \
+         everywhere else",
     );
 }

@@ -1,18 +1,20 @@
 //! Up to which speed a lattice has been seen to hold.
 //!
-//! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the lattice velocity
-//! alone, except that some operators bear less the faster the flow. Each operator states its bounds beside its formula
-//! ([`lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last value up to which every run ended,
-//! `fails` the first at which one did not.
+//! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the
+//! lattice velocity alone, except that some operators bear less the faster the flow. Each operator states its bounds
+//! with its formula ([`lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last
+//! value up to which every run ended, `fails` the first at which one did not.
 //!
-//! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many scenes run at several
-//! times these values. That the error grows with the Mach number is another matter, and said elsewhere.
+//! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many
+//! scenes run at several times these values. That the error grows with the Mach number is another matter, and said
+//! elsewhere.
 //!
-//! Of flows with an eddy viscosity those under a lid are judged, and those without openings that BGK or TRT collide: turbulent Taylor-Green
-//! vortices with TRT failed with WALE as with Smagorinsky (`benches/accuracy/eddy-models`). Under a lid WALE moved the bounds of BGK and TRT by next to nothing, those of
-//! Suga's operator by a factor of ten in slow flows, and those of the cumulants, and of moments of which only
-//! the second have rates of their own, beyond the map. Streams and channels run with it at a thousand
-//! times these values: where the border lies depends on what makes the eddies.
+//! Of flows with an eddy viscosity those under a lid are judged, and those without openings that BGK or TRT collide:
+//! turbulent Taylor-Green vortices with TRT failed with WALE as with Smagorinsky (`benches/accuracy/eddy-models`).
+//! Under a lid WALE moved the bounds of BGK and TRT by next to nothing, those of Suga's operator by a factor of ten in
+//! slow flows, and those of the cumulants, and of moments of which only the second have rates of their own, beyond the
+//! map. Streams and channels run with it at a thousand times these values: where the border lies depends on what makes
+//! the eddies.
 
 use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin};
 use crate::scene::Scene;
@@ -40,7 +42,7 @@ fn surroundings(flow: &Flow) -> Surroundings {
     all
 }
 
-/// Cells that bring the cell Reynolds number down.
+/// Returns the cells that bring the cell Reynolds number down.
 fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     let text = format!(
         "use a spacing of at most {} m, or a slower flow or a larger viscosity",
@@ -54,7 +56,7 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     }
 }
 
-/// Whether a wall that moves along itself ends at one that does not.
+/// Returns `true` if a wall that moves along itself ends at one that does not.
 fn lid_meets_wall(flow: &Flow) -> bool {
     let faces = |surface: Surface| {
         let of_surface = flow
@@ -65,12 +67,14 @@ fn lid_meets_wall(flow: &Flow) -> bool {
     faces(Surface::MovingWall).any(|lid| faces(Surface::Wall).any(|wall| wall != lid))
 }
 
-/// Links that are interpolated to the faces of polyhedra: all links of a face are cut at the same part, and what they return is damped by
-/// the collision alone. Of a block that a stream plucks off a bed (`tests/suite/same_bits.rs`) runs with two or more rates that keep
-/// walls where they are held at a cell Reynolds number of 2 and failed at 20; with BGK and the matrix of Suga they failed at 2 or 20, by
-/// the place of the faces. Half-way links and saturated cells held at 200.
+/// Links that are interpolated to the faces of polyhedra: all links of a face are cut at the same part, and what they
+/// return is damped by the collision alone. Of a block that a stream plucks off a bed (`tests/suite/same_bits.rs`) runs
+/// with two or more rates that keep walls where they are held at a cell Reynolds number of 2 and failed at 20; with BGK
+/// and the matrix of Suga they failed at 2 or 20, by the place of the faces. Half-way links and saturated cells held
+/// at 200.
 fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &mut Findings) {
-    let interpolated = matches!(&scene.coupling, Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated);
+    let interpolated = matches!(&scene.coupling,
+        Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated);
     if !interpolated || scene.polyhedra().next().is_none() {
         return;
     }
@@ -79,7 +83,8 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
         findings.unstable(
             path,
             format!(
-                "the cell Reynolds number U h/nu is {}: runs with this operator and links that are interpolated to the faces of polyhedra failed from {} on",
+                "the cell Reynolds number U h/nu is {}: runs with this operator and links that are interpolated to \
+                 the faces of polyhedra failed from {} on",
                 number(cell),
                 number(fails)
             ),
@@ -168,7 +173,8 @@ fn judge(
             findings.warn(
                 &speed.path,
                 format!(
-                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up to {} and failed from {} on; between the two nothing was run",
+                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up \
+                     to {} and failed from {} on; between the two nothing was run",
                     speed.what,
                     number(cell),
                     number(limit.holds),
@@ -201,7 +207,8 @@ fn judge(
     findings.unstable(
         &speed.path,
         format!(
-            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up to {} and failed from {} on{}",
+            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up \
+             to {} and failed from {} on{}",
             speed.what,
             number(cell),
             number(limit.holds),
@@ -218,7 +225,7 @@ mod tests {
     use base::error::Severity;
     use case::Document;
 
-    /// What the plan says of a cavity at this relaxation time and Mach number U/C of the lid.
+    /// Returns `true` if the plan warns of a cavity at this relaxation time and Mach number U/C of the lid.
     fn warned(collision: &str, tau: f64, mach: f64) -> bool {
         let found = planned(collision, 2, tau, mach).unwrap().warnings;
         let words = |w: &base::error::Problem| w.to_string().contains("cell Reynolds number");
@@ -243,7 +250,8 @@ mod tests {
                 "fluid": {{"lattice_boltzmann": {{
                     "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": {tau},
                     "collision": {{"{collision}": {{}}}},
-                    "boundaries": [{{"name": "lid", "face": "{face}", "condition": {{"moving_wall": {{"velocity": [{velocity}]}}}}}}]
+                    "boundaries": [{{"name": "lid", "face": "{face}",
+                    "condition": {{"moving_wall": {{"velocity": [{velocity}]}}}}}}]
                 }}}},
                 "time": {{"end": 1}}
             }}"#
@@ -252,8 +260,8 @@ mod tests {
         Plan::prepare(document)
     }
 
-    /// Rows of `benches/stability/cavity-3d-20/map.csv`: tau = 0.51 at Mach 0.03 and 0.1; the matrix of Suga holds under a lid at
-    /// tau = 0.6, where waves grow slowly, not at 0.7.
+    /// Rows of `benches/stability/cavity-3d-20/map.csv`: tau = 0.51 at Mach 0.03 and 0.1; the matrix of Suga holds
+    /// under a lid at tau = 0.6, where waves grow slowly, not at 0.7.
     #[test]
     fn in_three_dimensions_too() {
         for collision in ["bgk", "trt", "suga", "mrt"] {
@@ -272,8 +280,8 @@ mod tests {
         assert!(planned("trt", 3, 0.7, 0.03).unwrap().warnings.is_empty());
     }
 
-    /// Rows of `benches/stability/cavity-32/map.csv` on both sides of its border: tau = 0.501 with a slow lid holds, 0.51 with a
-    /// faster one does not.
+    /// Rows of `benches/stability/cavity-32/map.csv` on both sides of its border: tau = 0.501 with a slow lid holds,
+    /// 0.51 with a faster one does not.
     #[test]
     fn the_verdict_turns_where_the_map_does() {
         for (collision, tau, mach, fails) in [
@@ -296,8 +304,8 @@ mod tests {
         }
     }
 
-    /// Turbulent Taylor-Green vortices of `benches/accuracy/eddy-models`: with TRT they fail with either model of eddies, with the rates
-    /// of Suga they end.
+    /// Turbulent Taylor-Green vortices of `benches/accuracy/eddy-models`: with TRT they fail with either model of
+    /// eddies, with the rates of Suga they end.
     #[test]
     fn eddies_do_not_carry_operators_of_one_or_two_rates() {
         let said = |collision: &str, model: &str| {
@@ -332,14 +340,17 @@ mod tests {
                     "domain": {{"size": [0.2, 0.1, 0.1], "spacing": 0.01}},
                     "materials": {{"rock": {{}}}},
                     "fluid": {{"lattice_boltzmann": {{
-                        "density": 1000, "kinematic_viscosity": {viscosity}, "time_step": 2e-4, "collision": {{"{collision}": {{}}}},
+                        "density": 1000, "kinematic_viscosity": {viscosity}, "time_step": 2e-4,
+                        "collision": {{"{collision}": {{}}}},
                         "boundaries": [
-                            {{"name": "in", "face": "x_min", "condition": {{"velocity": {{"profile": {{"uniform": [2, 0, 0]}}}}}}}},
+                            {{"name": "in", "face": "x_min", "condition": {{"velocity": {{"profile": {{"uniform": [2,
+                            0, 0]}}}}}}}},
                             {{"name": "out", "face": "x_max", "condition": {{"pressure": {{"value": 0}}}}}}
                         ]
                     }}}},
                     "bodies": [{{
-                        "name": "block", "shape": {{"cuboid": {{"edges": [0.04, 0.04, 0.04]}}}}, "position": [0.1, 0.05, 0.05],
+                        "name": "block", "shape": {{"cuboid": {{"edges": [0.04, 0.04, 0.04]}}}}, "position": [0.1,
+                        0.05, 0.05],
                         "motion": {{"fixed": {{}}}}, "material": "rock"
                     }}],
                     "coupling": {{"bounce_back": {{"scheme": "{scheme}"}}}},
@@ -358,8 +369,9 @@ mod tests {
         assert!(!said("half_way", "trt", 1e-3));
     }
 
-    /// Rows of `benches/stability/moving-disc-10` and `moving-sphere-8`: links hold a body that moves up to a cell Reynolds
-    /// number of 10 with two relaxation times and to 40 with more, saturated cells at all values that were run.
+    /// Rows of `benches/stability/moving-disc-10` and `moving-sphere-8`: links hold a body that moves up to a cell
+    /// Reynolds number of 10 with two relaxation times and to 40 with more, saturated cells at all values that were
+    /// run.
     #[test]
     fn bodies_that_move_are_judged_by_their_own_maps() {
         for (dimension, coupling, collision, cell, fails) in [
@@ -378,7 +390,8 @@ mod tests {
                 "domain": {"size": vec![0.04; dimension], "spacing": 1e-3, "periodic": &["x", "y", "z"][..dimension]},
                 "materials": {"steel": {"density": 7800}},
                 "fluid": {"lattice_boltzmann": {
-                    "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 5e-5 / cell * 1e3, "collision": {collision: {}},
+                    "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 5e-5 / cell * 1e3,
+                        "collision": {collision: {}},
                     "lattice": if dimension == 2 { "d2q9" } else { "d3q27" }
                 }},
                 "bodies": [{

@@ -1,12 +1,12 @@
 //! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
-//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the walls, outside
-//! structures and their closed hollows ([`super::room`]). Grains
-//! count as settled where their mean kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the
-//! mean contact force. Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of
-//! the case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones settle once more.
-//! The deposition runs on one rank and depends on the seed only. Sizes and places come from counter-based random numbers:
-//! [`base::random`].
+//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the
+//! walls, outside structures and their closed hollows ([`super::room`]). Grains count as settled where their mean
+//! kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the mean contact force.
+//! Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of the
+//! case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones
+//! settle once more. The deposition runs on one rank and depends on the seed only. Sizes and places come from
+//! counter-based random numbers: [`base::random`].
 
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ pub struct Cloud<S: Space> {
     pub upper: S::Vector,
     /// Sizes.
     pub grading: Grading,
-    /// How many grains.
+    /// Number of grains.
     pub number: usize,
     /// Density (kg/m³).
     pub density: f64,
@@ -39,7 +39,7 @@ pub struct Cloud<S: Space> {
     pub material: u32,
 }
 
-/// What falls, onto what, and when it has settled.
+/// Grains that fall, the bodies that they fall onto, and the criterion for their settling.
 #[derive(Clone, Debug)]
 pub struct Deposition<S: Space> {
     /// The clouds. Those of one material have one density.
@@ -48,13 +48,13 @@ pub struct Deposition<S: Space> {
     pub region: Region<S>,
     /// Walls.
     pub walls: Vec<Wall<S>>,
-    /// The room that structures leave.
+    /// Space that structures leave.
     pub room: Room,
     /// Seed of sizes and places.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
-    /// How many materials the laws know.
+    /// Number of materials that the laws know.
     pub materials: u32,
     /// Gravity (m/s²).
     pub gravity: S::Vector,
@@ -75,19 +75,20 @@ pub struct Deposition<S: Space> {
 /// A centre (m), a radius (m) and a row in the table of contact parameters.
 pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
-/// One look at how far grains have settled.
+/// One check of the settling of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Look {
     /// Steps since the grains began to fall.
     pub steps: u64,
     /// Mean kinetic energy over m g d of the mean grain.
     pub kinetic_energy: f64,
-    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null, without contacts.
+    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null,
+    /// without contacts.
     #[serde(serialize_with = "or_null", deserialize_with = "or_largest")]
     pub unbalanced: f64,
 }
 
-/// How it went.
+/// Result of the deposition.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Grains that fell.
@@ -100,7 +101,7 @@ pub struct Report {
     pub coordination: f64,
     /// Largest overlap over the smaller diameter.
     pub largest_overlap: f64,
-    /// Whether all rests ended by the criterion rather than by the limit of steps.
+    /// `true` if all relaxations ended by the criterion rather than by the limit of steps.
     pub settled: bool,
     /// Kinetic energy and force balance on the way.
     pub convergence: Vec<Look>,
@@ -110,15 +111,15 @@ const PLACES: u32 = 12;
 /// Local damping of grains that have landed, and both measures below which they have.
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
-/// Steps between looks.
+/// Steps between checks.
 const LOOK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
-    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] where the
-    /// outside wants an end.
+    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
+    /// where the outside wants an end.
     pub fn run(&self, supervision: &Supervision<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let (axis, up) = self.height_axis()?;
         let mut falling = match supervision.take_saved() {
@@ -139,7 +140,8 @@ impl<S: Space> Deposition<S> {
                 grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
-                        "all {before} grains came to rest above the level of trimming, {level} m (grains.initial.deposition.trim_above): raise it above the floor"
+                        "all {before} grains came to rest above the level of trimming, {level} m \
+                         (grains.initial.deposition.trim_above): raise it above the floor"
                     )));
                 }
                 if grains.len() == before {
@@ -152,7 +154,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// The grains along a curve, and the report with what they came to.
+    /// Returns the grains along a curve, and the report with what they came to.
     fn result(
         &self,
         grains: &[Placed<S>],
@@ -180,7 +182,7 @@ impl<S: Space> Deposition<S> {
             .ok_or_else(|| Error::Internal(format!("deposition has no law {stage}")))
     }
 
-    /// Grains at rest at these places.
+    /// Returns grains at rest at these places.
     fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
@@ -200,7 +202,7 @@ impl<S: Space> Deposition<S> {
         (particles, bodies)
     }
 
-    /// The axis of gravity, and the sign of up.
+    /// Returns the axis of gravity, and the sign of up.
     fn height_axis(&self) -> Result<(usize, f64), Error> {
         let mut along = (0..S::DIMENSION).filter(|&axis| self.gravity.get(axis).abs() > 0.0);
         match (along.next(), along.next()) {
@@ -211,8 +213,8 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// A place for each grain without overlap with grains or walls, the largest placed first.
-    /// `first`: the first grain of each cloud.
+    /// Returns a place for each grain without overlap with grains or walls, the largest placed first. `first`: the
+    /// first grain of each cloud.
     fn cloud(&self, radii: &[f64], first: &[usize]) -> Result<Vec<S::Vector>, Error> {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
@@ -272,7 +274,7 @@ impl<S: Space> Deposition<S> {
             });
             let Some(at) = free else {
                 return Err(Error::Numerical(format!(
-                    "no room for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
+                    "no space for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
                 )));
             };
             places[id] = at;
@@ -285,7 +287,7 @@ impl<S: Space> Deposition<S> {
         Ok(places)
     }
 
-    /// The settings of a rest under a law: the step is that of the stiffest contacts.
+    /// Returns the settings of a rest under a law: the step is that of the stiffest contacts.
     fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
@@ -307,7 +309,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    fn look(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
+    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
         let (mut energy, mut scale, mut resultant, mut grains) = (0.0, 0.0, 0.0, 0.0);
         let g = self.gravity.length();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
@@ -332,26 +334,26 @@ impl<S: Space> Deposition<S> {
     }
 }
 
-/// A share as a number, or null where there is nothing that it is a share of.
+/// Returns a share as a number, or null if there is nothing that it is a share of.
 fn or_null<T: serde::Serializer>(share: &f64, to: T) -> Result<T::Ok, T::Error> {
     Some(*share).filter(|share| *share < f64::MAX).serialize(to)
 }
 
-/// What [`or_null`] wrote.
+/// Reads the output of [`or_null`].
 fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// How far the deposition is: all that the next steps depend on beside the grains and their contacts.
+/// Progress of the deposition: all that the next steps depend on in addition to the grains and their contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Which law, from the softest on.
+    /// Index of the law, from the softest on.
     stage: usize,
     trimmed: bool,
     landed: bool,
     /// Steps before this rest.
     began: u64,
-    /// Steps until the next look.
+    /// Steps until the next check.
     left: u64,
     report: Report,
 }
@@ -407,7 +409,7 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(falling)
     }
 
-    /// From what an earlier attempt saved.
+    /// Continues from the saved state of an earlier attempt.
     fn resume(
         deposition: &'a Deposition<S>,
         supervision: &'a Supervision<'a, S>,
@@ -429,7 +431,7 @@ impl<'a, S: Space> Falling<'a, S> {
         })
     }
 
-    /// A new rest of these grains, under the law of the present stage.
+    /// Starts a new relaxation of these grains, under the law of the present stage.
     fn start(&mut self, grains: Vec<Placed<S>>) -> Result<(), Error> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
@@ -442,7 +444,7 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(())
     }
 
-    /// Goes on until the grains have settled, or no more steps are allowed.
+    /// Continues until the grains have settled, or no more steps are allowed.
     fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
         let deposition = self.deposition;
         loop {
@@ -455,14 +457,15 @@ impl<'a, S: Space> Falling<'a, S> {
                 })?;
             }
             let (dem, particles) = (&mut self.dem, &self.particles);
-            let now = deposition.look(dem, particles, self.progress.began);
+            let now = deposition.check(dem, particles, self.progress.began);
             let settled = now.kinetic_energy <= deposition.kinetic_energy
                 && now.unbalanced <= deposition.unbalanced;
             let report = &mut self.progress.report;
             report.convergence.push(now);
             self.supervision.report(|| {
                 format!(
-                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d (until {:.0e}), unbalanced force {} (until {:.0e})",
+                    "{} grains falling: {} solid steps of at most {} at this stiffness, kinetic energy {:.1e} m g d \
+                     (until {:.0e}), unbalanced force {} (until {:.0e})",
                     particles.owned(),
                     dem.steps(),
                     deposition.limit,
@@ -697,7 +700,7 @@ mod tests {
         );
     }
 
-    /// No more steps than the case allows, fewer than those between two looks too.
+    /// Makes no more steps than the case allows, also if they are fewer than those between two checks.
     #[test]
     fn steps_are_at_most_those_allowed() {
         for limit in [50, 500, 620] {

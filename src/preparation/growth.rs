@@ -1,13 +1,13 @@
 //! A packing by growing radii.
 //!
-//! A random, very loose cloud fills the box. The radii grow together in small stages while contacts push the grains apart, without
-//! cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the requested value. The result
-//! depends on the seed only: it runs on one rank, and the caller distributes it.
+//! A random, very loose cloud fills the box. The radii grow together in small stages while contacts push the grains
+//! apart, without cohesion. Near the end the packing relaxes, and the radii are adjusted until the mean overlap has the
+//! requested value. The result depends on the seed only: it runs on one rank, and the caller distributes it.
 //!
-//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stay at rest when
-//! bonded and cut must have overlaps well below that: request a mean overlap of about 1e-6 diameters. The sizes are then the
-//! requested ones times one common factor close to 1, which the report gives; with [`Stop::SolidFraction`] the factor is exactly 1 and
-//! the overlap follows.
+//! The force that a bond can bear opens it by C/k_n, a few nanometres in the piping study. A packing that is to stay at
+//! rest when bonded and cut must have overlaps well below that: request a mean overlap of about 1e-6 diameters. The
+//! sizes are then the requested ones times one common factor close to 1, which the report gives; with
+//! [`Stop::SolidFraction`] the factor is exactly 1 and the overlap follows.
 //!
 //! Sizes and places come from counter-based random numbers: [`base::random`].
 
@@ -26,7 +26,7 @@ use dem::{
     Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall, alone,
 };
 
-/// Which diameters (m) the grains have.
+/// Diameters (m) of the grains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sizes {
@@ -37,23 +37,23 @@ pub enum Sizes {
         /// Greatest diameter (m).
         largest: f64,
     },
-    /// These radii, one grain each; the requested solid fraction only scales them.
+    /// Listed radii, one grain each; the requested solid fraction only scales them.
     List(Vec<f64>),
 }
 
-/// When the growth is over.
+/// Condition at which the growth is over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Stop {
     /// At the requested sizes, for any overlaps: their sum over the box is this solid fraction.
     SolidFraction(f64),
-    /// Where grains with contacts have this many each, on average; then at the overlap of [`PackingSettings::overlap`].
+    /// At this mean number of contacts of grains that have any; then at the overlap of [`PackingSettings::overlap`].
     Coordination(f64),
     /// When the relaxed packing has this mean overlap over the mean diameter.
     Overlap(f64),
 }
 
-/// What to pack, and settings.
+/// Grains to pack, and settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackingSettings<S: Space> {
     /// Lower corner of the box (m).
@@ -66,7 +66,7 @@ pub struct PackingSettings<S: Space> {
     pub sizes: Sizes,
     /// Solid fraction that sets the number of grains; with [`Stop::SolidFraction`] that one does.
     pub solid_fraction: f64,
-    /// When to stop.
+    /// Condition at which to stop.
     pub stop: Stop,
     /// Seed of sizes and places.
     pub seed: u64,
@@ -84,7 +84,7 @@ pub struct PackingSettings<S: Space> {
     pub limit: u64,
 }
 
-/// What a packing is like.
+/// Properties of a packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Number of grains.
@@ -123,7 +123,7 @@ pub struct Grain<S: Space> {
 pub struct Packing<S: Space> {
     /// The grains, neighbours mostly close together in the list.
     pub grains: Vec<Grain<S>>,
-    /// What the packing was like when it was made.
+    /// Properties of the packing when it was made.
     pub report: Report,
 }
 
@@ -136,11 +136,11 @@ const STAGE_GROWTH: f64 = 2e-3;
 const STAGE_STEPS: u64 = 50;
 
 impl<S: Space> PackingSettings<S> {
-    /// Packs.
+    /// Packs the grains.
     ///
     /// # Errors
-    /// Where the request makes no sense, or the packing does not come about within the steps allowed; [`Error::Stopped`] where the
-    /// outside wants an end.
+    /// Where the request makes no sense, or the packing does not come about within the steps allowed;
+    /// [`Error::Stopped`] where the outside wants an end.
     pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
         let mut growth = match supervision.take_saved() {
@@ -157,7 +157,7 @@ impl<S: Space> PackingSettings<S> {
             .product()
     }
 
-    /// The requested radii \[m\].
+    /// Returns the requested radii \[m\].
     fn radii(&self) -> Result<Vec<f64>, Error> {
         let fraction = match self.stop {
             Stop::SolidFraction(fraction) => fraction,
@@ -200,7 +200,7 @@ impl<S: Space> PackingSettings<S> {
     }
 }
 
-/// How far a packing is: all that the next batch of steps depends on beside the grains and their contacts.
+/// Progress of a packing: all that the next batch of steps depends on in addition to the grains and their contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Sizes over the requested ones.
@@ -213,7 +213,7 @@ struct Progress {
     left: u64,
 }
 
-/// What the present batch of steps is part of.
+/// Stage that the present batch of steps belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Stage {
@@ -221,7 +221,7 @@ enum Stage {
     Grow,
     /// Rounds of supervision for rest.
     Rest {
-        /// What the rest is for.
+        /// Purpose of the relaxation.
         purpose: Purpose,
         /// Rounds begun before this one, and how many in a row found the packing fallen apart.
         rounds: u32,
@@ -230,19 +230,19 @@ enum Stage {
         taken: u64,
         limit: u64,
     },
-    /// It is packed.
+    /// Packing that is done.
     Done,
 }
 
-/// What a rest is for.
+/// Purpose of a relaxation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Purpose {
     /// The sizes are the requested ones: this is the last relaxation.
     Last,
-    /// To see what overlaps there are.
+    /// Test of the overlaps.
     Coarse,
-    /// Whether the overlaps are the requested ones.
+    /// Test that the overlaps are the requested ones.
     Fine,
 }
 
@@ -292,7 +292,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(growth)
     }
 
-    /// From what an earlier attempt saved.
+    /// Continues from the saved state of an earlier attempt.
     fn resume(
         settings: &'a PackingSettings<S>,
         radii: Vec<f64>,
@@ -375,8 +375,8 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// The packing as it is, the unbalanced force left out.
-    fn look(&self) -> Report {
+    /// Returns the packing as it is, the unbalanced force left out.
+    fn measure(&self) -> Report {
         let count = self.particles.owned();
         let mut touches = vec![0_usize; count];
         let (mut contacts, mut sum, mut largest) = (0.0, 0.0, 0.0_f64);
@@ -472,7 +472,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.progress.left = steps;
     }
 
-    /// The sizes at which growth ends, over the requested ones.
+    /// Returns the sizes at which growth ends, over the requested ones.
     fn full_size(&self) -> f64 {
         match self.settings.stop {
             Stop::SolidFraction(_) => 1.0,
@@ -480,7 +480,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// The next stage of growth to the requested sizes, or until the packing jams.
+    /// Starts the next stage of growth to the requested sizes, or until the packing jams.
     fn grow(&mut self) {
         let next = self.progress.factor * (1.0 + STAGE_GROWTH);
         self.set_factor(next.min(self.full_size()));
@@ -492,7 +492,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.check_limit()?;
         let mut grown = self.progress.factor >= self.full_size();
         if !grown {
-            let now = self.look();
+            let now = self.measure();
             let crowded = now.mean_overlap > 0.5 * STAGE_GROWTH;
             let done = match self.settings.stop {
                 Stop::Coordination(wanted) => now.coordination >= wanted,
@@ -509,7 +509,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// How still the packing has to be.
+    /// Returns the unbalanced force below which the packing is at rest.
     fn tolerance(&self, purpose: Purpose) -> f64 {
         match purpose {
             Purpose::Coarse => COARSE,
@@ -544,7 +544,7 @@ impl<'a, S: Space> Growing<'a, S> {
         unbalanced: f64,
     ) -> Result<(), Error> {
         self.check_limit()?;
-        let apart = if self.look().coordination < JAMMED {
+        let apart = if self.measure().coordination < JAMMED {
             apart + 1
         } else {
             0
@@ -560,7 +560,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// If the sizes are free, reduces the mean overlap in steps to the requested value.
+    /// Reduces the mean overlap in steps to the requested value, if the sizes are free.
     fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
         let target = match self.settings.stop {
             Stop::SolidFraction(_) => {
@@ -570,7 +570,7 @@ impl<'a, S: Space> Growing<'a, S> {
             Stop::Overlap(overlap) => overlap,
             Stop::Coordination(_) => self.settings.overlap,
         };
-        let now = self.look();
+        let now = self.measure();
         if purpose == Purpose::Fine
             && jammed
             && (0.25 * target..=4.0 * target).contains(&now.mean_overlap)
@@ -597,9 +597,10 @@ impl<'a, S: Space> Growing<'a, S> {
 
     fn check_limit(&self) -> Result<(), Error> {
         self.supervision.report(|| {
-            let now = self.look();
+            let now = self.measure();
             format!(
-                "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean overlap {:.1e} d",
+                "{} grains growing: {} solid steps, sizes x {:.4}, solid fraction {:.4}, {:.2} contacts each, mean \
+                 overlap {:.1e} d",
                 self.particles.owned(),
                 self.dem.steps(),
                 self.progress.factor,
@@ -611,7 +612,7 @@ impl<'a, S: Space> Growing<'a, S> {
         if self.dem.steps() < self.settings.limit {
             return Ok(());
         }
-        let now = self.look();
+        let now = self.measure();
         Err(Error::Numerical(format!(
             "no packing within {} steps: solid fraction {:.4}, {:.2} contacts per grain, mean overlap {:.2e} diameters",
             self.settings.limit, now.solid_fraction, now.coordination, now.mean_overlap
@@ -622,7 +623,7 @@ impl<'a, S: Space> Growing<'a, S> {
         let still = self.dem.stillness(&self.particles, &alone());
         let report = Report {
             unbalanced: still.unbalanced(),
-            ..self.look()
+            ..self.measure()
         };
         let mut grains: Vec<Grain<S>> = (0..self.particles.owned())
             .map(|k| Grain {
@@ -635,14 +636,14 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 }
 
-/// Below this many contacts per grain nothing is held.
+/// Number of contacts per grain below which nothing is held.
 const JAMMED: f64 = 3.0;
-/// How still a packing is between changes of size.
+/// Unbalanced force below which a packing is at rest between changes of size.
 const COARSE: f64 = 1e-2;
 /// Local damping while it grows and while it rests.
 const WHILE_GROWING: f64 = 0.3;
 const AT_REST: f64 = 0.7;
-/// Steps between looks at a packing that rests, and rounds of up to a thousand steps before it counts as restless.
+/// Steps between checks of a packing that relaxes, and rounds of up to a thousand steps before it counts as restless.
 const LOOK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | the room that structures leave to falling grains | [`room`] |
+//! | the space that structures leave to falling grains | [`room`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
@@ -275,12 +275,12 @@ fn save_blocks(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Er
     ))
 }
 
-/// Three components; those that are not there are zero.
+/// Returns three components; those that are not there are zero.
 fn components<C: Components>(vector: &C) -> [f64; 3] {
     std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
 }
 
-/// The deposition of a plan.
+/// Returns the deposition of a plan.
 fn deposition_of<S: Space>(
     plan: &Plan,
     engine: &Engine<S>,
@@ -365,7 +365,7 @@ const STEP_RATIO: f64 = 0.2;
 /// Contacts of a grain in the densest packing over those in a deposited one: 12 to 6.
 const MORE_CONTACTS: f64 = 2.0;
 
-/// The packing of a plan.
+/// Returns the packing of a plan.
 fn packing_of<S: Space>(
     plan: &Plan,
     block: &Block,
@@ -428,7 +428,7 @@ fn packing_of<S: Space>(
     }
 }
 
-/// An index of a material or a count of materials as the engine stores it.
+/// Returns an index of a material or a count of materials as the engine stores it.
 fn index(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }

@@ -1,7 +1,7 @@
 //! The order of generated grains: along a Z-order curve (G. M. Morton 1966).
 //!
-//! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie close in memory, and
-//! few pairs cross from one thread's grains to another's.
+//! Grains are numbered in this order, and arrays, lists and sums follow the numbers. Neighbours in space therefore lie
+//! close in memory, and few pairs cross from one thread's grains to another's.
 
 use base::number::whole;
 use dem::{Components, Space};
@@ -23,14 +23,14 @@ pub fn along_curve(grains: &mut [Grain]) {
     let edge = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
     let scale = f64::from((1_u32 << BITS) - 1) / edge.max(f64::MIN_POSITIVE);
     grains.sort_by_cached_key(|grain| {
-        place(std::array::from_fn(|a| {
+        index_on_curve(std::array::from_fn(|a| {
             (grain.position[a] - low[a]) * scale
         }))
     });
 }
 
-/// Place on the curve of a point in units of the finest cells.
-fn place(point: [f64; 3]) -> u64 {
+/// Returns the place on the curve of a point in units of the finest cells.
+fn index_on_curve(point: [f64; 3]) -> u64 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -40,7 +40,7 @@ fn place(point: [f64; 3]) -> u64 {
     interleaved(&cell, BITS)
 }
 
-/// Place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
+/// Returns the place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
 fn interleaved(cell: &[u64], bits: u32) -> u64 {
     let mut place = 0;
     let mut to = 0;
@@ -53,7 +53,8 @@ fn interleaved(cell: &[u64], bits: u32) -> u64 {
     place
 }
 
-/// The order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close in space.
+/// Returns the order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close
+/// in space.
 #[must_use]
 pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     let mut low = [f64::INFINITY; 3];
@@ -81,7 +82,7 @@ pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn at(position: [f64; 3]) -> Grain {
+    fn grain(position: [f64; 3]) -> Grain {
         Grain {
             position,
             radius: 1.0,
@@ -95,7 +96,7 @@ mod tests {
     fn the_curve_goes_through_octants_one_after_the_other() {
         let mut grains: Vec<Grain> = (0..64)
             .map(|n| [n * 37 % 4, n * 37 / 4 % 4, n * 37 / 16 % 4].map(f64::from))
-            .map(at)
+            .map(grain)
             .collect();
         along_curve(&mut grains);
         for (n, eight) in grains.chunks(8).enumerate() {
@@ -112,7 +113,7 @@ mod tests {
     #[test]
     fn equal_places_keep_their_order_and_none_is_fine() {
         along_curve(&mut []);
-        let mut grains = [at([2.0; 3]), at([2.0; 3])];
+        let mut grains = [grain([2.0; 3]), grain([2.0; 3])];
         grains[1].radius = 2.0;
         along_curve(&mut grains);
         assert_eq!(grains.map(|g| g.radius), [1.0, 2.0]);

@@ -1,8 +1,8 @@
 //! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the flow started, and
-//! the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each grain, body and wall gets the velocity of
-//! the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the
+//! flow started, and the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each
+//! grain, body and wall gets the velocity of the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
@@ -19,8 +19,8 @@ use std::collections::HashMap;
 /// Velocity and spin by id.
 type Velocities = HashMap<u64, [f64; 6]>;
 
-/// Velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank before they are needed.
-/// Collective.
+/// Returns the velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank
+/// before they are needed. Collective.
 fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
     for k in 0..particles.owned() {
@@ -82,7 +82,7 @@ impl Rest {
     /// Bonds the contacts and stops all bodies; none if the case has no bonds. Collective.
     ///
     /// # Errors
-    /// As [`Dem::advance`].
+    /// Those of [`Dem::advance`].
     pub fn begin<S: Space>(
         scene: &Scene,
         dem: &mut Dem<S>,
@@ -105,7 +105,7 @@ impl Rest {
         }))
     }
 
-    /// The state for a checkpoint.
+    /// Returns the state for a checkpoint.
     #[must_use]
     pub fn state(&self) -> SavedRest {
         let mut velocities: Vec<(u64, [u64; 6])> = self
@@ -122,7 +122,7 @@ impl Rest {
         }
     }
 
-    /// From [`Self::state`].
+    /// Restores the state from [`Self::state`].
     #[must_use]
     pub fn restore(state: SavedRest) -> Self {
         Self {
@@ -137,11 +137,11 @@ impl Rest {
         }
     }
 
-    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an error. Returns a line
-    /// to print and the entry of the summary. Collective.
+    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an
+    /// error. Returns a line to print and the entry of the summary. Collective.
     ///
     /// # Errors
-    /// As [`Dem::advance`], and those of `save`.
+    /// Those of [`Dem::advance`], and those of `save`.
     pub fn run<S: Space, R: Requests>(
         mut self,
         dem: &mut Dem<S>,
@@ -213,7 +213,7 @@ mod tests {
     use dem::{Law, PairTable, Region, Settings, Volume, Wall, alone};
     use nalgebra::Vector3;
 
-    /// No requests.
+    /// Supervisor without requests.
     struct Quiet;
 
     impl Requests for Quiet {

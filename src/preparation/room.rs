@@ -1,9 +1,11 @@
-//! The room that structures leave to grains that fall: outside all structures, and in connection with the surface.
+//! Space that structures leave to grains that fall: outside all structures, and in connection with the surface.
 //!
-//! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells whose centre a grain of the
-//! smallest size may take are filled from the top of the region on, or from that of the clouds where a closed vessel contains them; a place in a cell that is not reached is no place for a grain. The
-//! cells are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are both at least half a
-//! cell away from a structure have no sheet between them, however thin, so that the filling passes through no structure.
+//! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells
+//! whose centre a grain of the smallest size may take are filled from the top of the region on, or from that of the
+//! clouds where a closed vessel contains them; a place in a cell that is not reached is no place for a grain. The cells
+//! are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are
+//! both at least half a cell away from a structure have no sheet between them, however thin, so that the filling passes
+//! through no structure.
 
 use base::number::{floor_i64, real, whole};
 use plan::scene::structures::Structure;
@@ -11,7 +13,7 @@ use plan::scene::structures::Structure;
 /// Cells of the filling at most.
 const MOST_CELLS: f64 = 2e6;
 
-/// The room that structures leave.
+/// Space that structures leave.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     /// Structures that stop grains.
@@ -20,7 +22,7 @@ pub struct Room {
     lower: [f64; 3],
     width: f64,
     cells: [usize; 3],
-    /// Whether the filling comes to each cell; empty without structures.
+    /// `true` for each cell that the filling reaches; empty without structures.
     reached: Vec<bool>,
     /// Free volume (2-D: area) in the clouds to which it does not come.
     pub closed: f64,
@@ -42,7 +44,7 @@ pub struct Boundaries<'a> {
 }
 
 impl Room {
-    /// The room for grains of a smallest radius \[m\].
+    /// Computes the space for grains of a smallest radius \[m\].
     #[must_use]
     pub fn new(structures: &[Structure], bounds: &Boundaries<'_>, smallest: f64) -> Self {
         let structures: Vec<Structure> = (structures.iter())
@@ -81,7 +83,8 @@ impl Room {
         room
     }
 
-    /// Fills the cells whose centre keeps this distance \[m\] from all structures, from the top of the region on, or from that of the clouds.
+    /// Fills the cells whose centre keeps this distance \[m\] from all structures, from the top of the region on, or
+    /// from that of the clouds.
     fn fill(&mut self, bounds: &Boundaries<'_>, clearance: f64) {
         let count = self.cells.iter().product();
         let free: Vec<bool> = (0..count)
@@ -96,7 +99,7 @@ impl Room {
         };
         let in_clouds: Vec<usize> = (0..count).filter(|n| within(*n)).collect();
         let (axis, positive) = bounds.up;
-        let level = |n: usize| self.place(n)[axis];
+        let level = |n: usize| self.cell(n)[axis];
         let highest = |levels: &mut dyn Iterator<Item = usize>| {
             if positive { levels.max() } else { levels.min() }
         };
@@ -115,14 +118,14 @@ impl Room {
         self.reached = reached;
     }
 
-    /// The free cells that hang together with some of them by faces.
+    /// Returns the free cells that hang together with some of them by faces.
     fn spread(&self, free: &[bool], mut next: Vec<usize>, periodic: [bool; 3]) -> Vec<bool> {
         let mut reached = vec![false; free.len()];
         for &n in &next {
             reached[n] = true;
         }
         while let Some(n) = next.pop() {
-            let place = self.place(n);
+            let place = self.cell(n);
             for a in 0..self.dimension {
                 let cells = self.cells[a];
                 let before = if place[a] > 0 {
@@ -149,18 +152,20 @@ impl Room {
         reached
     }
 
-    /// Whether a grain may start here.
+    /// Returns `true` if a grain may start here.
     #[must_use]
     pub fn has(&self, at: [f64; 3], radius: f64) -> bool {
         self.distance(at) >= radius && self.is_open(at)
     }
 
-    /// Whether the place, or one beside it, is in connection with the surface: a cell may be partly free.
+    /// Returns `true` if a position, or one in an adjacent cell, is connected with the surface: a cell may be partly
+    /// free.
     fn is_open(&self, at: [f64; 3]) -> bool {
         if self.reached.is_empty() {
             return true;
         }
-        // The cell of the place, and the nearer neighbour along each axis: a corner of a cell may be free where its centre is not.
+        // The cell of the place, and the nearer neighbour along each axis: a corner of a cell may be free where its
+        // centre is not.
         let corners = 1_usize << self.dimension;
         (0..corners).any(|corner| {
             let mut place = [0; 3];
@@ -180,7 +185,7 @@ impl Room {
         })
     }
 
-    /// Whether no structure lies on the straight way between two places.
+    /// Returns `true` if no structure intersects the straight line between two points.
     fn sees(&self, from: [f64; 3], to: [f64; 3]) -> bool {
         let along = std::array::from_fn(|a| to[a] - from[a]);
         let mut chords = Vec::new();
@@ -190,7 +195,7 @@ impl Room {
         })
     }
 
-    /// Distance \[m\] from the nearest structure, negative inside.
+    /// Returns the distance \[m\] from the nearest structure, negative inside.
     #[must_use]
     pub fn distance(&self, at: [f64; 3]) -> f64 {
         let distances = self.structures.iter().map(|s| s.solid.distance(at));
@@ -201,13 +206,13 @@ impl Room {
         place[0] + self.cells[0] * (place[1] + self.cells[1] * place[2])
     }
 
-    fn place(&self, n: usize) -> [usize; 3] {
+    fn cell(&self, n: usize) -> [usize; 3] {
         let [x, y, _] = self.cells;
         [n % x, n / x % y, n / (x * y)]
     }
 
     fn centre(&self, n: usize) -> [f64; 3] {
-        let place = self.place(n);
+        let place = self.cell(n);
         std::array::from_fn(|a| {
             if a < self.dimension {
                 self.lower[a] + (real(place[a]) + 0.5) * self.width
@@ -230,7 +235,7 @@ mod tests {
     use plan::Plan;
     use std::path::Path;
 
-    /// Grains that fall over a weir and a culvert, whose four plates leave a hollow.
+    /// Returns grains that fall over a weir and a culvert, whose four plates leave a hollow.
     fn scene(initial: &str, plates: usize) -> Plan {
         let plate = |name: &str, from: [f64; 2], to: [f64; 2]| {
             format!(
@@ -238,7 +243,8 @@ mod tests {
             )
         };
         let mut structures = vec![
-            r#"{"name": "weir", "shape": {"polygon": {"points": [[0.01, -0.001], [0.03, -0.001], [0.025, 0.03], [0.015, 0.03]]}}}"#.to_owned(),
+            r#"{"name": "weir", "shape": {"polygon": {"points": [[0.01, -0.001], [0.03, -0.001], [0.025, 0.03],
+                [0.015, 0.03]]}}}"#.to_owned(),
             plate("floor", [0.05, 0.01], [0.08, 0.012]),
             plate("left", [0.05, 0.012], [0.052, 0.03]),
             plate("right", [0.078, 0.012], [0.08, 0.03]),
@@ -340,7 +346,7 @@ mod tests {
         assert!(!all.has([0.065, 0.02, 0.0], 1e-3));
         let area = 0.024 * 0.016;
         assert!((all.closed / area - 1.0).abs() < 0.15, "{}", all.closed);
-        // Beside the weir, in it, and too near to it.
+        // Next to the weir, in it, and too near to it.
         assert!(all.has([0.005, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.0305, 0.0], 1e-3));

@@ -20,7 +20,7 @@ const ASK_EVERY: Duration = Duration::from_millis(500);
 pub enum Request {
     /// Go on.
     None,
-    /// Write a checkpoint and go on.
+    /// Write a checkpoint and continue.
     Checkpoint,
     /// Write a checkpoint and stop.
     Stop,
@@ -31,7 +31,7 @@ pub trait Requests {
     /// Steps until the next check for requests; the same on all ranks.
     fn steps(&self) -> u64;
 
-    /// The strongest request of any rank. Collective.
+    /// Returns the strongest request of any rank. Collective.
     fn ask(&mut self, communicator: &Communicator) -> Request;
 }
 
@@ -40,7 +40,7 @@ pub trait Requests {
 pub struct Saved<S: Space> {
     /// The grains.
     pub particles: Particles<S>,
-    /// Their contacts, and the solid steps done.
+    /// Contacts of the grains, and the solid steps done.
     pub contacts: Contacts,
     /// The counters of the method that makes the sample.
     pub progress: Value,
@@ -51,12 +51,12 @@ pub trait Supervisor<S: Space> {
     /// Reports a line of text.
     fn report(&self, line: &str);
 
-    /// Time between two requests.
+    /// Returns the time between two requests.
     fn interval(&self) -> Duration {
         ASK_EVERY
     }
 
-    /// The present request.
+    /// Returns the present request.
     fn ask(&self) -> Request;
 
     /// Saves the present state, as requested.
@@ -72,7 +72,7 @@ pub trait Supervisor<S: Space> {
     ) -> Result<(), Error>;
 }
 
-/// No supervisor: nothing is reported, saved or interrupted.
+/// Absent supervisor: nothing is reported, saved or interrupted.
 #[derive(Clone, Copy, Debug)]
 pub struct Unsupervised;
 
@@ -93,7 +93,8 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<Saved<S>>>,
     reported: Cell<Instant>,
-    /// None before the first question, which comes after the first batch: a stop asked for before the start is heard at once.
+    /// Time of the last request; none before the first, which comes after the first batch: a stop requested before the
+    /// start is noticed at once.
     asked: Cell<Option<Instant>>,
     /// Steps of a batch, which takes less time than passes between two questions.
     batch: Cell<u64>,
@@ -112,7 +113,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         }
     }
 
-    /// Without a supervisor.
+    /// Returns a supervisor that does nothing.
     #[must_use]
     pub fn none() -> Self {
         Self::new(&Unsupervised, None)
@@ -134,7 +135,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     /// Runs a batch of the steps that are `left`, and subtracts it.
     ///
     /// # Errors
-    /// As [`Dem::advance_many`].
+    /// Those of [`Dem::advance_many`].
     pub fn advance(
         &self,
         dem: &mut Dem<S>,
@@ -231,7 +232,7 @@ pub(super) mod tests {
         }
     }
 
-    /// The result of work that is stopped repeatedly, and the number of stops.
+    /// Returns the result of work that is stopped repeatedly, and the number of stops.
     pub(crate) fn interrupted<S: Space, T>(
         work: impl Fn(&Supervision<'_, S>) -> Result<T, Error>,
     ) -> (T, u32) {

@@ -1,20 +1,20 @@
 //! The cores that the threads of a rank may use.
 //!
-//! `mpirun` binds each rank to one core unless it is told otherwise. Threads on one core wait for each other instead of sharing the work: two are
-//! up to ten times slower than one. A rank that is to have more threads than cores therefore takes its share of the cores of the machine,
-//! where the system lets it.
+//! `mpirun` binds each rank to one core unless options say otherwise. Threads on one core wait for each other instead
+//! of sharing the work: two are up to ten times slower than one. A rank that is to have more threads than cores
+//! therefore takes its share of the cores of the machine, where the system lets it.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::env::var;
 
-/// What became of the cores of a rank.
+/// Result of the choice of cores of a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cores {
-    /// There are enough.
+    /// Sufficient cores.
     Enough,
-    /// There were this many, and now there are enough.
+    /// Sufficient cores after a change from this number.
     Widened(usize),
-    /// There are this many and no more.
+    /// Insufficient cores: this number and no more.
     TooFew(usize),
 }
 
@@ -27,7 +27,7 @@ pub(super) fn provide(threads: usize) -> Cores {
     if had >= threads {
         return Cores::Enough;
     }
-    let wanted = share(threads, online(), local("RANK").unwrap_or(0));
+    let wanted = cores_of(threads, online(), local("RANK").unwrap_or(0));
     // The system leaves out cores that a job may not use.
     let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
     if widened.is_ok_and(|now| count(&now) >= threads) {
@@ -37,7 +37,8 @@ pub(super) fn provide(threads: usize) -> Cores {
     Cores::TooFew(had)
 }
 
-/// Number of cores of this machine that the job may use: those that run, less those that a control group withholds.
+/// Returns the number of cores of this machine that the job may use: those that run, less those that a control group
+/// withholds.
 pub(super) fn allowed() -> usize {
     let group = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok();
     let time = group("cpu.max").and_then(|text| quota(&text));
@@ -54,7 +55,7 @@ fn quota(text: &str) -> Option<usize> {
     (period > 0).then(|| time.div_ceil(period).max(1))
 }
 
-/// Number of cores of a list such as `0-3,8`.
+/// Returns the number of cores of a list such as `0-3,8`.
 fn listed(text: &str) -> Option<usize> {
     let of_part = |part: &str| {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -64,8 +65,9 @@ fn listed(text: &str) -> Option<usize> {
     text.trim().split(',').map(of_part).sum()
 }
 
-/// The cores of a rank: those after the cores of the ranks before it on this machine; all where these are not enough for all.
-fn share(threads: usize, online: usize, rank: usize) -> CpuSet {
+/// Returns the cores of a rank: those after the cores of the ranks before it on this machine; all where these are not
+/// enough for all.
+fn cores_of(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
     let own = rank * threads..(rank + 1) * threads;
     let mut cores = CpuSet::new();
@@ -90,7 +92,7 @@ fn online() -> usize {
         .map_or(1, |n| n + 1)
 }
 
-/// Rank on this machine, as Open MPI or Slurm say.
+/// Returns the rank on this machine, as Open MPI or Slurm say.
 fn local(what: &str) -> Option<usize> {
     let names = [
         format!("OMPI_COMM_WORLD_LOCAL_{what}"),
@@ -108,7 +110,7 @@ mod tests {
     #[test]
     fn ranks_take_cores_that_follow_each_other() {
         let cores = |rank| {
-            let set = share(3, 8, rank);
+            let set = cores_of(3, 8, rank);
             (0..8).filter(|core| set.is_set(*core)).collect::<Vec<_>>()
         };
         assert_eq!(cores(0), [0, 1, 2]);

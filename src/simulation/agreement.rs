@@ -3,8 +3,8 @@
 use base::error::Error;
 use decomposition::Communicator;
 
-/// The outcome of the first rank for all: it does the work, the others wait and get `T::default()` where it went well, or the
-/// same kind of error with the same words. Collective.
+/// Returns the outcome of the first rank for all: it does the work, the others wait and get `T::default()` where it
+/// went well, or the same kind of error with the same words. Collective.
 ///
 /// # Errors
 /// That of the work, on every rank.
@@ -20,8 +20,8 @@ pub fn on_first<T: Default>(
     agree(communicator, mine)
 }
 
-/// The outcome of all ranks: a rank's own value where none failed, its own error where it failed, else the error of the lowest
-/// rank that did. Collective.
+/// Returns the outcome of all ranks: a rank's own value where none failed, its own error where it failed, else the
+/// error of the lowest rank that did. Collective.
 ///
 /// # Errors
 /// As above.

@@ -1,9 +1,9 @@
 //! Slabs of equal cost.
 //!
-//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres lie in it. The rates
-//! are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters. They decide nothing but where the slabs are cut: no result depends on them. A run that saves a
-//! checkpoint compares the rates with the times that its phases took, and continues from it with other slabs where these cost clearly
-//! less.
+//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres
+//! lie in it. The rates are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters.
+//! They decide nothing but where the slabs are cut: no result depends on them. A run that saves a checkpoint compares
+//! the rates with the times that its phases took, and continues from it with other slabs where these cost clearly less.
 //!
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
@@ -30,14 +30,14 @@ const PICOSECONDS: f64 = 1e12;
 /// Costs of the planes of cells along the split axis, in one step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Costs {
-    /// Of the fluid: cells, links, covered cells.
+    /// Costs of the fluid: cells, links, covered cells.
     fluid: Vec<i64>,
-    /// Of the solids: contacts, motion, maps.
+    /// Costs of the solids: contacts, motion, maps.
     solids: Vec<i64>,
 }
 
 impl Costs {
-    /// Those of a scene with particles, of which each rank gives its own. Collective.
+    /// Returns those of a scene with particles, of which each rank gives its own. Collective.
     pub(super) fn of<Sp: Space>(
         plan: &Plan,
         particles: &Particles<Sp>,
@@ -53,7 +53,7 @@ impl Costs {
             solids: vec![0; planes],
         };
         for k in 0..particles.owned() {
-            all.add(scene, &parts, Solid::of(scene, particles, k));
+            all.add(scene, &parts, Solid::new(scene, particles, k));
         }
         communicator.all_reduce_sum_i64s(&mut all.fluid);
         communicator.all_reduce_sum_i64s(&mut all.solids);
@@ -103,7 +103,8 @@ impl Costs {
         }
     }
 
-    /// Those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for the fluid and the solids.
+    /// Returns those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for
+    /// the fluid and the solids.
     #[must_use]
     pub(super) fn measured(&self, [fluid, solids]: [f64; 2]) -> Vec<i64> {
         let sum = |of: &[i64]| real(of.iter().sum::<i64>());
@@ -118,7 +119,7 @@ impl Costs {
         self.fluid.iter().zip(solids).map(|(f, s)| f + s).collect()
     }
 
-    /// Those of both kinds, with the rates of the plan.
+    /// Returns those of both kinds, with the rates of the plan.
     #[must_use]
     pub(super) fn planned(&self) -> Vec<i64> {
         self.measured([0.0; 2])
@@ -129,16 +130,16 @@ impl Costs {
 struct Solid {
     centre: f64,
     radius: f64,
-    /// In cells, and that of its surface in faces of cells.
+    /// Volume in cells, and that of its surface in faces of cells.
     volume: f64,
     surface: f64,
     block: bool,
-    /// A grain among many, most of which rest.
+    /// `true` for a grain among many, most of which are at rest.
     bed: bool,
 }
 
 impl Solid {
-    fn of<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
+    fn new<Sp: Space>(scene: &Scene, particles: &Particles<Sp>, k: usize) -> Self {
         let (grid, axis) = (&scene.grid, scene.grid.split_axis);
         let (body, motion) = (&particles.body[k], &particles.motion[k]);
         let (radius, spacing) = (body.radius / grid.spacing, grid.spacing);
@@ -174,7 +175,7 @@ fn whole(x: f64) -> i64 {
     floor_i64(x.clamp(0.0, 1e15) + 0.5)
 }
 
-/// Cost of the dearest slab over the mean.
+/// Returns the cost of the most expensive slab over the mean.
 #[must_use]
 pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     let cost = |rank| planes[slabs.range(rank)].iter().sum::<i64>();
@@ -187,7 +188,8 @@ pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     }
 }
 
-/// Whether the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the run is long.
+/// Returns `true` if the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the
+/// run is long.
 #[must_use]
 pub(super) fn depends_on_the_machine(
     plan: &Plan,
@@ -201,7 +203,8 @@ pub(super) fn depends_on_the_machine(
         && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
 }
 
-/// Speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure at the same time. Collective.
+/// Returns the speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure
+/// at the same time. Collective.
 #[must_use]
 pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     communicator.barrier();
@@ -219,7 +222,7 @@ pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
     Slabs::even(setup::axis(axis), planes, ranks, scene.grid.periodic[axis])
 }
 
-/// A message about slabs that replace others.
+/// Returns a message about slabs that replace others.
 #[must_use]
 pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
     let thickness = slabs.bounds().windows(2).map(|pair| pair[1] - pair[0]);
@@ -227,13 +230,14 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
         (least.min(n), most.max(n))
     });
     format!(
-        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean instead of {:.2}",
+        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean \
+         instead of {:.2}",
         imbalance(slabs, planes),
         imbalance(before, planes)
     )
 }
 
-/// The slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
+/// Returns the slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
 #[must_use]
 pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     let equal = equal(scene, planes.len(), ranks);
@@ -244,15 +248,15 @@ pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     Slabs::from_bounds(equal.axis(), bounds, equal.periodic()).unwrap_or(equal)
 }
 
-/// Whether other slabs are worth the change.
+/// Returns `true` if other slabs are worth the change.
 #[must_use]
 pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
     planes.iter().sum::<i64>() >= LEAST
         && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
 }
 
-/// Bounds of slabs whose dearest is as cheap as possible, each of at least one plane. Among those, each slab comes close to the mean of
-/// what is left for it and the slabs after it.
+/// Returns bounds of slabs for which the maximum cost of a slab is as small as possible, each of at least one plane.
+/// Among those, each slab comes close to the mean of what is left for it and the slabs after it.
 fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
     // Fewest slabs, none dearer than `most`.
     let slabs_of = |most: i64| {
@@ -325,7 +329,7 @@ mod tests {
         bounds.windows(2).map(cost).max().unwrap()
     }
 
-    /// The cheapest dearest slab by trying all cuts.
+    /// Returns the smallest maximum cost of a slab, by trying all cuts.
     fn best(planes: &[i64], ranks: usize) -> i64 {
         if ranks == 1 {
             return planes.iter().sum();
@@ -362,7 +366,8 @@ mod tests {
             "materials": {"rock": {"density": 2600}},
             "fluid": {"lattice_boltzmann": {"lattice": "d3q27", "density": 1000, "kinematic_viscosity": 1e-4,
                 "reference_velocity": 0.1, "lattice_velocity": 0.05}},
-            "bodies": [{"name": "slab", "shape": {"cuboid": {"edges": [0.02, 0.08, 0.02]}}, "position": [0.2, 0.05, 0.05],
+            "bodies": [{"name": "slab", "shape": {"cuboid": {"edges": [0.02, 0.08, 0.02]}}, "position": [0.2, 0.05,
+            0.05],
                 "motion": {"free": {}}, "material": "rock"}],
             "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "normal_damping_ratio": 0.3}},
             "coupling": {"partially_saturated": {}}, "time": {"end": 0.01}}"#;

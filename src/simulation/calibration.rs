@@ -20,7 +20,8 @@ use std::io::Write;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
-/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in its run.
+/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in
+/// its run.
 const POPULATIONS: usize = 16_000_000;
 /// Time of the measurement. The fastest of its passes counts, because other work only slows them.
 const TIME: Duration = Duration::from_millis(150);
@@ -29,12 +30,13 @@ const TIME: Duration = Duration::from_millis(150);
 const FILES: usize = 10;
 /// Spheres of the measurement of grains.
 const SPHERES: usize = 1000;
-/// Their steps between two looks at the clock.
+/// Steps between two readings of the clock.
 const BATCH: u64 = 10;
 /// Time of a step of one of these spheres on the reference machine \[s\].
 const SPHERE: f64 = 6.35e-8;
 
-/// The speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the reference machine.
+/// Returns the speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the
+/// reference machine.
 #[must_use]
 pub fn machine(plan: &Plan) -> Machine {
     // This thread alone, as in a run; where the process has a pool already, the rate is that of its threads.
@@ -51,7 +53,7 @@ pub fn machine(plan: &Plan) -> Machine {
     }
 }
 
-/// Time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
+/// Returns the time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
 fn file() -> std::io::Result<f64> {
     let folder = tempfile::tempdir()?;
     let mut fastest = f64::INFINITY;
@@ -65,13 +67,14 @@ fn file() -> std::io::Result<f64> {
     Ok(fastest)
 }
 
-/// Processor time of this thread \[s\]: on a machine with other work, the wall time would count that work too.
+/// Returns the processor time of this thread \[s\]: on a machine with other work, the wall time would count that work
+/// too.
 fn processor_time() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::try_from(time).map_or(0.0, |time| time.as_secs_f64())
 }
 
-/// Processor time of a step of a sphere in contact with its neighbours \[s\].
+/// Returns the processor time of a step of a sphere in contact with its neighbours \[s\].
 fn sphere() -> Result<f64, Error> {
     let (mut dem, mut particles) = spheres(SPHERES, true)?;
     dem.advance_many(&mut particles, &alone(), BATCH)?;
@@ -85,8 +88,8 @@ fn sphere() -> Result<f64, Error> {
     Ok(fastest / (real(BATCH) * real(particles.owned())))
 }
 
-/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: packed, or apart and falling. The bench `dem`
-/// measures the same.
+/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: packed, or apart and falling.
+/// The bench `dem` measures the same.
 ///
 /// # Errors
 /// Where the engine of the grains cannot be made.
@@ -136,8 +139,9 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
     Ok((Dem::new(law, settings, Vec::new())?, particles))
 }
 
-/// The speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the speed of the whole on one core: memory
-/// is shared by the cores, and smaller parts fit their caches. At most as many cores as there are count. 1 without a lattice.
+/// Returns the speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the
+/// speed of the whole on one core: memory is shared by the cores, and smaller parts fit their caches. At most as many
+/// cores as there are count. 1 without a lattice.
 #[must_use]
 pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     let busy = cores.min(std::thread::available_parallelism().map_or(1, usize::from));
@@ -173,8 +177,9 @@ pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     }
 }
 
-/// Speed of the threads of this process in one of `parts` of the lattice, over that of one core in the plan: with the operator, the eddies and the
-/// storage of the plan, in a closed box without solids. 1 without a lattice, or where the memory for the measurement is refused.
+/// Returns the speed of the threads of this process in one of `parts` of the lattice, over that of one core in the
+/// plan: with the operator, the eddies and the storage of the plan, in a closed box without solids. 1 without a
+/// lattice, or where the memory for the measurement is refused.
 #[must_use]
 pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     let rate = plan
@@ -188,7 +193,8 @@ pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     rate.map_or(1.0, |now| now / plan.estimate.mlups)
 }
 
-/// The rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of the fastest.
+/// Returns the rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of
+/// the fastest.
 fn measure<S: Stored>(
     plan: &Plan,
     flow: &Flow,
@@ -209,7 +215,7 @@ fn measure<S: Stored>(
     Some(1e-6 * real(cells) / seconds)
 }
 
-/// One of `parts` of the lattice of a plan, and its cells.
+/// Returns one of `parts` of the lattice of a plan, and its cells.
 fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, usize)> {
     let mut cells = plan.scene.grid.cells;
     let split = plan.scene.grid.split_axis.min(2);
@@ -242,7 +248,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
     Some((fluid, cells.iter().product()))
 }
 
-/// Processor time \[s\] of the mean pass.
+/// Returns the processor time \[s\] of the mean pass.
 fn mean_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
     fluid.advance();
     fluid.advance();
@@ -256,7 +262,7 @@ fn mean_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
     (processor_time() - used) / real(passes)
 }
 
-/// Processor time \[s\] of the fastest pass.
+/// Returns the processor time \[s\] of the fastest pass.
 fn fastest_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
     // Both parities of the pass, and the first access to the memory.
     fluid.advance();

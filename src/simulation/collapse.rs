@@ -1,9 +1,10 @@
 //! Records of a ground collapse: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
 //! and two figures at its end. [`analysis::ground_collapse`] defines the quantities.
 //!
-//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them into the frame of the
-//! analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on any number of ranks. This costs 64
-//! bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know the grains that left in between.
+//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them
+//! into the frame of the analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on
+//! any number of ranks. This costs 64 bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know
+//! the grains that left in between.
 
 mod gathered;
 
@@ -33,16 +34,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// What is measured once on every rank, at the first call, while the ground is whole.
+/// Quantities measured once on every rank, at the first call, while the ground is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
     /// Mass of all grains \[kg\].
     mass: f64,
-    /// Their mean diameter \[m\].
+    /// Mean diameter of the grains \[m\].
     diameter: f64,
 }
 
-/// What left through one point.
+/// Grains and mass that left through one point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Left {
     grains: u64,
@@ -86,8 +87,8 @@ pub struct CollapseRecorder {
 }
 
 impl CollapseRecorder {
-    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to that
-    /// step. Without such an analysis nothing is opened, and there is no cost.
+    /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to
+    /// that step. Without such an analysis nothing is opened, and there is no cost.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -129,14 +130,14 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
-    /// Whether there is anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there is anything to measure, for which ghosts have to be up to date.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.asked.is_some()
     }
 
-    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and once at
-    /// step 0 before the first.
+    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and
+    /// once at step 0 before the first.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -171,8 +172,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that goes on
-    /// afterwards.
+    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that
+    /// continues afterwards.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -188,8 +189,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] where the run
-    /// goes on.
+    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] if
+    /// the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -210,7 +211,7 @@ impl CollapseRecorder {
         agree(domain.communicator(), dropped)
     }
 
-    /// One line for each stage that began since the last call; on rank 0 only.
+    /// Returns one line for each stage that began since the last call; on rank 0 only.
     pub fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
@@ -245,8 +246,8 @@ impl CollapseRecorder {
         agree(domain.communicator(), drawn)
     }
 
-    /// The state for a checkpoint, the same on every rank, none where the case asks for no such analysis; the tables are on disk, synced,
-    /// when it returns.
+    /// Returns the state for a checkpoint, the same on every rank, none if the case asks for no such analysis; the
+    /// tables are on disk, synced, when it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -282,7 +283,8 @@ impl CollapseRecorder {
         };
         let Some(state) = state else {
             return Err(Error::Io(
-                "the checkpoint does not contain the ground at time 0, because its run had no `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
+                "the checkpoint does not contain the ground at time 0, because its run had no \
+                 `analysis.ground_collapse`; remove `analysis.ground_collapse`, or start a new run"
                     .into(),
             ));
         };
@@ -310,8 +312,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// The value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0, and where the case
-    /// does not ask.
+    /// Returns the value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0,
+    /// and where the case does not ask.
     ///
     /// # Errors
     /// Where it cannot be written as JSON.
@@ -423,7 +425,8 @@ impl CollapseRecorder {
         for stage in self.state.stages.note(time, &evidence, &thresholds) {
             let began = self.state.stages.times[stage].unwrap_or(time);
             self.news.push(format!(
-                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
+                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover \
+                 over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
                 stage + 1,
                 NAMES[stage],
                 evidence.eroded_grains,
@@ -580,7 +583,7 @@ fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Threshol
     }
 }
 
-/// A row for every column that was ground.
+/// Returns a row for every column that was ground.
 fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
     let mut lines = String::new();
     for across in 0..cells.count[1] {

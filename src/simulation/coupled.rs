@@ -18,7 +18,7 @@ use plan::Plan;
 use std::sync::Arc;
 use structure::Images;
 
-/// Force per volume of a solid [N/m3] that the lattice does not know of.
+/// Returns the force per volume of a solid [N/m3] that the lattice does not know of.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
     let Some(flow) = &plan.scene.flow else {
         return [0.0; 3];
@@ -33,7 +33,7 @@ fn buoyancy(plan: &Plan) -> [f64; 3] {
     })
 }
 
-/// A fluid with the coupling of the plan; links that bounce where it names none.
+/// Returns a fluid with the coupling of the plan; links that bounce where it names none.
 #[must_use]
 pub fn flow<Sp: Space, S: Stored>(
     plan: &Plan,
@@ -75,7 +75,7 @@ pub fn flow<Sp: Space, S: Stored>(
     }
 }
 
-/// The structures that water meets.
+/// Returns the structures that water meets.
 pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
     let structures = plan.scene.structures.iter();
     structures
@@ -84,7 +84,7 @@ pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
         .collect()
 }
 
-/// What solids do to the cells that they cover; none where they bounce links.
+/// Returns the operator of the cells that solids cover; none if links bounce back at solids.
 #[must_use]
 pub fn saturation(plan: &Plan) -> Option<Saturation> {
     let Some(Coupling::PartiallySaturated(written)) = &plan.scene.coupling else {

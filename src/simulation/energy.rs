@@ -4,7 +4,8 @@ use decomposition::{Communicator, ExactSum};
 use dem::particles::{Kind, Particles};
 use dem::space::{Components, Space};
 
-/// Energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on the ranks. Collective.
+/// Returns the energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on
+/// the ranks. Collective.
 pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
     let mut sum = ExactSum::new();
     for k in 0..particles.owned() {

@@ -17,7 +17,7 @@
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean
 //!   diameters behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so
 //!   that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
-//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains beside the
+//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains next to the
 //!   hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
@@ -61,14 +61,14 @@ use std::path::Path;
 /// Bonds up to this many mean diameters from a face break at the wall of the hole.
 const NEAR_WALL: f64 = 2.0;
 
-/// What is measured once, at the first call, while the sample is whole.
+/// Quantities measured once, at the first call, while the sample is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
     /// M_0 [kg/m].
     mass: f64,
     /// Mean diameter of the grains \[m\].
     diameter: f64,
-    /// Solid fraction of the grains beside the hole, by their own radii.
+    /// Solid fraction of the grains next to the hole, by their own radii.
     packing: f64,
     /// Contacts and bonds a grain.
     #[serde(default)]
@@ -79,7 +79,7 @@ struct Start {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     start: Option<Start>,
-    /// Solid fraction beside the hole as the water sees it, at the first row.
+    /// Solid fraction next to the hole in the cells of the water, at the first row.
     intact: Option<f64>,
     /// Faces of the last row \[m\].
     faces: Option<[f64; 2]>,
@@ -87,7 +87,7 @@ pub struct State {
     eroded_grains: u64,
     bonds_inside: u64,
     bonds_at_wall: u64,
-    /// How long the fluid had run before time 0 \[s\].
+    /// Time that the fluid had run before time 0 \[s\].
     flow_age: f64,
     last_row: Option<u64>,
     #[serde(default)]
@@ -177,13 +177,13 @@ impl ErosionRecorder {
         })
     }
 
-    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count from the fluid's own
-    /// start. Call it once at the end of the warm-up; it is part of the state.
+    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count from the fluid's
+    /// own start. Call it once at the end of the warm-up; it is part of the state.
     pub fn set_flow_age(&mut self, seconds: f64) {
         self.state.flow_age = seconds;
     }
 
-    /// Share of the initial mass of the grains that left through the outlets.
+    /// Returns the share of the initial mass of the grains that left through the outlets.
     #[must_use]
     pub fn eroded_fraction(&self) -> f64 {
         match self.state.start {
@@ -197,13 +197,13 @@ impl ErosionRecorder {
         [self.state.bonds_inside, self.state.bonds_at_wall]
     }
 
-    /// Whether a row of `erosion.csv` is due at this step.
+    /// Returns `true` if a row of `erosion.csv` is due at this step.
     #[must_use]
     pub fn is_due(&self, step: u64) -> bool {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
-    /// Whether there may be anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there may be anything to measure, for which ghosts have to be up to date.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.law.is_some() || self.interval.is_some()
@@ -211,7 +211,7 @@ impl ErosionRecorder {
 
     /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is
     /// due. Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing
-    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN where it was
+    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN if it was
     /// not measured yet; it is used only where [`Self::is_due`] holds.
     ///
     /// # Errors
@@ -295,8 +295,8 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`]
-    /// where the run goes on.
+    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`] if
+    /// the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.
@@ -373,7 +373,7 @@ impl ErosionRecorder {
         agree(domain.communicator(), append(&mut self.bonds, &lines))
     }
 
-    /// The state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
+    /// Returns the state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -392,8 +392,8 @@ impl ErosionRecorder {
         self.state = state;
     }
 
-    /// The value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none where the case asks for no erosion
-    /// law or nothing was recorded yet.
+    /// Returns the value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none if the case asks for no
+    /// erosion law or nothing was recorded yet.
     ///
     /// # Errors
     /// Where it cannot be written as JSON.
@@ -472,7 +472,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// The faces of the last row, or those of the case.
+    /// Returns the faces of the last row, or those of the case.
     fn present_faces(&self, hole: &Hole) -> HoleFaces {
         let [lower, upper] = self
             .state
@@ -492,7 +492,7 @@ impl ErosionRecorder {
             && (hole.from[hole.along] - near..=hole.to[hole.along] + near).contains(&at[hole.along])
     }
 
-    /// The largest speed over C in a row written since the last call.
+    /// Returns the largest speed over C in a row written since the last call.
     pub fn take_speed(&mut self) -> Option<f64> {
         self.speed.take()
     }
@@ -554,7 +554,7 @@ impl ErosionRecorder {
         )
     }
 
-    /// Finds the faces of the hole and keeps them, with the solid fraction beside the hole at the first row.
+    /// Finds the faces of the hole and keeps them, with the solid fraction next to the hole at the first row.
     fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
         let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
         let solid = sums.solid_fractions();

@@ -7,7 +7,7 @@ use dem::escape::Escape;
 use plan::Plan;
 use serde_json::{Value, json};
 
-/// An error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
+/// Returns an error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
 pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
     let Error::Numerical(text) = &error else {
         return error;
@@ -21,7 +21,8 @@ pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Erro
     let mut closed: Vec<Face> = scene.walls.iter().filter_map(|wall| wall.face).collect();
     let remedy = if closed.contains(&face) {
         format!(
-            "the face {name} has a wall, which it went through within one solid step: use a smaller solid time step or a stiffer contact"
+            "the face {name} has a wall, which it went through within one solid step: use a smaller solid time step \
+             or a stiffer contact"
         )
     } else {
         closed.push(face);
@@ -44,7 +45,8 @@ fn name_of(face: Face) -> String {
     json!(face).as_str().unwrap_or_default().to_owned()
 }
 
-/// The cells at a face as a region that removes grains whose centre is there or beyond, beside the regions that the case has.
+/// Returns the cells at a face as a region that removes grains whose centre is there or beyond, in addition to the
+/// regions that the case has.
 fn region_at(face: Face, plan: &Plan) -> Value {
     let grid = &plan.scene.grid;
     let mut from = vec![0.0; grid.dimension];

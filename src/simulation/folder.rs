@@ -1,12 +1,14 @@
-//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier one.
+//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier
+//! one.
 //!
-//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and which states host,
-//! process and start time of the holder. On a file system whose locks do not reach other hosts, a lock of another host is valid while its
-//! file was touched within [`STALE_AFTER`]; a run touches it every [`BEAT_EVERY`]. A job that its batch system has requeued takes over
-//! from its earlier attempt at once.
+//! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and
+//! which states host, process and start time of the holder. On a file system whose locks do not reach other hosts, a
+//! lock of another host is valid while its file was touched within [`STALE_AFTER`]; a run touches it every
+//! [`BEAT_EVERY`]. A job that its batch system has requeued takes over from its earlier attempt at once.
 //!
-//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run are then deleted before the
-//! first file of the new one is written, checkpoints first, so that a restart never finds a state that belongs to other files.
+//! A new run refuses a folder that holds another run, unless it is allowed to replace it. All files of the earlier run
+//! are then deleted before the first file of the new one is written, checkpoints first, so that a restart never finds a
+//! state that belongs to other files.
 
 use super::agreement;
 use super::progress::clock;
@@ -26,14 +28,14 @@ pub const LOCK: &str = "run.lock";
 pub const CHECKPOINTS: &str = "checkpoints";
 /// The folder of what a preparation has reached so far, within that of the run.
 pub const PREPARATION: &str = "preparation";
-/// How often a run touches its lock.
+/// Interval at which a run touches its lock.
 const BEAT_EVERY: Duration = Duration::from_secs(20);
 /// A lock of another host that has not been touched for so long belongs to a job that is gone.
 const STALE_AFTER: Duration = Duration::from_secs(600);
-/// No file of a lock is larger \[bytes\].
+/// Maximum size of the file of a lock \[bytes\].
 const LOCK_BYTES: u64 = 4096;
 
-/// Tables and pictures that runs write beside series and probes.
+/// Tables and pictures that runs write in addition to series and probes.
 const FILES: [&str; 13] = [
     "case.json",
     "summary.json",
@@ -52,7 +54,7 @@ const FILES: [&str; 13] = [
 /// Series that runs write: `NAME.xmf` and `NAME_000000100.vtkhdf`.
 const SERIES: [&str; 5] = ["fluid", "grains", "contacts", "blocks", "averages"];
 
-/// Whether a run writes a file of this name into its folder.
+/// Returns `true` if a run writes a file of this name into its folder.
 #[must_use]
 pub fn is_of_a_run(name: &str) -> bool {
     let whole = name.strip_suffix(".part").unwrap_or(name);
@@ -65,21 +67,21 @@ pub fn is_of_a_run(name: &str) -> bool {
         })
 }
 
-/// How a run comes to its folder.
+/// Way in which a run enters its folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// It begins.
+    /// New run.
     Fresh {
-        /// Whether an earlier run there is replaced.
+        /// `true` if an earlier run there is replaced.
         overwrite: bool,
         /// The file that the case was read from.
         case: Option<PathBuf>,
     },
-    /// It goes on with the run that is there.
+    /// Continuation of the run that is there.
     Resume,
 }
 
-/// Who holds a folder.
+/// Process that holds a folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Holder {
     host: String,
@@ -120,7 +122,7 @@ impl Holder {
         )
     }
 
-    /// Whether this is an earlier attempt of the same job: batch systems end one before they start the next.
+    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one before they start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -129,7 +131,7 @@ impl Holder {
     }
 }
 
-/// The job of a batch system that this process belongs to, and which attempt at it this is.
+/// Returns the job of a batch system that this process belongs to, and which attempt at it this is.
 fn job() -> Option<[String; 2]> {
     let of = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
     let attempt = || {
@@ -148,7 +150,7 @@ fn job() -> Option<[String; 2]> {
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    /// On the first rank.
+    /// Lock, held by the first rank.
     lock: Option<File>,
     beaten: Instant,
 }
@@ -158,7 +160,8 @@ impl RunFolder {
     /// Collective; the first rank acts.
     ///
     /// # Errors
-    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on all ranks.
+    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
+    /// all ranks.
     pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
         let lock = agreement::on_first(communicator, || {
             if let Entry::Fresh {
@@ -177,13 +180,15 @@ impl RunFolder {
                     drop(Release(path.join(LOCK), &lock));
                     if !found.began {
                         return Err(Error::Usage(format!(
-                            "{} holds what a run left that was ended before it began ({}); replace it with --overwrite, or choose another --output",
+                            "{} holds what a run left that was ended before it began ({}); replace it with \
+                             --overwrite, or choose another --output",
                             path.display(),
                             found.describe()
                         )));
                     }
                     return Err(Error::Usage(format!(
-                        "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, or replace it with --overwrite",
+                        "{} holds another run ({}); continue it with `solver restart {0}`, choose another --output, \
+                         or replace it with --overwrite",
                         path.display(),
                         found.describe()
                     )));
@@ -199,19 +204,19 @@ impl RunFolder {
         })
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where its checkpoints are.
+    /// Returns the path of its checkpoints.
     #[must_use]
     pub fn checkpoints(&self) -> PathBuf {
         self.path.join(CHECKPOINTS)
     }
 
-    /// Where a sample in the making is kept.
+    /// Returns the path of a sample in the making.
     #[must_use]
     pub fn preparation(&self) -> PathBuf {
         self.path.join(PREPARATION)
@@ -261,7 +266,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
     Error::Io(format!("{}: {error}", path.display()))
 }
 
-/// Whether an open file is the one of this name.
+/// Returns `true` if an open file is the one of this name.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
@@ -278,7 +283,8 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     let name = file.file_name().and_then(|name| name.to_str());
     if file.parent() == Some(&folder) && name.is_some_and(is_of_a_run) {
         return Err(Error::Usage(format!(
-            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another --output, or rename the case",
+            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another \
+             --output, or rename the case",
             case.display(),
             folder.display()
         )));
@@ -338,7 +344,7 @@ fn read(file: &mut File) -> Option<Holder> {
     serde_json::from_str(&text).ok()
 }
 
-/// Whether the holder that a lock names may still run although its lock could be taken.
+/// Returns `true` if the holder that a lock names may still run although its lock could be taken.
 fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
     if holder.host == me.host {
         // The system's lock decides; where there is none, the process.
@@ -358,18 +364,19 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
     let folder = path.parent().unwrap_or(path).display();
     let who = holder.map_or_else(|| "another process runs there".to_owned(), Holder::describe);
     Error::Usage(format!(
-        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if that process certainly no longer exists, remove {}",
+        "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if \
+         that process certainly no longer exists, remove {}",
         path.display()
     ))
 }
 
-/// What an earlier run left in a folder.
+/// Files of an earlier run in a folder.
 struct Found {
-    /// Its files, but for checkpoints and the lock.
+    /// Files, but for checkpoints and the lock.
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
-    /// It has a case, by which it can be continued.
+    /// `true` if it has a case, by which it can be continued.
     began: bool,
 }
 
@@ -527,7 +534,7 @@ mod tests {
         let file = OpenOptions::new().write(true).open(&path).unwrap();
         file.set_modified(long_ago).unwrap();
         drop(enter(folder.path(), &Entry::Resume).unwrap());
-        // Damaged words hold nobody up.
+        // A damaged lock file does not block entry.
         fs::write(&path, "{").unwrap();
         drop(enter(folder.path(), &Entry::Resume).unwrap());
         let first = holder("elsewhere", Some(["7", ""]));

@@ -1,7 +1,8 @@
 //! Walls that come or go at a time, such as a gate that opens.
 //!
-//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that goes end, and the
-//! contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved: which walls there are follows from the step.
+//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that
+//! goes end, and the contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved:
+//! which walls there are follows from the step.
 
 use super::setup;
 use base::error::Error;
@@ -20,9 +21,9 @@ struct Change {
 /// The walls that come or go.
 #[derive(Debug, Default)]
 pub(super) struct Gates {
-    /// By rising step.
+    /// Changes by rising step.
     changes: Vec<Change>,
-    /// How many have been made.
+    /// Number of changes made.
     made: usize,
     news: Vec<String>,
 }
@@ -52,7 +53,7 @@ impl Gates {
         }
     }
 
-    /// The walls that are not there after this many steps.
+    /// Returns `true` if a wall is absent after this many steps.
     pub(super) fn absent(&self, step: u64, wall: usize) -> bool {
         let of_wall = || self.changes.iter().filter(|change| change.wall == wall);
         let last = of_wall().rfind(|change| change.step <= step);
@@ -92,7 +93,7 @@ impl Gates {
         Ok(self.made > before)
     }
 
-    /// What happened since the last call, one line each.
+    /// Returns the events since the last call, one line each.
     pub(super) fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
@@ -106,7 +107,7 @@ fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
     }
 }
 
-/// No grain may stand in these walls, which come now. Collective.
+/// Checks that no grain stands in these walls, which come now. Collective.
 ///
 /// # Errors
 /// The wall and the grain, the same on all ranks.
@@ -139,7 +140,8 @@ pub(super) fn clear_of<S: Space>(
             if distance < allowed {
                 struck.get_or_insert_with(|| {
                     format!(
-                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is {radius:.3e} m); move it away from all bodies",
+                        "the new wall `{}` cuts into body {} (its surface is {:.3e} m from the centre, the radius is \
+                         {radius:.3e} m); move it away from all bodies",
                         written.name, particles.body[k].id, distance
                     )
                 });

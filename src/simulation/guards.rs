@@ -78,28 +78,28 @@ pub struct Guards {
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
-    /// Largest speed over C: of the last look, and of all.
+    /// Largest speed over C: latest value, and maximum over the run.
     speed: [Option<f64>; 2],
-    /// Density deviation of largest size and the place of its cell: of the last look, and of all.
+    /// Density deviation of largest size and the position of its cell: latest value, and maximum over the run.
     squeezed: [Option<At>; 2],
-    /// A step was taken since the start: before that nothing has crossed a face.
+    /// `true` if a step was taken since the start: before that nothing has crossed a face.
     stepped: bool,
-    /// The last look found a failure, whose description needs the populations.
+    /// `true` if the last check found a failure whose description needs the populations.
     unfetched: bool,
-    /// Looks have all the room that they need.
+    /// `true` if buffers are preallocated.
     ready: bool,
-    /// The step of the last look.
+    /// Step of the last check.
     looked: Option<u64>,
     openings: Openings,
-    /// Largest overlap over the smaller radius of any contact so far; of all ranks at looks.
+    /// Largest overlap over the smaller radius of any contact so far; of all ranks at checks.
     overlap: Option<f64>,
     /// The compression, and the openings, have been warned of.
     warned: [bool; 2],
-    /// A Mach number above the usual one has been warned of.
+    /// `true` if a Mach number above the usual one has been warned of.
     fast: bool,
     news: Vec<String>,
     look: Look,
-    /// Sums over rows: room that is kept.
+    /// Sums over rows: buffers, reused between checks.
     rows: Vec<RowSums>,
 }
 
@@ -114,7 +114,7 @@ impl Guards {
         }
     }
 
-    /// The meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
+    /// Returns the meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
     #[must_use]
     pub fn state(&self) -> State {
         State {
@@ -144,32 +144,32 @@ impl Guards {
         self.overlap = state.overlap;
     }
 
-    /// Largest relative error of the mass balance of any step that was balanced.
+    /// Returns the largest relative error of the mass balance of any step that was balanced.
     #[must_use]
     pub fn mass_error(&self) -> Option<f64> {
         self.mass_error
     }
 
-    /// Largest error of the momentum balance of any step that was balanced, over the largest force in it.
+    /// Returns the largest error of the momentum balance of any step that was balanced, over the largest force in it.
     #[must_use]
     pub fn momentum_error(&self) -> Option<f64> {
         self.momentum_error
     }
 
-    /// Largest fluid speed of all checks in lattice units, |u| dt/h.
+    /// Returns the largest fluid speed of all checks in lattice units, |u| dt/h.
     #[must_use]
     pub fn lattice_velocity(&self) -> Option<f64> {
         self.speed[1]
     }
 
-    /// Largest compression |rho/rho_0 - 1| of the water of any look.
+    /// Returns the largest compression |rho/rho_0 - 1| of the water of any check.
     #[must_use]
     pub fn compression(&self) -> Option<f64> {
         self.squeezed[1].map(|at| at.value.abs())
     }
 
-    /// Largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last look; none
-    /// where nothing moves.
+    /// Returns the largest overlap of a contact over the radius of the smaller body, of all solid steps up to the last
+    /// check; none if nothing moves.
     #[must_use]
     pub fn overlap(&self) -> Option<f64> {
         self.overlap
@@ -214,22 +214,22 @@ impl Guards {
         self.speed[1] = larger(self.speed[1], speed);
     }
 
-    /// Inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`]; none without
-    /// openings.
+    /// Returns the inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`];
+    /// none without openings.
     #[must_use]
     pub fn through(&self, plan: &Plan) -> Option<[f64; 2]> {
         let mean = self.openings.mean()?.to_si(&plan.units?);
         Some([mean.inflow, mean.outflow])
     }
 
-    /// (inflow - outflow) / max(inflow, outflow); none where nothing flows.
+    /// Returns (inflow - outflow) / max(inflow, outflow); none if nothing flows.
     #[must_use]
     pub fn imbalance(&self) -> Option<f64> {
         let mean = self.openings.mean()?;
         self.openings.flows(&mean).then(|| mean.imbalance())
     }
 
-    /// The part about the fluid in a line of the log.
+    /// Returns the part about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
             [Some(now), Some(most)] => format!(
@@ -316,7 +316,7 @@ impl Guards {
         all
     }
 
-    /// Inflow and outflow in words, and whether one of them is nothing; none without openings.
+    /// Returns the inflow and outflow in words, and whether one of them is nothing; none without openings.
     fn flows(&self, plan: &Plan) -> Option<(String, bool)> {
         let [inflow, outflow] = self.through(plan)?;
         let unit = openings::unit(plan.scene.grid.dimension);
@@ -325,7 +325,7 @@ impl Guards {
         Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
-    /// The warning that inflow and outflow differ.
+    /// Returns the warning that inflow and outflow differ.
     fn unbalanced(&self, plan: &Plan) -> Option<String> {
         let mean = self.openings.disagree()?;
         let units = plan.units?;
@@ -355,7 +355,7 @@ impl Guards {
         })
     }
 
-    /// Whether the step from `step` on is one that is balanced.
+    /// Returns `true` if the step from `step` on is one that is balanced.
     #[must_use]
     pub fn balances(step: u64) -> bool {
         step.is_multiple_of(BALANCE_EVERY)
@@ -367,7 +367,7 @@ impl Guards {
         step.is_multiple_of(self.every)
     }
 
-    /// The next step after `step` whose state a check or a balance needs.
+    /// Returns the next step after `step` whose state a check or a balance needs.
     #[must_use]
     pub fn next_look(&self, step: u64) -> u64 {
         // A balance compares the state before a step with that after it.
@@ -380,7 +380,7 @@ impl Guards {
         within(self.every).min(balanced)
     }
 
-    /// Before a fluid step: takes the totals if this step is to be balanced. Collective.
+    /// Takes the totals before a fluid step that is to be balanced. Collective.
     pub fn before<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -392,7 +392,7 @@ impl Guards {
         if let Some(flow) = flow
             && !self.ready
         {
-            // Once, for the room that looks use again: no step after the first allocates.
+            // Once, for the buffers that checks reuse: no step after the first allocates.
             self.ready = true;
             self.look.at(flow);
             self.openings.prepare(self.every, flow);
@@ -406,7 +406,7 @@ impl Guards {
         }
     }
 
-    /// After the fluid step, before anything moved: closes the balance. Collective.
+    /// Closes the balance after the fluid step, before any body moves. Collective.
     pub fn after<Sp: Space, S: Stored>(
         &mut self,
         flow: Option<&dyn LatticeFlow<Sp, S>>,
@@ -453,7 +453,7 @@ impl Guards {
         }
     }
 
-    /// After a step: looks where it is time. Collective.
+    /// Checks the state after a step, if a check is due. Collective. Collective.
     ///
     /// # Errors
     /// Names the cell or the grain that fails.
@@ -476,7 +476,7 @@ impl Guards {
     /// Collective.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -512,10 +512,10 @@ impl Guards {
         Ok(())
     }
 
-    /// As [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
+    /// Does [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn check_warm_up<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -554,13 +554,13 @@ impl Guards {
         }
     }
 
-    /// Set if the last check found a failure in populations that are on a GPU: it is described by the same look once
-    /// they are here.
+    /// Returns `true` if the last check found a failure in populations that are on a GPU: it is described by the same
+    /// check once they are fetched.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
 
-    /// Looks at all cells and grains. Collective.
+    /// Checks all cells and grains. Collective.
     fn inspect<Sp: Space, S: Stored>(
         &mut self,
         when: When,
@@ -624,7 +624,7 @@ impl Guards {
         Some(Failure { kind, place })
     }
 
-    /// Warns once of the compression of the last look.
+    /// Warns once of the compression of the last check.
     fn warn_of_compression<Sp: Space, S: Stored>(
         &mut self,
         when: When,
@@ -647,7 +647,7 @@ impl Guards {
         }
     }
 
-    /// Warns once of the speed of the last look.
+    /// Warns once of the speed of the last check.
     fn warn_of_speed(&mut self, when: When) {
         if let [Some(speed), _] = self.speed
             && speed > USUAL_LATTICE_VELOCITY
@@ -660,7 +660,7 @@ impl Guards {
     }
 }
 
-/// The number of the first grain at a look: they are numbered behind all cells.
+/// Number of the first grain in a check: they are numbered behind all cells.
 const GRAINS: u64 = 1 << 62;
 
 /// Returns the smallest id of the owned grains whose position or velocity is not finite.
@@ -674,12 +674,12 @@ fn lost_grain<Sp: Space>(particles: &Particles<Sp>) -> Option<u64> {
     lost.map(|k| particles.body[k].id).min()
 }
 
-/// Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
+/// Returns the Mach number of a speed in lattice units: |u|/c_s with c_s = C/sqrt 3 and C = h/dt.
 pub(super) fn mach(lattice_velocity: f64) -> f64 {
     3.0_f64.sqrt() * lattice_velocity
 }
 
-/// The warning of a speed whose square is no longer small beside that of sound.
+/// Returns the warning of a speed whose square is no longer small compared with that of sound.
 fn too_fast(speed: f64) -> String {
     format!(
         "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
@@ -689,7 +689,7 @@ fn too_fast(speed: f64) -> String {
     )
 }
 
-/// When a look is taken.
+/// Time of a check.
 #[derive(Clone, Copy, Debug)]
 enum When {
     Step(u64),
@@ -705,7 +705,7 @@ impl fmt::Display for When {
     }
 }
 
-/// The larger of two values that may not have been measured; NaN counts as the largest.
+/// Returns the larger of two values that may not have been measured; NaN counts as the largest.
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),
@@ -713,7 +713,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     }
 }
 
-/// The value of largest size of all ranks, and the first cell that has it. Collective.
+/// Returns the value of largest size of all ranks, and the first cell that has it. Collective.
 fn agreed(mine: At, communicator: &Communicator) -> At {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
     // The sign goes with the place.
@@ -762,7 +762,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// What rounding explains is not spoken of; what is above it is.
+    /// Reports errors of a balance above those that rounding explains, and no others.
     #[test]
     fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
         let text = examples::find("poiseuille").unwrap().text;

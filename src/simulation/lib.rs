@@ -85,7 +85,7 @@ use removal::{Departed, Removal};
 use schedule::Schedule;
 use view::View;
 
-/// What is simulated, as it is now.
+/// Simulated state at the present step.
 struct Present<Sp: Space, S: Saved> {
     plan: Plan,
     domain: Domain,
@@ -107,7 +107,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         self.flow.as_ref().and_then(Water::seepage)
     }
 
-    /// Physical time [s].
+    /// Returns the physical time [s].
     fn time(&self) -> f64 {
         base::number::real(self.step) * self.plan.clock.time_step
     }
@@ -151,7 +151,7 @@ pub struct Simulation<Sp: Space, S: Saved> {
 }
 
 impl<Sp: Space, S: Saved> Simulation<Sp, S> {
-    /// The present state.
+    /// Returns the present state.
     #[must_use]
     pub fn view(&self) -> View<'_, Sp> {
         self.now.view()
@@ -290,7 +290,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.guards
             .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
         if self.guards.take_unfetched() {
-            self.look()?;
+            self.check_state()?;
         }
         self.phases.done(Phase::Guards);
         Ok(())
@@ -304,11 +304,11 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.now.flow.as_mut().map_or(Ok(()), Water::fetch)
     }
 
-    /// Looks at the state as it is, unless the guards have done so. Collective.
+    /// Runs the guards if they have not run this step. Collective.
     ///
     /// # Errors
     /// When the numbers fail.
-    fn look(&mut self) -> Result<(), Error> {
+    fn check_state(&mut self) -> Result<(), Error> {
         self.fetch()?;
         let now = &self.now;
         let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
@@ -337,7 +337,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.recorder.flush(view.domain)
     }
 
-    /// The last rows and outputs: the state at the end of the run, where it was not written at this step. Collective.
+    /// Writes the last rows and outputs: the state at the end of the run, where it was not written at this step.
+    /// Collective.
     ///
     /// # Errors
     /// When a file cannot be written; the same on all ranks.
@@ -353,8 +354,8 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
         self.collapse.record_end(&view)
     }
 
-    /// Drops what was written at the present step because a run ended there. Call it where a resumed run
-    /// goes on. Collective.
+    /// Drops what was written at the present step because a run ended there. Call it where a resumed run continues.
+    /// Collective.
     ///
     /// # Errors
     /// When a file cannot be written; the same on all ranks.

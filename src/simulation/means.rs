@@ -1,6 +1,7 @@
 //! Means over time of the probes that state a window for them: beds and grains.
 //!
-//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across
+//! restarts.
 
 use base::number::real;
 use io::table::{self, Rows};
@@ -20,9 +21,9 @@ pub(super) struct Means {
     pub(super) to: f64,
     /// Samples between them.
     pub(super) samples: usize,
-    /// Its columns.
+    /// Columns.
     pub(super) values: Vec<Mean>,
-    /// What keeps them from being what they are called.
+    /// Reasons why they may not be valid as means.
     pub(super) doubts: Vec<String>,
 }
 
@@ -31,15 +32,15 @@ pub(super) struct Means {
 pub(super) struct Mean {
     /// Name of the column.
     pub(super) quantity: String,
-    /// Its unit.
+    /// Unit.
     pub(super) unit: String,
-    /// Mean over the samples that have a value; none where no sample has one.
+    /// Mean over the samples that have a value; none if no sample has one.
     pub(super) mean: Option<f64>,
     /// The last one.
     pub(super) last: Option<f64>,
 }
 
-/// The means of all probes with a window, from the folder of a run.
+/// Returns the means of all probes with a window, from the folder of a run.
 pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     let mut all = Vec::new();
     for probe in &plan.scene.probes {
@@ -50,9 +51,9 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
         };
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
-            // A sample may lie half a step beside its time.
+            // A sample may differ from its time by half a step.
             Ok(rows) => {
-                let mut means = of(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
+                let mut means = means_from(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
                 if let (Some(means), ProbeAt::Bed(_)) = (&mut means, &probe.at) {
                     let obstacles =
                         !plan.scene.structures.is_empty() || !plan.scene.bodies.is_empty();
@@ -66,8 +67,8 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     all
 }
 
-/// The means of the rows from a time on; none without such rows.
-fn of(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
+/// Returns the means of the rows from a time on; none without such rows.
+fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
     let times = rows.column("time")?;
     let first = times.iter().position(|&time| time >= from)?;
     let quantities = rows.columns.iter().zip(&rows.units);
@@ -99,14 +100,15 @@ fn of(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
 /// Relative difference of the two shear stresses of a bed from which they are not those of a steady stream over it.
 const ALIKE: f64 = 0.2;
 
-/// Why the shear stresses of a bed may not be what the bed bears.
+/// Returns reasons why the shear stresses of a bed may not be what the bed bears.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mean = |name: &str| values.iter().find(|v| v.quantity == name)?.mean;
     let (balance, profile) = (mean("shear_stress_balance"), mean("shear_stress_profile"));
     let mut doubts = Vec::new();
     if obstacles {
         doubts.push(
-            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream bear".to_owned(),
+            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream \
+             bear".to_owned(),
         );
     }
     match (balance, profile) {
@@ -114,7 +116,8 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
             let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
             if apart > ALIKE {
                 doubts.push(format!(
-                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the bed bears a part of the drive",
+                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the \
+                     bed bears a part of the drive",
                     100.0 * apart
                 ));
             }
@@ -128,7 +131,7 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     doubts
 }
 
-/// A table of them.
+/// Returns a table of them.
 pub(super) fn lines(all: &[Means]) -> Vec<String> {
     let mut lines = Vec::new();
     for one in all {
@@ -192,12 +195,12 @@ mod tests {
                 vec![1.5, 3.0, f64::NAN],
             ],
         };
-        let means = of("bed", &rows, 0.5).unwrap();
+        let means = means_from("bed", &rows, 0.5).unwrap();
         assert_eq!((means.from, means.to, means.samples), (0.5, 1.5, 3));
         let value = |n: usize| (means.values[n].mean, means.values[n].last);
         assert_eq!(value(0), (Some(2.0), Some(3.0)));
         assert_eq!(value(1), (Some(4.0), None));
-        assert!(of("bed", &rows, 2.0).is_none());
+        assert!(means_from("bed", &rows, 2.0).is_none());
         let lines = lines(&[means]).join("\n");
         assert!(
             lines.contains("height") && lines.contains("2.0000e0"),

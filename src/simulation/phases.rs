@@ -1,4 +1,5 @@
-//! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the table at the end.
+//! Times of the phases of the step, and the part of them spent waiting for other ranks; reduced over ranks for the
+//! table at the end.
 
 use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
@@ -38,8 +39,8 @@ const PHASES: [Phase; 8] = [
 ];
 
 impl Phase {
-    /// Whether its time is computing, apart from waiting. Files are written by all ranks together, and the waits inside of that are not
-    /// seen.
+    /// Returns `true` if its time is computing, apart from waiting. Files are written by all ranks together, and the
+    /// waits inside of that are not seen.
     fn computes(self) -> bool {
         !matches!(self, Self::Output | Self::Checkpoint)
     }
@@ -71,7 +72,7 @@ pub struct Spread {
 pub struct Spent {
     /// Which.
     pub phase: Phase,
-    /// How much.
+    /// Time over the ranks.
     #[serde(flatten)]
     pub seconds: Spread,
 }
@@ -81,31 +82,31 @@ pub struct Spent {
 pub struct Waiting {
     /// All of it.
     pub total: Spread,
-    /// For messages from one rank to another: halos, ghosts, migration.
+    /// Time of messages from one rank to another: halos, ghosts, migration.
     pub messages: Spread,
-    /// In calls in which all ranks take part: reductions, broadcasts.
+    /// Time of calls in which all ranks take part: reductions, broadcasts.
     pub collectives: Spread,
 }
 
-/// What ranks sent to each other during the phases.
+/// Messages between ranks during the phases.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Traffic {
     /// Messages from one rank to another, of all ranks together.
     pub messages: u64,
-    /// Their bytes.
+    /// Bytes of the messages.
     pub bytes: u64,
     /// Calls in which all ranks take part: reductions, broadcasts.
     pub collectives: u64,
 }
 
-/// Where the time went, over the ranks.
+/// Account of the time of the run, over the ranks.
 #[derive(Clone, Debug)]
 pub struct Account {
     /// The phases; together they are the time of the steps.
     pub phases: Vec<Spent>,
-    /// How much of that was waiting.
+    /// Part of this time spent waiting.
     pub waiting: Waiting,
-    /// What ranks sent to each other.
+    /// Messages between ranks.
     pub traffic: Traffic,
     /// Time that the busiest rank computed over the mean of the ranks: 1 where the load is even.
     pub imbalance: f64,
@@ -124,7 +125,7 @@ impl Phases {
         }
     }
 
-    /// The time since the last call belongs to `phase`.
+    /// Adds the time since the last call to `phase`.
     pub fn done(&mut self, phase: Phase) {
         let (now, now_waited) = (Instant::now(), waited());
         if let Some(k) = PHASES.iter().position(|&p| p == phase) {
@@ -135,7 +136,7 @@ impl Phases {
         self.last_waited = now_waited;
     }
 
-    /// Waiting in all phases.
+    /// Returns the waiting in all phases.
     fn waited(&self) -> Waited {
         let mut all = Waited::default();
         for &one in &self.waited {
@@ -144,7 +145,7 @@ impl Phases {
         all
     }
 
-    /// Time of the phases that compute, without the waiting in them.
+    /// Returns the time of the phases that compute, without the waiting in them.
     fn computed(&self) -> Duration {
         PHASES
             .iter()
@@ -154,7 +155,8 @@ impl Phases {
             .sum()
     }
 
-    /// Computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\]. Collective.
+    /// Returns the computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\].
+    /// Collective.
     #[must_use]
     pub fn fluid_and_solids(&self, communicator: &Communicator) -> [f64; 2] {
         [
@@ -173,7 +175,7 @@ impl Phases {
         })
     }
 
-    /// Least, mean and most of the ranks. Collective.
+    /// Returns the minimum, mean and maximum of the ranks. Collective.
     #[must_use]
     pub fn reduce(&self, communicator: &Communicator) -> Account {
         let (waited, computed) = (self.waited(), self.computed());
@@ -210,13 +212,13 @@ impl Phases {
 }
 
 impl Account {
-    /// The time of the steps: that of all phases, in the mean over the ranks \[s\].
+    /// Returns the time of the steps: that of all phases, in the mean over the ranks \[s\].
     #[must_use]
     pub fn looped(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds.mean).sum()
     }
 
-    /// A table of it.
+    /// Returns a table of it.
     #[must_use]
     pub fn table(&self) -> String {
         let looped = self.looped().max(1e-9);
@@ -240,7 +242,8 @@ impl Account {
             collectives,
         } = &self.waiting;
         lines.push(format!(
-            "of these, waiting for other ranks (load imbalance {:.2}: computing time of the busiest rank over the mean):",
+            "of these, waiting for other ranks (load imbalance {:.2}: computing time of the busiest rank over the \
+             mean):",
             self.imbalance
         ));
         lines.push(row("waiting", total));
@@ -250,7 +253,7 @@ impl Account {
     }
 }
 
-/// Least, mean and most of the ranks. Collective.
+/// Returns the minimum, mean and maximum of the ranks. Collective.
 fn spread(mine: Duration, communicator: &Communicator) -> Spread {
     let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
     let seconds = mine.as_secs_f64();

@@ -1,4 +1,5 @@
-//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all ranks.
+//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all
+//! ranks.
 
 use super::agreement;
 use super::folder::RunFolder;
@@ -74,7 +75,8 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
             )),
             Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
                 (self.report)(&format!(
-                    "the unfinished sample is not saved: it needs {needed} bytes, {path} has {free}; the preparation continues"
+                    "the unfinished sample is not saved: it needs {needed} bytes, {path} has {free}; the preparation \
+                     continues"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),
@@ -88,7 +90,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
     }
 }
 
-/// The state of a sample in a checkpoint. First rank.
+/// Returns the state of a sample in a checkpoint. First rank.
 fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
     let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
     let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
@@ -99,8 +101,8 @@ fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
     })
 }
 
-/// Makes, reads or lists the grains and cuts them; continues from the checkpoint of an earlier attempt. `attributes` are stored in the
-/// checkpoints of an unfinished sample. Collective.
+/// Makes, reads or lists the grains and cuts them; continues from the checkpoint of an earlier attempt. `attributes`
+/// are stored in the checkpoints of an unfinished sample. Collective.
 ///
 /// # Errors
 /// When the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.

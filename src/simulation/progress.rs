@@ -19,7 +19,7 @@ pub struct Moment {
     pub grains: u64,
     /// Solid steps per step.
     pub solid_steps: u64,
-    /// More, such as `lattice velocity 0.03, eroded 12 %`.
+    /// Further text, such as `lattice velocity 0.03, eroded 12 %`.
     pub more: String,
 }
 
@@ -63,7 +63,7 @@ impl Progress {
         }
     }
 
-    /// Whether a progress line is due (called every few steps).
+    /// Returns `true` if a progress line is due (called every few steps).
     #[must_use]
     pub fn due(&self) -> bool {
         self.speaks && self.last.elapsed() >= self.every
@@ -112,7 +112,7 @@ impl Progress {
         self.last_step = moment.step;
     }
 
-    /// A sentence that stays.
+    /// Prints a sentence that stays.
     pub fn note(&self, text: &str) {
         if self.speaks && !text.is_empty() {
             let before = if self.terminal { "\r\x1b[2K" } else { "" };
@@ -121,8 +121,8 @@ impl Progress {
     }
 }
 
-/// Whether a person may be looking. Under `mpirun` the standard output of a rank is a terminal made by mpirun, wherever
-/// mpirun's own output goes: then that of mpirun decides.
+/// Returns `true` if a person may read the output. Under `mpirun` the standard output of a rank is a terminal made by
+/// mpirun, wherever mpirun's own output goes: then that of mpirun decides.
 fn on_terminal() -> bool {
     if !std::io::stdout().is_terminal() {
         return false;
@@ -136,7 +136,8 @@ fn on_terminal() -> bool {
 /// Programs that start the ranks of Open MPI on their machine.
 const LAUNCHERS: [&str; 4] = ["mpirun", "mpiexec", "orterun", "prterun"];
 
-/// Whether the launcher above process `id` in a `/proc` writes to a terminal; no where it runs on another machine.
+/// Returns `true` if the launcher above process `id` in a `/proc` writes to a terminal; `false` if it runs on another
+/// machine.
 fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
     // A few shells and timers may stand between.
     for _ in 0..8 {
@@ -186,7 +187,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// A process in a made-up `/proc`.
+    /// Makes a process in a made-up `/proc`.
     fn process(proc: &Path, id: u32, name: &str, parent: u32, output: &str) {
         let folder = proc.join(id.to_string());
         std::fs::create_dir_all(folder.join("fd")).unwrap();

@@ -21,7 +21,7 @@ pub(super) struct Recorders {
 }
 
 impl Recorders {
-    /// From the attributes of a checkpoint.
+    /// Reads the state from the attributes of a checkpoint.
     ///
     /// # Errors
     /// [`Error::Io`] where a state is missing or broken.

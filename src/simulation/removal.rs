@@ -2,13 +2,13 @@
 //!
 //! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is removed; the
 //! first region that contains it counts. Named bodies stay. A generating region adds `rate x time` grains. The draws of
-//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`base::random`]). The first drawn position that is free of every
-//! grain, body and wall is used. If no position of a batch is free, the next step continues with the next batch. New ids are larger than every
-//! id used before.
+//! grain `n` of region `r` are a function of (seed, r, n, attempt) alone ([`base::random`]). The first drawn position
+//! that is free of every grain, body and wall is used. If no position of a batch is free, the next step continues with
+//! the next batch. New ids are larger than every id used before.
 //!
-//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour lists, so that the
-//! result does not depend on ranks or list rebuilds. A step without such events costs a scan of the own grains and one
-//! reduction of a number.
+//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour
+//! lists, so that the result does not depend on ranks or list rebuilds. A step without such events costs a scan of the
+//! own grains and one reduction of a number.
 
 use analysis::erosion_law::RemovedGrain;
 use base::error::Error;
@@ -32,22 +32,22 @@ use serde::{Deserialize, Serialize};
 pub struct Departed {
     /// Index of the region in [`plan::scene::Scene::regions`].
     pub region: usize,
-    /// Where its centre was, in the box \[m\].
+    /// Position of its centre, in the box \[m\].
     pub at: [f64; 3],
     /// The row of `removed.csv`.
     pub grain: RemovedGrain,
 }
 
-/// What a region that removes has taken so far.
+/// Grains and mass that a region has removed so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Taken {
     /// Grains.
     pub grains: u64,
-    /// Their mass [kg; in 2-D kg/m].
+    /// Mass of the grains [kg; in 2-D kg/m].
     pub mass: f64,
 }
 
-/// How far a region that generates has come.
+/// Progress of a region that generates grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Made {
     grains: u64,
@@ -94,7 +94,7 @@ const PURPOSE: u32 = 0x5eed;
 const BATCH: usize = 32;
 
 impl Removal {
-    /// The regions of the scene, nothing taken or made yet.
+    /// Returns the regions of the scene, nothing taken or made yet.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
         let regions = &plan.scene.regions;
@@ -120,13 +120,13 @@ impl Removal {
         }
     }
 
-    /// What each region of the scene has taken so far, all ranks together.
+    /// Returns the amounts that each region of the scene has removed so far, all ranks together.
     #[must_use]
     pub fn taken(&self) -> &[Taken] {
         &self.state.taken
     }
 
-    /// How many grains have been generated so far.
+    /// Returns the number of grains generated so far.
     #[must_use]
     pub fn generated(&self) -> u64 {
         self.state.made.iter().map(|made| made.grains).sum()
@@ -151,7 +151,8 @@ impl Removal {
     }
 
     /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
-    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them again.
+    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them
+    /// again.
     ///
     /// # Errors
     /// Where a message between ranks is garbled.
@@ -239,8 +240,8 @@ impl Removal {
         Ok(all)
     }
 
-    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank. Where
-    /// any came, ghosts were dropped: prepare them again, which also hands each to its owner.
+    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank.
+    /// Where any came, ghosts were dropped: prepare them again, which also hands each to its owner.
     ///
     /// # Errors
     /// Where the material of the region has no density.
@@ -319,14 +320,14 @@ impl Removal {
         Ok(born)
     }
 
-    /// The counts for a checkpoint; the same on every rank.
+    /// Returns the counts for a checkpoint; the same on every rank.
     #[must_use]
     pub fn state(&self) -> State {
         self.state.clone()
     }
 
-    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a new one, and
-    /// is not needed where they are the same.
+    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a
+    /// new one, and is not needed where they are the same.
     ///
     /// # Errors
     /// [`Error::Io`] where they are not those of a run with as many regions.
@@ -358,7 +359,7 @@ impl Removal {
         Ok(())
     }
 
-    /// The first id above all present ones, once, while all grains are still there.
+    /// Sets the first id above all present ones, once, while all grains are still there.
     fn set_first_free_id<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
         if self.generates && self.state.next_id.is_none() {
             let mine = particles.body[..particles.owned()]
@@ -370,7 +371,7 @@ impl Removal {
     }
 }
 
-/// Rows of `N` numbers from their bytes.
+/// Returns the rows of `N` numbers from their bytes.
 pub(super) fn rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[u64; N]>, Error> {
     let (words, rest) = bytes.as_chunks::<8>();
     let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
@@ -388,7 +389,7 @@ fn whole_index(number: u64) -> Result<usize, Error> {
     usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is no index")))
 }
 
-/// A raw position in the box: periodic axes wrapped into [0, length).
+/// Returns a raw position in the box: periodic axes wrapped into [0, length).
 pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|axis| {
         if axis >= grid.dimension {
@@ -403,7 +404,8 @@ pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// A grain that flew out of the domain between two looks is where it left: a region at that face has it.
+/// Returns `true` if a grain is in a region. A grain that flew out of the domain between two checks counts at the face
+/// where it left.
 fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
     let at = std::array::from_fn(|axis| {
         if axis < grid.dimension && !grid.periodic[axis] {
@@ -425,7 +427,7 @@ fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> b
     }
 }
 
-/// What to add to a difference along an axis to make it that of the nearest image.
+/// Returns the number to add to a difference along an axis to make it that of the nearest image.
 fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     if axis < grid.dimension && grid.periodic[axis] {
         -(difference / grid.size[axis]).round() * grid.size[axis]
@@ -434,7 +436,7 @@ fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     }
 }
 
-/// How many grains a region owes at a time.
+/// Returns the number of grains that a region has to generate up to a time.
 fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
     // A rounding below a whole number of grains counts as that number.
     let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
@@ -471,7 +473,7 @@ fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATC
     })
 }
 
-/// The first of the places that no grain, body or wall of this time \[s\] covers on any rank.
+/// Returns the first of the places that no grain, body or wall of this time \[s\] covers on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
     (radius, time): (f64, f64),
@@ -540,7 +542,8 @@ mod tests {
         Plan::prepare(document).unwrap()
     }
 
-    const OUT: &str = r#"{"name": "left", "box": {"from": [0, 0], "to": [0.0005, 0.004]}, "action": {"remove": {"when": "centre"}}},
+    const OUT: &str = r#"{"name": "left", "box": {"from": [0, 0], "to": [0.0005, 0.004]},
+        "action": {"remove": {"when": "centre"}}},
         {"name": "out", "box": {"from": [0.009, 0], "to": [0.01, 0.004]}, "action": {"remove": {}}}"#;
 
     fn grain(id: u64, x: f64, y: f64) -> (Body, Motion<Plane>) {
@@ -569,7 +572,7 @@ mod tests {
             grain(5, 0.00055, 0.001),
             grain(4, 0.0004, 0.003),
             grain(2, 0.0099, 0.0005),
-            // Flew past the right box, and up, since the last look.
+            // Flew past the right box, and up, since the last check.
             grain(8, 0.0131, 0.0042),
         ] {
             particles.insert(body, motion);

@@ -1,8 +1,9 @@
 //! Continuation of a run from its newest checkpoint, with a case that fits it.
 //!
-//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by field. Changes that a
-//! restart allows ([`case::restart`]) are applied; any other change is refused and named. Fields that both cases leave out keep the
-//! values chosen for the run, so that a later end or another output does not change the time step.
+//! A checkpoint contains its case. The case in the folder, with the changes of `--set`, is compared with it field by
+//! field. Changes that a restart allows ([`case::restart`]) are applied; any other change is refused and named.
+//! Fields that both cases leave out keep the values chosen for the run, so that a later end or another output does not
+//! change the time step.
 
 use super::folder::RunFolder;
 use super::gates::{Gates, clear_of};
@@ -35,17 +36,17 @@ use std::path::Path;
 #[derive(Clone, Debug)]
 pub(super) struct Resumed {
     pub(super) found: Found,
-    /// Whether the case in the folder is to be written anew.
+    /// `true` if the case in the folder is to be written anew.
     pub(super) changed: bool,
-    /// Which of the run's walls each wall is; none where they are the same.
+    /// Index among the run's walls of each wall; none if they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
-    /// Which of the run's regions each region is.
+    /// Index among the run's regions of each region.
     pub(super) regions: Option<Vec<Option<usize>>>,
-    /// `true` if the sums over time go on from those of the checkpoint.
+    /// `true` if the sums over time continue from those of the checkpoint.
     pub(super) sums_go_on: bool,
 }
 
-/// Where a run was when it was saved.
+/// Stage of a run when it was saved.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
     /// Past its preparation.
@@ -59,7 +60,7 @@ pub(super) enum Stage {
 }
 
 impl Resumed {
-    /// With the case of the checkpoint itself.
+    /// Returns a continued run with the case of the checkpoint itself.
     pub(super) fn unchanged(found: Found) -> Self {
         Self {
             found,
@@ -105,7 +106,7 @@ pub(super) fn attributes(plan: &Plan) -> Value {
     })
 }
 
-/// What the numbers of a state count in.
+/// Returns the units of the numbers of a state.
 fn scales(plan: &Plan) -> Value {
     json!({
         "cells": plan.scene.grid.cells,
@@ -115,7 +116,7 @@ fn scales(plan: &Plan) -> Value {
     })
 }
 
-/// The newest checkpoint of a folder: of the run, or else of its preparation. Collective.
+/// Returns the newest checkpoint of a folder: of the run, or else of its preparation. Collective.
 ///
 /// # Errors
 /// [`Error::Io`] where there is none, the same on all ranks.
@@ -127,7 +128,8 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
             let kept = communicator.all_reduce_max_u64(u64::from(sample.is_dir())) > 0;
             if !kept {
                 return Err(Error::Io(format!(
-                    "no checkpoint in {path}{reason}; start again with `solver {0}/case.json --output ..` or, in the same folder, with a copy of that case and --overwrite",
+                    "no checkpoint in {path}{reason}; start again with `solver {0}/case.json --output ..` or, in the \
+                     same folder, with a copy of that case and --overwrite",
                     folder.path().display()
                 )));
             }
@@ -145,8 +147,8 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
     Ok(found)
 }
 
-/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash proves that no bit has changed
-/// since somebody wrote it, not who did.
+/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash only excludes
+/// accidental damage.
 ///
 /// # Errors
 /// [`Error::Io`] with what does not fit, the same on all ranks.
@@ -176,7 +178,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     Ok(())
 }
 
-/// What checkpoints of a plan can hold.
+/// Returns the arrays and sizes that checkpoints of a plan can have.
 fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     let scene = &plan.scene;
     let lattice = scene.flow.as_ref().map(|flow| {
@@ -222,8 +224,8 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     }
 }
 
-/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of generated grains may
-/// have been others.
+/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of
+/// generated grains may have been others.
 pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     let scene = &plan.scene;
     // A growth that ends by touching leaves all grains smaller than stated.
@@ -278,7 +280,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     }
 }
 
-/// The tables that the run of a plan may write, by name.
+/// Returns the tables that the run of a plan may write, by name.
 pub(super) fn tables(plan: &Plan) -> Vec<String> {
     let probes = plan.scene.probes.iter();
     let probes = probes.map(|probe| format!("probe_{}.csv", probe.name));
@@ -295,8 +297,9 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
     probes.chain(others.map(str::to_owned)).collect()
 }
 
-/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there keeps the rows
-/// that it wrote at its end: nothing comes after them, and some of them cannot be measured again. Collective.
+/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there
+/// keeps the rows that it wrote at its end: nothing comes after them, and some of them cannot be measured again.
+/// Collective.
 ///
 /// # Errors
 /// [`Error::Io`] with the table that was changed since, the same on all ranks.
@@ -339,7 +342,8 @@ fn report_version(found: &Found) {
     let mine = (provenance::VERSION, provenance::commit());
     if (version, commit) != mine {
         log::warn!(
-            "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ from those of one program",
+            "{} was written by version {version} (commit {commit}), and this is {} (commit {}): results may differ \
+             from those of one program",
             found.path.display(),
             mine.0,
             mine.1
@@ -347,7 +351,7 @@ fn report_version(found: &Found) {
     }
 }
 
-/// Whether a folder holds a run of this very plan that can go on. First rank.
+/// Returns `true` if a folder holds a run of this very plan that can be continued. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
     let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {
@@ -370,7 +374,7 @@ pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document
     Ok(document)
 }
 
-/// The plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
+/// Returns the plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
 ///
 /// # Errors
 /// All changes that a restart does not allow, all errors of the case, and its instabilities unless they are allowed.
@@ -464,7 +468,8 @@ fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Re
     let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
     if theirs != Some(plan.case_hash.as_str()) {
         return Err(Error::Io(format!(
-            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case {}); restart it without --set",
+            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case \
+             {}); restart it without --set",
             resumed.found.path.display(),
             theirs.unwrap_or("missing"),
             plan.case_hash
@@ -483,7 +488,7 @@ fn refusal(path: &str, value: String, reason: impl Into<String>, remedy: &str) -
     }
 }
 
-/// The state must count in the cells and steps of the plan, and lie before its end.
+/// Checks that the state counts in the cells and steps of the plan, and is before its end.
 fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<(), Error> {
     let mut problems = Vec::new();
     let (theirs, ours) = (&attributes["scales"], scales(plan));
@@ -545,7 +550,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     problems
 }
 
-/// Which of the old walls each new one is: of the same name, or on the same face of the domain.
+/// Returns for each new wall the old one that it is: of the same name, or on the same face of the domain.
 fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
@@ -555,7 +560,7 @@ fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// Which of the old regions each new one is: of the same name.
+/// Returns for each new region the old one that it is: of the same name.
 fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
     let generates = |plan: &Plan| {
         let regions = plan.scene.regions.iter();
@@ -591,7 +596,7 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     dem.drive_walls(&velocities);
 }
 
-/// No grain may stand in a wall that a restart adds. Collective.
+/// Checks that no grain stands in a wall that a restart adds. Collective.
 pub(super) fn clear_of_new_walls<S: Space>(
     plan: &Plan,
     (origins, gates, step): (&[Option<usize>], &Gates, u64),

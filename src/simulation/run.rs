@@ -39,28 +39,28 @@ use std::time::{Duration, Instant};
 /// Options of a run or restart besides its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Folder for everything the run writes; a restart goes on in its own.
+    /// Folder for everything the run writes; a restart continues in its own.
     pub output: Option<PathBuf>,
     /// The file of the case, which nothing may replace.
     pub case: Option<PathBuf>,
-    /// Whether a run that the folder holds is replaced.
+    /// `true` if a run that the folder holds is replaced.
     pub overwrite: bool,
-    /// Whether the end of the run is kept as a checkpoint.
+    /// `true` if the end of the run is kept as a checkpoint.
     pub final_checkpoint: bool,
-    /// When the program was started: the walltime counts from here.
+    /// Start of the program: the walltime counts from here.
     pub begun: Instant,
     /// Threads of each rank; none for the cores of the machine over its ranks.
     pub threads: Option<usize>,
     /// Wall-clock time after which the run is over.
     pub max_walltime: Option<Duration>,
-    /// Tables as JSON.
+    /// `true` if tables are printed as JSON.
     pub json: bool,
-    /// A restart goes on although the case is unstable.
+    /// `true` if a restart continues although the case is unstable.
     pub allow_unstable: bool,
 }
 
-/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks, before the run
-/// writes anything.
+/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks,
+/// before the run writes anything.
 ///
 /// # Errors
 /// The reason of an early end; [`Error::Stopped`] after a request; the error of `accepted`.
@@ -93,10 +93,10 @@ pub fn run(
     })
 }
 
-/// Goes on from the newest checkpoint in a folder, with changed fields.
+/// Continues from the newest checkpoint in a folder, with changed fields.
 ///
 /// # Errors
-/// As [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
+/// Those of [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
 pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(), Error> {
     let path = folder.join("case.json");
     let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| {
@@ -125,21 +125,20 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
     })
 }
 
-/// Until when work of several runs may go on.
+/// Time until which work of several runs may continue.
 #[derive(Clone, Debug)]
 pub struct Bounds {
     /// Folder in which a file STOP ends it.
     pub folder: PathBuf,
-    /// Time at which it began.
+    /// Start of the work, and the wall time that it may take.
     pub begun: Instant,
-    /// Wall time that it may take.
     pub limit: Option<Duration>,
 }
 
 /// Runs a plan on existing ranks, without messages; continues an earlier attempt that was stopped. Collective.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn trial(
     communicator: &Communicator,
     threads: usize,
@@ -176,7 +175,7 @@ pub fn trial(
     start_on(communicator, plan, start)
 }
 
-/// Whether a folder holds this very run, done. Collective.
+/// Returns `true` if a folder holds this very run, done. Collective. Collective.
 ///
 /// # Errors
 /// None of its own.
@@ -238,7 +237,8 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     let known = local.is_some() || communicator.size() == 1;
     if known && ranks * threads > cores && first {
         log::warn!(
-            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take turns, \
+            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take \
+             turns, \
              which is slower than `--threads {}`",
             (cores / ranks).max(1)
         );
@@ -251,7 +251,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     Ok(threads)
 }
 
-/// Runs, and writes down how it ended where the run itself could not. Collective.
+/// Runs, and records the outcome if the run itself could not. Collective.
 fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
     let summary = start.folder.path().join("summary.json");
     let folder = start.folder.path().display().to_string();
@@ -280,9 +280,10 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
     }
 }
 
-/// When a run ended with an error.
+/// Time at which a run ended with an error.
 enum Ended {
-    /// Before its first step, or between this step and the next as its slabs changed: nothing has been written about it.
+    /// Error before its first step, or between this step and the next as its slabs changed: nothing has been written
+    /// about it.
     BetweenSteps(Error, u64),
     /// Later: the run has reported it.
     Later(Error),
@@ -305,10 +306,10 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
     }
 }
 
-/// How long a rank with an error waits for the others to have one too, before it ends the job by itself.
+/// Time that a rank with an error waits for the others to have one too, before it ends the job by itself.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The slabs that a case lists.
+/// Returns the slabs that a case lists.
 fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
     let axis = setup::axis(grid.split_axis);
     let (planes, periodic) = (grid.cells[grid.split_axis], grid.periodic[grid.split_axis]);
@@ -341,11 +342,11 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
         .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
 }
 
-/// A run before its first step on this process alone, without messages, for callers that step it themselves: tests and
-/// measurements. Outputs go to `folder`.
+/// Returns a run before its first step on this process alone, without messages, for callers that step it themselves:
+/// tests and measurements. Outputs go to `folder`.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
     let communicator = Communicator::serial();
     let entry = Entry::Fresh {

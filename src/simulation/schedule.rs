@@ -12,14 +12,14 @@ pub(super) struct Schedule {
     /// Steps that the water makes at once ([`lbm::fluid::Fluid::at_once`]): one, or more of water alone up to
     /// the next event.
     pub(super) steps: u64,
-    /// The guards balance the step.
+    /// `true` if the guards balance the step.
     pub(super) balance: bool,
-    /// A balance, a checkpoint, a recorder or an output reads the populations. The checks of the
-    /// guards alone do without.
+    /// `true` if a balance, a checkpoint, a recorder or an output reads the populations. The checks of the guards alone
+    /// do without.
     pub(super) populations: bool,
-    /// The water, a recorder or an output reads the ghosts of the solids.
+    /// `true` if the water, a recorder or an output reads the ghosts of the solids.
     pub(super) ghosts: bool,
-    /// An output is due.
+    /// `true` if an output is due.
     pub(super) output: bool,
 }
 

@@ -1,8 +1,9 @@
-//! How far forces, fluxes and pressures of the probes are from settled at the end of a run.
+//! Distance of forces, fluxes and pressures of the probes from a settled state at the end of a run.
 //!
-//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is measured. Where a probe
-//! has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared; with fewer still nothing is known. The
-//! numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across restarts.
+//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is
+//! measured. Where a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared;
+//! with fewer still nothing is known. The numbers come from the files of the probes, which hold every sample to the
+//! bit, on any number of ranks and across restarts.
 
 use base::number::real;
 use base::units::LatticeUnits;
@@ -19,7 +20,8 @@ const SETTLED: f64 = 0.01;
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Samples of a window at least.
 const FEWEST: usize = 2;
-/// A value is compared with this part of the largest of its kind at least: what is nothing beside the others has nothing to settle.
+/// Minimum size of a value in its comparison, as part of the largest of its kind: a value that is small compared with
+/// the others has nothing to settle.
 const BESIDE_OTHERS: f64 = 1e-3;
 /// Lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;
@@ -31,9 +33,9 @@ const NAMED: usize = 5;
 pub(super) struct Settled {
     /// Name of the probe.
     pub(super) probe: String,
-    /// What it measures.
+    /// Quantity that it measures.
     pub(super) quantity: &'static str,
-    /// Its unit.
+    /// Unit.
     pub(super) unit: String,
     /// Part of the run that the means are taken over: a tenth, or more where the probe has few samples.
     pub(super) window: f64,
@@ -47,7 +49,7 @@ pub(super) struct Settled {
     pub(super) period: Option<f64>,
 }
 
-/// What the probes say about the end of a run.
+/// State of the probes at the end of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct End {
     pub(super) values: Vec<Settled>,
@@ -58,7 +60,7 @@ pub(super) struct End {
 /// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
 type Quantity = (&'static str, &'static [&'static str], f64);
 
-/// What of a probe settles.
+/// Returns the quantities of a probe that settle.
 fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     let (force, pressure) = (units.force_to_si(1.0), units.pressure_scale());
     let depth = if units.dimension == 2 {
@@ -90,7 +92,7 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     }
 }
 
-/// The values of all probes of a run that is at `time`, from its folder; without a lattice none.
+/// Returns the values of all probes of a run that is at `time`, from its folder; without a lattice none.
 pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
     let Some(units) = &plan.units else {
         return End::default();
@@ -106,7 +108,7 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
             Ok(rows) => {
                 let known = all.len();
                 let seen = quantities.iter().filter_map(|quantity| {
-                    let seen = look(&rows, quantity, time)?;
+                    let seen = last_windows(&rows, quantity, time)?;
                     Some((probe.name.clone(), *quantity, seen))
                 });
                 all.extend(seen);
@@ -139,8 +141,8 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
     vector.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The last two windows of a quantity before `end`, the shortest that have enough samples; none where none have.
-fn look(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
+/// Returns the last two windows of a quantity before `end`, the shortest that have enough samples; none if none have.
+fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
     let mut windows = WINDOWS.iter();
     windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
 }
@@ -193,7 +195,7 @@ fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Opti
     Some(seen)
 }
 
-/// Time between every second passage through the mean, where there are three at least.
+/// Returns the time between every second passage through the mean, where there are three at least.
 fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
     let pairs = samples.windows(2);
     let mut passed = pairs.filter(|pair| (pair[0].1 < mean) != (pair[1].1 < mean));
@@ -238,7 +240,7 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
     judged.collect()
 }
 
-/// Sentences about what has not settled and what is not known to have; none where the drive itself oscillates.
+/// Sentences about what has not settled and what is not known to have; none if the drive itself oscillates.
 pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
     let force = plan.scene.flow.as_ref().map(|flow| &flow.body_force);
     if matches!(force, Some(BodyForce::Oscillating { .. })) {
@@ -263,7 +265,8 @@ pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
             .map(|name| format!("`{name}`"))
             .collect();
         lines.push(format!(
-            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the run; a shorter `every` tells",
+            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the \
+             run; a shorter `every` shows it",
             names.join(", "),
             if end.unknown.len() > NAMED { " and others" } else { "" }
         ));
@@ -332,7 +335,7 @@ mod tests {
     }
 
     fn settled(of: impl Fn(f64) -> [f64; 2]) -> Settled {
-        let seen = look(&rows(of), &FORCE, 10.0).unwrap();
+        let seen = last_windows(&rows(of), &FORCE, 10.0).unwrap();
         judge(vec![("p".into(), FORCE, seen)]).remove(0)
     }
 
@@ -365,22 +368,22 @@ mod tests {
             let mut few = rows(|t| [5.0 + t.cos(), 0.0]);
             few.values = few.values.into_iter().step_by(every).collect();
             few.steps = few.steps.into_iter().step_by(every).collect();
-            let seen = look(&few, &FORCE, 10.0).unwrap();
+            let seen = last_windows(&few, &FORCE, 10.0).unwrap();
             approx::assert_relative_eq!(seen.window, window);
             let one = judge(vec![("p".into(), FORCE, seen)]).remove(0);
             assert!(one.swing.max(one.drift) > SETTLED, "{every}: {one:?}");
         }
         let mut two = rows(|_| [5.0, 0.0]);
         two.values = two.values.into_iter().step_by(999).collect();
-        assert!(look(&two, &FORCE, 10.0).is_none());
+        assert!(last_windows(&two, &FORCE, 10.0).is_none());
     }
 
-    /// Few samples say nothing; nothing beside a larger one has nothing to settle.
+    /// Leaves out few samples, and values that are small compared with a larger one.
     #[test]
     fn what_has_nothing_to_settle() {
-        assert!(look(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
-        let small = look(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
-        let large = look(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
+        assert!(last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
+        let small = last_windows(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
+        let large = last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
         let all = vec![("s".into(), FORCE, small), ("l".into(), FORCE, large)];
         assert!(judge(all).iter().all(|one| one.drift < 1e-4));
     }

@@ -1,4 +1,5 @@
-//! From the plan to state: the fluid with its boundaries, walls, contact law, bodies; blocks and the initial flow in files of their own.
+//! From the plan to state: the fluid with its boundaries, walls, contact law, bodies; blocks and the initial flow in
+//! files of their own.
 
 pub mod blocks;
 pub mod initial;
@@ -33,7 +34,7 @@ pub fn axis(n: usize) -> Axis {
     [Axis::X, Axis::Y, Axis::Z][n.min(2)]
 }
 
-/// The fluid of a plan in lattice units.
+/// Returns the fluid of a plan in lattice units.
 ///
 /// # Errors
 /// When a profile cannot be read.
@@ -144,7 +145,7 @@ fn patch<S: Stored>(
     })
 }
 
-/// A spin of the space from the vector of rotation.
+/// Returns a spin of the space from the vector of rotation.
 pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     let mut spin = S::Spin::default();
     if S::DIMENSION == 2 {
@@ -157,7 +158,7 @@ pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     spin
 }
 
-/// The box of the grains.
+/// Returns the box of the grains.
 pub fn region<S: Space>(plan: &Plan) -> Region<S> {
     let grid = &plan.scene.grid;
     Region {
@@ -184,7 +185,7 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     Dem::new(scene.contact_law(), settings, walls(plan))
 }
 
-/// The walls of a plan.
+/// Returns the walls of a plan.
 #[must_use]
 pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
     let walls = plan.scene.walls.iter().map(|w| {
@@ -211,7 +212,7 @@ pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
     walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
 }
 
-/// Where something stands and how it moves.
+/// Returns the motion of a body from position and velocities.
 fn motion_of<S: Space>(
     position: [f64; 3],
     velocity: [f64; 3],
@@ -280,7 +281,7 @@ pub fn grains<S: Space>(
     }
 }
 
-/// The seepage of a plan with its drag, if there is one. Collective.
+/// Returns the seepage of a plan with its drag, if there is one. Collective.
 ///
 /// # Errors
 /// When water is shut in without an outlet.

@@ -1,6 +1,7 @@
 //! CSV files that grow during a run: rank 0 writes, and all ranks agree on the outcome ([`super::agreement`]).
 //!
-//! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an uninterrupted run.
+//! Rows begin with the step. A resumed run first truncates a table to its checkpoint, so that it equals that of an
+//! uninterrupted run.
 
 use base::error::Error;
 use io::csv::step_of;
@@ -21,7 +22,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A new table, or the one there is without the rows after `resumed_at` and without a last line that was cut off.
+    /// Opens a new table, or the present one without the rows after `resumed_at` and without a last line that was cut
+    /// off.
     pub(super) fn open(
         path: PathBuf,
         header: &str,
@@ -58,7 +60,7 @@ impl Table {
         Ok(())
     }
 
-    /// A table with this text, which replaces the previous contents.
+    /// Returns a table with this text, which replaces the previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
         // A crash leaves the old table or the new one.
         let made =

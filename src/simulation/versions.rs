@@ -1,11 +1,12 @@
-//! Versions of the program, its libraries and the processor, for `--version`, `summary.json` and the provenance of files.
+//! Versions of the program, its libraries and the processor, for `--version`, `summary.json` and the provenance of
+//! files.
 
 use base::provenance;
 use decomposition::{Communicator, mpi_library};
 use lbm::lanes::Level;
 use serde_json::{Value, json};
 
-/// A line for each library and property of this program; MPI need not run.
+/// Returns a line for each library and property of this program; MPI need not run.
 #[must_use]
 pub fn report() -> String {
     [
@@ -22,7 +23,7 @@ pub fn report() -> String {
     .join("\n")
 }
 
-/// The same for files.
+/// Returns the versions of program and libraries, for files.
 pub(super) fn versions(communicator: &Communicator) -> Value {
     json!({
         "solver": provenance::VERSION,

@@ -2,23 +2,24 @@
 //!
 //! | request | response |
 //! |---|---|
-//! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the output folder, `--max-walltime` reached | checkpoint, exit code 75 |
+//! | SIGTERM, SIGINT, SIGHUP, SIGUSR2, a file `STOP` in the folder, `--max-walltime` | checkpoint, exit code 75 |
 //! | SIGUSR1, SIGCONT | checkpoint, the run continues |
 //!
-//! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun` itself sends SIGCONT,
-//! waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends SIGKILL, and ends with 1 for any exit code of the
-//! ranks. The run therefore writes a checkpoint at SIGCONT, the first of these signals. Both waits also occur at every end other
-//! than success, an abort or 75 included, so that a longer timeout delays these ends.
+//! Open MPI's `mpirun` forwards SIGUSR1 and SIGUSR2 and ends with the exit code of the ranks. After a SIGTERM `mpirun`
+//! itself sends SIGCONT, waits `odls_base_sigkill_timeout` seconds (1), sends SIGTERM, waits as long again, sends
+//! SIGKILL, and ends with 1 for any exit code of the ranks. The run therefore writes a checkpoint at SIGCONT, the first
+//! of these signals. Both waits also occur at every end other than success, an abort or 75 included, so that a longer
+//! timeout delays these ends.
 //!
-//! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every [`MOST_STEPS`] steps,
-//! or more often if these steps would take more than a second.
+//! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every
+//! [`MOST_STEPS`] steps, or more often if these steps would take more than a second.
 //!
-//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers there for
-//! [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of the signal. SIGHUP is left alone where the
-//! process was started to ignore it (`nohup`).
+//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers
+//! there for [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of
+//! the signal. SIGHUP is left alone where the process was started to ignore it (`nohup`).
 //!
-//! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call [`attend`](Watch::attend), so
-//! that a request to any rank takes effect.
+//! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call
+//! [`attend`](Watch::attend), so that a request to any rank takes effect.
 
 use base::error::Error;
 use decomposition::Communicator;
@@ -30,7 +31,7 @@ use std::time::{Duration, Instant};
 
 /// Steps between two questions, where steps are fast.
 const MOST_STEPS: u64 = 10;
-/// Between two questions that take longer than the first the steps are halved, below the second doubled \[ms\].
+/// Time between two requests \[ms\] above which the steps are halved, and below which they are doubled.
 const PACE: [u64; 2] = [1000, 250];
 /// The first rank has done what it did alone.
 const DONE: u64 = 3;
@@ -81,7 +82,7 @@ struct Unanswered {
 }
 
 impl Unanswered {
-    /// `true` if a stop has met no check for requests for [`PATIENCE`].
+    /// Returns `true` if a stop has met no check for requests for [`PATIENCE`].
     fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
         let known = self.since.filter(|(_, before)| stop && *before == checks);
         self.since = stop.then(|| known.unwrap_or((now, checks)));
@@ -90,13 +91,13 @@ impl Unanswered {
     }
 }
 
-/// Processor time of this process. A process without a core is slow and not deaf.
+/// Returns the processor time of this process. A process without a core is slow and not deaf.
 fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Duration::try_from(time).unwrap_or_default()
 }
 
-/// `true` if the process was started to ignore a signal.
+/// Returns `true` if the process was started to ignore a signal.
 fn ignores(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -154,15 +155,15 @@ pub struct Watch {
     every: Option<Duration>,
     saved: Instant,
     cost: Duration,
-    /// None before the first look for a file.
+    /// Time of the last search for a file; none before the first.
     looked: Option<Instant>,
     asked: Instant,
     steps: u64,
 }
 
 impl Watch {
-    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that of the whole run,
-    /// which began at `start`.
+    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that
+    /// of the whole run, which began at `start`.
     ///
     /// # Errors
     /// When signals cannot be caught.
@@ -188,7 +189,8 @@ impl Watch {
         })
     }
 
-    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other ranks.
+    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other
+    /// ranks.
     pub fn attend(&mut self, communicator: &Communicator) {
         loop {
             let mine = self.mine(communicator) as u64;
@@ -199,13 +201,13 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// Lets the others go on. First rank.
+    /// Lets the others continue. First rank.
     pub fn finish(&mut self, communicator: &Communicator) {
         let _ = communicator.all_reduce_max_u64(DONE << 32);
         self.begin_anew();
     }
 
-    /// The same interval on all ranks.
+    /// Starts with an equal interval on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -254,7 +256,7 @@ impl Watch {
         mine
     }
 
-    /// A checkpoint was written and took `cost`.
+    /// Notes that a checkpoint was written and took `cost`.
     pub fn wrote(&mut self, cost: Duration) {
         self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();
@@ -269,7 +271,7 @@ impl Watch {
         }
     }
 
-    /// Wall time since the start of the run.
+    /// Returns the wall time since the start of the run.
     #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.start.elapsed()
@@ -285,7 +287,7 @@ impl Requests for Watch {
         let took = u64::try_from(self.asked.elapsed().as_millis())
             .unwrap_or(u64::MAX)
             .min(u64::from(u32::MAX));
-        // The largest time counts where nobody asks for anything, and nothing else needs it.
+        // The largest time counts if no rank requests anything, and nothing else needs it.
         let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
         self.asked = Instant::now();
         let (request, took) = (all >> 32, all & u64::from(u32::MAX));

@@ -42,7 +42,7 @@ impl Facets {
         }
     }
 
-    /// The sides of a prism over an outline, without its ends.
+    /// Returns the sides of a prism over an outline, without its ends.
     #[must_use]
     pub fn along_z(outline: &[[f64; 2]], depth: f64) -> Self {
         let mut facets = Self::default();
@@ -50,7 +50,7 @@ impl Facets {
         facets
     }
 
-    /// A prism over an outline along an axis: its sides and its ends.
+    /// Returns a prism over an outline along an axis: its sides and its ends.
     #[must_use]
     pub fn along(outline: &[[f64; 2]], axis: usize, from: f64, to: f64) -> Self {
         let mut facets = Self::default();
@@ -58,7 +58,9 @@ impl Facets {
         for piece in pieces(outline) {
             let at = |level: f64| -> Vec<Point> {
                 let corners = piece.iter();
-                corners.map(|&k| place(outline[k], axis, level)).collect()
+                corners
+                    .map(|&k| point_across(outline[k], axis, level))
+                    .collect()
             };
             let (mut low, mut high) = (at(from), at(to));
             // Seen along the axis, x and z run clockwise.
@@ -73,12 +75,15 @@ impl Facets {
         facets
     }
 
-    /// An area of the plane.
+    /// Returns an area of the plane.
     #[must_use]
     pub fn area(outline: &[[f64; 2]]) -> Self {
         let mut facets = Self::default();
         for piece in pieces(outline) {
-            let corners: Vec<Point> = piece.iter().map(|&k| place(outline[k], 2, 0.0)).collect();
+            let corners: Vec<Point> = piece
+                .iter()
+                .map(|&k| point_across(outline[k], 2, 0.0))
+                .collect();
             facets.face(&corners);
         }
         facets
@@ -88,10 +93,10 @@ impl Facets {
         for (k, a) in outline.iter().enumerate() {
             let b = &outline[(k + 1) % outline.len()];
             let mut side = [
-                place(*a, axis, from),
-                place(*b, axis, from),
-                place(*b, axis, to),
-                place(*a, axis, to),
+                point_across(*a, axis, from),
+                point_across(*b, axis, from),
+                point_across(*b, axis, to),
+                point_across(*a, axis, to),
             ];
             if axis == 1 {
                 side.reverse();
@@ -101,8 +106,8 @@ impl Facets {
     }
 }
 
-/// A point of the plane across an axis.
-fn place([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
+/// Returns a point of the plane across an axis.
+fn point_across([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
     match axis {
         0 => [level, p, q],
         1 => [p, level, q],
@@ -110,7 +115,7 @@ fn place([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
     }
 }
 
-/// Two unit vectors across a unit vector; the three are a right-handed frame.
+/// Returns two unit vectors across a unit vector; the three are a right-handed frame.
 pub(super) fn across(axis: Point) -> (Point, Point) {
     let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()));
     let mut unit = [0.0; 3];
@@ -138,19 +143,19 @@ pub(super) fn circle(radius: f64, tolerance: f64) -> impl Iterator<Item = [f64; 
     })
 }
 
-/// Twice the area of a polygon, positive if it runs counter-clockwise.
+/// Returns twice the area of a polygon, positive if it runs counter-clockwise.
 pub(super) fn double_area(points: &[[f64; 2]]) -> f64 {
     let o = points[0];
     let pairs = points.iter().zip(points.iter().cycle().skip(1));
     pairs.map(|(a, b)| turn(o, *a, *b)).sum()
 }
 
-/// Twice the area of a triangle, positive if it runs counter-clockwise.
+/// Returns twice the area of a triangle, positive if it runs counter-clockwise.
 pub(super) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// A simple polygon that runs counter-clockwise as convex pieces: itself, or triangles.
+/// Returns a simple polygon that runs counter-clockwise as convex pieces: itself, or triangles.
 fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
     let n = outline.len();
     let convex = (0..n).all(|k| {
@@ -163,8 +168,8 @@ fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
     triangles(outline).iter().map(|t| t.to_vec()).collect()
 }
 
-/// A simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H. Meisters, Amer. Math.
-/// Monthly 82 (1975) 648).
+/// Returns a simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H.
+/// Meisters, Amer. Math. Monthly 82 (1975) 648).
 fn triangles(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..outline.len()).collect();
     let mut found = Vec::new();

@@ -8,14 +8,15 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Images {
     solid: Arc<dyn Solid>,
-    /// How far each image stands from the solid \[m\].
+    /// Displacement of each image from the solid \[m\].
     shifts: Vec<Point>,
     frame: Frame,
     periodic: [bool; 3],
 }
 
 impl Images {
-    /// The images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans the domain has no end.
+    /// Returns the images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans
+    /// the domain has no end.
     #[must_use]
     pub fn new(solid: Arc<dyn Solid>, frame: Frame, periodic: [bool; 3], margin: f64) -> Self {
         let [low, high] = solid.extent();
@@ -48,25 +49,25 @@ impl Images {
         }
     }
 
-    /// Whether none of them comes near the domain.
+    /// Returns `true` if no image is near the domain.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.shifts.is_empty()
     }
 
-    /// The solid itself.
+    /// Returns the solid itself.
     #[must_use]
     pub fn solid(&self) -> &dyn Solid {
         &*self.solid
     }
 
-    /// The domain.
+    /// Returns the domain.
     #[must_use]
     pub fn frame(&self) -> &Frame {
         &self.frame
     }
 
-    /// As [`Solid::distance`], of the nearest image.
+    /// Returns the distance to the nearest image: see [`Solid::distance`].
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
         let images = self.shifts.iter();
@@ -75,7 +76,7 @@ impl Images {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// As [`Solid::chords`], of all images; `found` is emptied first.
+    /// Finds the chords of all images, like [`Solid::chords`]; `found` is emptied first.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         found.clear();
         if let [shift] = self.shifts[..] {
@@ -91,7 +92,7 @@ impl Images {
         join(found);
     }
 
-    /// The boxes that hold the images \[m\].
+    /// Returns the boxes that hold the images \[m\].
     pub fn extents(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
         let [low, high] = self.solid.extent();
         self.shifts
@@ -99,8 +100,8 @@ impl Images {
             .map(move |shift| [plus(low, *shift), plus(high, *shift)])
     }
 
-    /// The surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and has no ends. Of a box or
-    /// prism that joins or overlaps its image it is the part of one period.
+    /// Returns the surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and
+    /// has no ends. Of a box or prism that joins or overlaps its image it is the part of one period.
     #[must_use]
     pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
         let mut solid = Arc::clone(&self.solid);
@@ -118,8 +119,8 @@ impl Images {
         }
     }
 
-    /// The axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so that they may overlap their
-    /// images.
+    /// Returns the axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so
+    /// that they may overlap their images.
     #[must_use]
     pub fn may_overlap(&self) -> Option<usize> {
         let [low, high] = self.solid.extent();
@@ -132,7 +133,7 @@ impl Images {
             })
     }
 
-    /// What is drawn: the surfaces of all images; in 2-D their areas.
+    /// Returns the surfaces of all images for drawing; in 2-D their areas.
     #[must_use]
     pub fn drawn(&self, tolerance: f64) -> Facets {
         let one = if self.frame.dimension == 2 {

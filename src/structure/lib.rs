@@ -6,8 +6,8 @@
 //! - the open parts of the cells and faces of a coarse grid ([`darcy::enclosure`]),
 //! - the surface that grains touch and that is drawn ([`facets`]).
 //!
-//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give ([`Solid`]). To add a
-//! shape, write the file and add one line to the list below.
+//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give
+//! ([`Solid`]). To add a shape, write the file and add one line to the list below.
 //!
 //! | file | holds |
 //! |---|---|
@@ -72,7 +72,7 @@ macro_rules! shapes {
         }
 
         impl $list {
-            /// The solid; what is wrong with its parameters goes to the report.
+            /// Returns the solid; what is wrong with its parameters goes to the report.
             #[must_use]
             pub fn solid(
                 &self,
@@ -104,7 +104,7 @@ shapes! {
     surface Surface "surface",
 }
 
-/// A finding that a shape has no place in so many dimensions; whether it has.
+/// Returns `true` if a shape fits the dimension of the problem; otherwise reports a finding.
 fn only_in(
     dimension: usize,
     frame: &Frame,

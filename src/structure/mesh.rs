@@ -1,9 +1,10 @@
 //! Signed distance of a triangulated surface, and the parts of a line inside it.
 //!
-//! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the nearest point, which is
-//! right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243).
-//! The sign for shells that may cross each other, or touch along edges, is that of the winding number ([`crossings`]): inside is what at least
-//! one of them holds. An open surface has a distance without a sign.
+//! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the
+//! nearest point, which is right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE
+//! Trans. Vis. Comput. Graph. 11 (2005) 243). The sign for shells that may cross each other, or touch along edges, is
+//! that of the winding number ([`crossings`]): inside is what at least one of them holds. An open surface has a
+//! distance without a sign.
 //!
 //! Triangles are wound alike, and shells that are inside out are turned ([`shells`]).
 
@@ -26,7 +27,7 @@ const LEAF: usize = 4;
 pub struct Mesh {
     vertices: Vec<Point>,
     triangles: Vec<[u32; 3]>,
-    /// Of each triangle: its face, its edges from each corner to the next, its corners.
+    /// Normals of each triangle: of its face, of its edges from each corner to the next, at its corners.
     normals: Vec<[Point; 7]>,
     nodes: Vec<Node>,
     extent: [Point; 2],
@@ -46,7 +47,7 @@ struct Node {
 }
 
 impl Node {
-    /// Square of the distance of a point from the box.
+    /// Returns the square of the distance of a point from the box.
     fn squared(&self, at: Point) -> f64 {
         (0..3)
             .map(|a| (self.low[a] - at[a]).max(at[a] - self.high[a]).max(0.0))
@@ -55,7 +56,7 @@ impl Node {
     }
 }
 
-/// The nearest point of a triangle: its square distance, and which of the seven normals holds there.
+/// Returns the nearest point of a triangle: its square distance, and which of the seven normals holds there.
 fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
     // C. Ericson, Real-Time Collision Detection (2005), 5.1.5: the regions of Voronoi.
     let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(at, a));
@@ -96,8 +97,8 @@ fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
 }
 
 impl Mesh {
-    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles without an area are left
-    /// out, and so is all but one of those with the same corners.
+    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles
+    /// without an area are left out, and so is all but one of those with the same corners.
     ///
     /// # Errors
     /// A sentence where nothing is left, or where the surface has no two sides.
@@ -136,7 +137,7 @@ impl Mesh {
         self.open_edges
     }
 
-    /// Volume inside a closed surface \[m3\].
+    /// Returns the volume inside a closed surface \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         let base = self.vertices[0];
@@ -147,13 +148,13 @@ impl Mesh {
         (0..self.triangles.len()).map(of).sum()
     }
 
-    /// The box that holds it.
+    /// Returns the box that holds it.
     #[must_use]
     pub fn extent(&self) -> [Point; 2] {
         self.extent
     }
 
-    /// The triangles, facing outwards.
+    /// Returns the triangles, facing outwards.
     pub fn triangles(&self) -> impl Iterator<Item = [Point; 3]> + '_ {
         (0..self.triangles.len()).map(|k| self.corners(k))
     }
@@ -162,7 +163,7 @@ impl Mesh {
         self.triangles[k].map(|v| self.vertices[v as usize])
     }
 
-    /// Distance of a point; negative inside a closed surface.
+    /// Returns the distance of a point; negative inside a closed surface.
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
         let mut best = (f64::INFINITY, [0.0; 3], 0);
@@ -226,8 +227,8 @@ impl Mesh {
         }
     }
 
-    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length between 0 and 1, apart
-    /// and rising.
+    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length
+    /// between 0 and 1, apart and rising.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         let length = norm(along);
         let distance = self.distance(from);
@@ -350,7 +351,8 @@ impl Mesh {
     }
 }
 
-/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of cubes side by side.
+/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of
+/// cubes side by side.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;

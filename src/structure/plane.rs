@@ -57,7 +57,7 @@ struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// The part of a convex polygon on the side of a plane to which `normal` does not point.
+    /// Returns the part of a convex polygon on the side of a plane to which `normal` does not point.
     fn cut(polygon: &[Point], point: Point, normal: Point) -> Vec<Point> {
         let height = |at: Point| dot(normal, minus(at, point));
         let mut kept = Vec::new();
@@ -74,7 +74,7 @@ impl HalfSpace {
         kept
     }
 
-    /// The part inside the domain of a face that is a convex polygon.
+    /// Returns the part inside the domain of a face that is a convex polygon.
     fn within(&self, mut polygon: Vec<Point>) -> Vec<Point> {
         for axis in 0..self.frame.dimension {
             for (level, sign) in [(0.0, -1.0), (self.frame.size[axis], 1.0)] {
@@ -122,7 +122,7 @@ impl Solid for HalfSpace {
         Some((self.point, self.normal))
     }
 
-    /// The part of the domain behind the plane.
+    /// Returns the part of the domain behind the plane.
     fn outline(&self, _: f64) -> Vec<[f64; 2]> {
         let [x, y, _] = self.frame.size;
         let domain = [[0.0, 0.0, 0.0], [x, 0.0, 0.0], [x, y, 0.0], [0.0, y, 0.0]];
@@ -130,7 +130,7 @@ impl Solid for HalfSpace {
         part.iter().map(|p| [p[0], p[1]]).collect()
     }
 
-    /// The plane inside the domain.
+    /// Returns the plane inside the domain.
     fn facets(&self, _: f64) -> Facets {
         let size = norm(self.frame.size);
         let middle = times(self.frame.size, 0.5);

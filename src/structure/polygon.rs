@@ -109,7 +109,7 @@ fn squared(a: Flat, b: Flat) -> f64 {
     (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)
 }
 
-/// Square of the distance of a point from a piece of a line.
+/// Returns the square of the distance of a point from a piece of a line.
 fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
     let length = squared(a, b);
     let t = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / length;
@@ -117,7 +117,7 @@ fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
     squared(at, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])])
 }
 
-/// Two edges that meet elsewhere than neighbours do, by the numbers of their first corners.
+/// Returns two edges that meet elsewhere than neighbours do, by the numbers of their first corners.
 fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
     let n = points.len();
     let edge = |k: usize| (points[k], points[(k + 1) % n]);
@@ -175,7 +175,7 @@ impl Prism {
         self.points.iter().copied().zip(next.copied())
     }
 
-    /// Whether a ray to the right crosses the boundary an odd number of times.
+    /// Returns `true` if a ray to the right crosses the boundary an odd number of times.
     fn holds(&self, [x, y]: Flat) -> bool {
         let crossed = self.edges().filter(|(a, b)| {
             (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])

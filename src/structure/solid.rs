@@ -1,4 +1,4 @@
-//! What the program asks a solid.
+//! Queries of a solid.
 
 use super::{Facets, Point, norm, plus, times};
 use base::geometry::Mesh;
@@ -19,30 +19,34 @@ pub struct Frame {
 
 /// A solid at rest, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
 pub trait Solid: Debug + Send + Sync {
-    /// Distance of a point from the surface, negative inside. At most the true distance in size, with its sign.
+    /// Returns the distance of a point from the surface, negative inside. At most the true distance in size, with its
+    /// sign.
     fn distance(&self, at: Point) -> f64;
 
-    /// The smallest box that holds it, infinite where it has no end.
+    /// Returns the smallest box that holds it, infinite if it has no end.
     fn extent(&self) -> [Point; 2];
 
-    /// The parts of the way from `from` by `along` that lie inside, as parts of its length between 0 and 1, apart and rising. They are added
-    /// to `found`, which is empty.
+    /// Finds the parts inside of the line from `from` by `along`, as parts of its length between 0 and 1, apart and
+    /// rising. They are added to `found`, which is empty.
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         trace(self, from, along, found);
     }
 
-    /// Its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\] inside the true one.
+    /// Returns its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\]
+    /// inside the true one.
     fn outline(&self, tolerance: f64) -> Vec<[f64; 2]>;
 
-    /// Its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the true one.
+    /// Returns its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the
+    /// true one.
     fn facets(&self, tolerance: f64) -> Facets;
 
-    /// The part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same section all along this axis.
+    /// Returns the part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same
+    /// section all along this axis.
     fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {
         None
     }
 
-    /// A point and the unit normal of the only face of a half-space.
+    /// Returns a point and the unit normal of the only face of a half-space.
     fn plane(&self) -> Option<(Point, Point)> {
         None
     }
@@ -50,13 +54,14 @@ pub trait Solid: Debug + Send + Sync {
 
 /// Shortest step along a line, as a part of its length: thinner chords are passed over.
 const STEP: f64 = 1e-4;
-/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than such a step.
+/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than
+/// such a step.
 const GRAZING: u32 = 16;
 /// The longest of them.
 const LONGEST: f64 = 1e-2;
 
-/// [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length passes over nothing
-/// (J. C. Hart, The Visual Computer 12 (1996) 527).
+/// Finds [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length
+/// passes over nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
 pub(super) fn trace<S: Solid + ?Sized>(
     solid: &S,
     from: Point,
@@ -95,7 +100,7 @@ pub(super) fn trace<S: Solid + ?Sized>(
     }
 }
 
-/// Where a function of opposite signs at two places is zero: bisection with the secant tried first.
+/// Returns the zero of a function that has opposite signs at two points: bisection with the secant tried first.
 fn root(of: &impl Fn(f64) -> f64, low: [f64; 2], high: [f64; 2]) -> f64 {
     let ([mut a, mut fa], [mut b, mut fb]) = (low, high);
     for round in 0..64 {

@@ -45,7 +45,7 @@ struct Ball {
     radius: f64,
 }
 
-/// The part of a way inside a ball (or disc) about the origin.
+/// Finds the part of a line inside a ball (or disc) about the origin.
 pub(super) fn through(from: Point, along: Point, radius: f64, found: &mut Vec<[f64; 2]>) {
     let (aa, ab) = (dot(along, along), dot(along, from));
     let excess = dot(from, from) - radius * radius;

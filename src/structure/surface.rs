@@ -14,9 +14,11 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Surface {
-    /// The file. Triangles are wound alike where the file does not; where shells cross, the solid is what at least one of them holds.
+    /// The file. Triangles are wound alike where the file does not; where shells cross, the solid is what at least one
+    /// of them holds.
     pub mesh: Mesh,
-    /// Thickness of the sheet, half on each side of the surface [m]. Default: the surface is closed and its inside is solid.
+    /// Thickness of the sheet, half on each side of the surface [m]. Default: the surface is closed and its inside is
+    /// solid.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub thickness: Option<f64>,
@@ -69,7 +71,8 @@ impl Surface {
 /// A surface longer than this many domains is in another unit.
 const DOMAINS: f64 = 100.0;
 
-/// Refuses a surface that is far larger than the domain, wherever it is read: drawings are often in millimetres. Returns `true` if it is not.
+/// Refuses a surface that is far larger than the domain, wherever it is read: drawings are often in millimetres.
+/// Returns `true` if it is not.
 pub fn judge_unit(
     mesh: &Mesh,
     extent: &[Point; 2],
@@ -126,7 +129,7 @@ impl Solid for Triangulated {
         Vec::new()
     }
 
-    /// The triangles as they are: of a sheet those in its middle.
+    /// Returns the triangles as they are: of a sheet those in its middle.
     fn facets(&self, _: f64) -> Facets {
         let mut facets = Facets::default();
         for triangle in self.mesh.triangles() {

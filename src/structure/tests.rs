@@ -40,7 +40,7 @@ fn none(_: &Mesh) -> Result<Vec<[Point; 3]>, String> {
     Err("no file".into())
 }
 
-/// An L-shaped prism, not convex, as triangles.
+/// Returns an L-shaped prism, not convex, as triangles.
 fn ell() -> Vec<[Point; 3]> {
     let solid = made(ELL, &SPACE, &none).unwrap();
     let facets = solid.facets(0.0);
@@ -95,7 +95,8 @@ fn point(draw: &mut Stream, frame: &Frame) -> Point {
     at
 }
 
-/// The exact chords are those that follow from the distance alone; the distance never exceeds the way to a point of the other sign.
+/// The exact chords are those that follow from the distance alone; the distance never exceeds the way to a point of the
+/// other sign.
 #[test]
 fn distances_and_chords_agree_for_every_shape() {
     for (frame, text) in shapes() {
@@ -193,7 +194,7 @@ fn a_surface_of_triangles_has_the_distance_of_its_solid() {
     }
 }
 
-/// A box of triangles between two corners, facing outwards.
+/// Returns a box of triangles between two corners, facing outwards.
 fn boxed(low: Point, high: Point) -> Vec<[Point; 3]> {
     let at = |k: usize| std::array::from_fn(|a| if k >> a & 1 == 0 { low[a] } else { high[a] });
     let faces = [
@@ -218,8 +219,8 @@ fn turned(triangles: &[[Point; 3]]) -> Vec<[Point; 3]> {
 /// A part of space.
 type Holds<'a> = &'a dyn Fn(&Point) -> bool;
 
-/// The sign of the distance, and the length inside of lines along the axes, of several shells is that of what at least one of them
-/// holds; a shell in another one that is inside out is a cavity.
+/// The sign of the distance, and the length inside of lines along the axes, of several shells is that of what at least
+/// one of them holds; a shell in another one that is inside out is a cavity.
 #[test]
 fn shells_that_cross_are_one_solid() {
     let one = boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
@@ -265,7 +266,8 @@ fn shells_that_cross_are_one_solid() {
     }
 }
 
-/// Lines in the plane of a face, along an edge or through corners are outside or inside as a whole, and cost no more than others.
+/// Lines in the plane of a face, along an edge or through corners are outside or inside as a whole, and cost no more
+/// than others.
 #[test]
 fn lines_that_graze_a_surface_are_sure() {
     let mesh = mesh::Mesh::new(&boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5])).unwrap();

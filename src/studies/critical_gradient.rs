@@ -1,13 +1,12 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the interval for the smallest drive that
-//! erodes. A run erodes if at least so many grains leave, at any time of the run: a bed that is gone in the
-//! first half has eroded as well. Loose
-//! grains above an opening count too; a search over such ground asks for more grains. The gradient is the
-//! difference of head between the inlet and the lowest outlet, over the distance of their centres. The
-//! report
-//! also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and
-//! G_s the density of the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the
+//! interval for the smallest drive that erodes. A run erodes if at least so many grains leave, at any time of the run:
+//! a bed that is gone in the first half has eroded as well. Loose grains above an opening count too; a search over such
+//! ground asks for more grains. The gradient is the difference of head between the inlet and the lowest outlet, over
+//! the distance of their centres. The report also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`,
+//! with the porosity n of the run below the critical one and G_s the density of the grains over that of the water (K.
+//! Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
 //! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 
@@ -52,7 +51,7 @@ pub struct Search {
     pub begun: Instant,
     /// See above.
     pub max_walltime: Option<Duration>,
-    /// Runs a case that is unstable.
+    /// `true` if an unstable case is run.
     pub allow_unstable: bool,
 }
 
@@ -65,11 +64,11 @@ pub struct Trial {
     pub gradient: Option<f64>,
     /// Grains that left in the first half.
     pub early: u64,
-    /// In the second half.
+    /// Number in the second half.
     pub late: u64,
     /// Mean porosity where there are grains, at the end.
     pub porosity: f64,
-    /// Whether the run eroded.
+    /// `true` if the run eroded.
     pub erodes: bool,
 }
 
@@ -78,7 +77,7 @@ pub struct Trial {
 pub struct Critical {
     /// The driving boundary.
     pub boundary: String,
-    /// Its quantity, with unit.
+    /// Quantity, with unit.
     pub quantity: String,
     /// The highest drive that did not erode.
     pub holds: f64,
@@ -100,7 +99,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(e.to_string()))?;
     let plan = planned(&text, search, &[])?;
-    let inlet = Inlet::of(&plan, search)?;
+    let inlet = Inlet::find(&plan, search)?;
     let found = run::on_world(search.threads, |communicator, threads| {
         Searching {
             search,
@@ -128,7 +127,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     Ok(lines.join("\n"))
 }
 
-/// The case with more changes.
+/// Returns the case with more changes.
 fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
     let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
     let directory = search.case.parent().unwrap_or(Path::new(""));
@@ -142,7 +141,7 @@ fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> 
     }
 }
 
-/// What drives the water.
+/// Boundary that drives the water.
 struct Inlet {
     name: String,
     /// Path of its number in the case.
@@ -177,7 +176,7 @@ struct Heads<'a> {
 }
 
 impl<'a> Heads<'a> {
-    fn of(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
+    fn new(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let per_volume = if strength > 0.0 { strength } else { 9.80665 };
         Self {
@@ -231,7 +230,7 @@ fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a P
 }
 
 impl Inlet {
-    fn of(plan: &Plan, search: &Search) -> Result<Self, Error> {
+    fn find(plan: &Plan, search: &Search) -> Result<Self, Error> {
         let Some(seepage) = &plan.scene.seepage else {
             return Err(if plan.scene.flow.is_some() {
                 refusal(
@@ -264,7 +263,7 @@ impl Inlet {
                 "add a region with the action `remove` below the openings",
             ));
         }
-        let heads = Heads::of(plan.scene.gravity, seepage);
+        let heads = Heads::new(plan.scene.gravity, seepage);
         let (n, patch) = driving(&heads, search.boundary.as_ref())?;
         let (field, quantity, own) = match patch.condition {
             Condition::Pressure { .. } => (
@@ -305,7 +304,7 @@ impl Inlet {
     }
 }
 
-/// Lowest head of another boundary, and how far its centre is from that of the inlet.
+/// Returns the lowest head of another boundary, and how far its centre is from that of the inlet.
 fn lowest(
     seepage: &Seepage,
     inlet: usize,
@@ -445,7 +444,7 @@ impl Searching<'_> {
     }
 }
 
-/// Grains that left up to a step and after it, and the mean porosity at the end.
+/// Returns grains that left up to a step and after it, and the mean porosity at the end.
 fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
     let removed = folder.join("removed.csv");
     let (mut early, mut late) = (0, 0);

@@ -1,5 +1,5 @@
-//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of error against
-//! cost with the Pareto set.
+//! `solver sweep study.json`: runs the members of a study, one after another or in parallel, and writes a table of
+//! error against cost with the Pareto set.
 //!
 //! | step | module |
 //! |---|---|
@@ -13,8 +13,8 @@
 //! | `sweep.svg` and `map.svg` | [`picture`] |
 //! | a job array for Slurm | [`slurm`] |
 //!
-//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its folder holds the record
-//! of the same case and the same version of the program.
+//! The output folder holds a folder for each member, named by its varied values. A member is not run again if its
+//! folder holds the record of the same case and the same version of the program.
 
 pub mod latin_hypercube;
 pub mod members;
@@ -40,15 +40,15 @@ use study::{Refused, Run, Study};
 pub struct Sweep {
     /// The study file.
     pub study: PathBuf,
-    /// Output folder; none for a folder beside the study with its name.
+    /// Output folder; none for a folder next to the study with its name.
     pub output: Option<PathBuf>,
-    /// What to do.
+    /// Task of the sweep.
     pub task: Task,
     /// Wall-clock time after which members are stopped.
     pub max_walltime: Option<Duration>,
 }
 
-/// What to do.
+/// Task of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Run the missing members, then write the table.
@@ -94,7 +94,8 @@ pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
                     return Err(one_problem(
                         "the study",
                         format!("{text:?}"),
-                        "its path holds a line break or another control character, which would end a line of the script".into(),
+                        "its path holds a line break or another control character, which would end a line of the \
+                         script".into(),
                         "rename it, or choose another --output".into(),
                     ));
                 }
@@ -159,7 +160,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
     }])
 }
 
-/// The cost of members that share a core is not meaningful.
+/// Warns that the cost of members that share a core is not meaningful.
 ///
 /// # Errors
 /// [`Error::Case`] with the three numbers.
@@ -176,7 +177,8 @@ pub fn enough_cores(run: &Run) -> Result<(), Error> {
             run.at_once, run.ranks, run.threads
         ),
         format!(
-            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not meaningful"
+            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not \
+             meaningful"
         ),
         "lower one of the three".into(),
     ))

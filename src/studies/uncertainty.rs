@@ -9,12 +9,12 @@
 //! | order, extrapolated value, uncertainty | [`convergence`] |
 //! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
 //!
-//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place: the coarsest cells
-//! between those that failed and those that ran, at last finer cells than those of the case. With two grids that have answers the estimate has its
-//! wider factor, with one there is none.
+//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place:
+//! the coarsest cells between those that failed and those that ran, at last finer cells than those of the case. With
+//! two grids that have answers the estimate has its wider factor, with one there is none.
 //!
-//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is not run again.
-//! Settings of models are compared on the next coarser grid, where there is one.
+//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is
+//! not run again. Settings of models are compared on the next coarser grid, where there is one.
 //!
 //! An estimate is a command and no field of a case: a case describes one run, which may be one of many ranks, and an
 //! estimate is several. `accuracy` remains the target of the automatic choices.
@@ -48,15 +48,15 @@ use table::{Grid, Noise, Table};
 pub struct Options {
     /// Output folder.
     pub output: PathBuf,
-    /// Whether one grid is finer than that of the case.
+    /// `true` if one grid is finer than that of the case.
     pub finer: bool,
-    /// Whether settings of models are varied too.
+    /// `true` if settings of models are varied too.
     pub settings: bool,
     /// Ranks, threads and runs at once.
     pub run: Run,
     /// Wall-clock time after which the runs are stopped.
     pub max_walltime: Option<Duration>,
-    /// Runs an unstable case.
+    /// `true` if an unstable case is run.
     pub allow_unstable: bool,
 }
 
@@ -71,12 +71,12 @@ pub struct Members {
     pub settings: Vec<(Setting, usize)>,
     /// The run that settings are compared with.
     pub beside: usize,
-    /// How the time step changes.
+    /// Scaling of the time step.
     pub scaling: Scaling,
 }
 
 impl Members {
-    /// The runs of the estimate of a case.
+    /// Returns the runs of the estimate of a case.
     ///
     /// # Errors
     /// [`Error::Case`] where no other grid can run.
@@ -128,7 +128,8 @@ impl Members {
         Ok(members)
     }
 
-    /// The grids by one rule of the time step; those that a plan refuses are there without a case that can be run.
+    /// Returns the grids by one rule of the time step; those that a plan refuses are there without a case that can be
+    /// run.
     fn scaled(
         plan: &Plan,
         stated: &Value,
@@ -172,8 +173,8 @@ impl Members {
         }
     }
 
-    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its place in the list.
-    /// Whether there was one left to add.
+    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its
+    /// index in the list. Returns `true` if there was one left to add.
     fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
         let (mut usable, mut lost) = (Vec::new(), Vec::new());
         for (ratio, place) in &self.grids {
@@ -190,13 +191,13 @@ impl Members {
         other.is_some()
     }
 
-    /// How many grids the plan allows.
+    /// Returns the number of grids that the plan allows.
     fn usable(&self) -> usize {
         let allowed = |(_, place): &&(f64, usize)| self.list[*place].prepared.is_some();
         self.grids.iter().filter(allowed).count()
     }
 
-    /// Why grids are refused.
+    /// Returns why grids are refused.
     fn refusals(&self) -> Vec<Problem> {
         let mut all = Vec::new();
         for (ratio, place) in &self.grids {
@@ -229,7 +230,7 @@ impl Members {
         }
     }
 
-    /// Planned time of each run on one core \[s\], and of all.
+    /// Returns the planned time of each run on one core \[s\], and of all.
     #[must_use]
     pub fn costs(&self) -> (Vec<(&str, f64)>, f64) {
         let seconds = |member: &Member| member.prepared.as_ref().map_or(0.0, |p| p.seconds);
@@ -242,7 +243,7 @@ impl Members {
         (costs, sum)
     }
 
-    /// The costs as lines of a plan.
+    /// Returns the costs as lines of a plan.
     #[must_use]
     pub fn cost_lines(&self) -> String {
         let (costs, sum) = self.costs();
@@ -262,7 +263,7 @@ impl Members {
         )
     }
 
-    /// What the grids mean.
+    /// Returns the meaning of the grids.
     fn meaning(&self) -> &'static str {
         if self.grids.len() > 1 {
             self.scaling.meaning()
@@ -271,19 +272,20 @@ impl Members {
         }
     }
 
-    /// The costs for a plan as JSON.
+    /// Returns the costs for a plan as JSON.
     #[must_use]
     pub fn cost_json(&self) -> Value {
         let (costs, sum) = self.costs();
         json!({
             "scaling": self.scaling,
-            "runs": costs.iter().map(|(name, seconds)| json!({"name": name, "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
+            "runs": costs.iter().map(|(name, seconds)| json!({"name": name,
+                "seconds_on_one_core": seconds})).collect::<Vec<_>>(),
             "seconds_on_one_core": sum,
         })
     }
 }
 
-/// Why a run is not possible: the first reason that is no warning.
+/// Returns why a run is not possible: the first reason that is no warning.
 fn refusal(member: &Member) -> String {
     let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
     let first = member.problems.iter().find(heavy);
@@ -299,7 +301,7 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// A run of a changed case on a machine of this speed; its input files have absolute paths already.
+/// Returns a run of a changed case on a machine of this speed; its input files have absolute paths already.
 fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {
@@ -378,7 +380,7 @@ pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Tab
 /// Grids that an estimate needs.
 const MOST_GRIDS: usize = 3;
 
-/// The places in the list of the grids that were run and have no answers.
+/// Returns the places in the list of the grids that were run and have no answers.
 fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     let places = members.grids.iter().map(|(_, place)| *place);
     let failed = places.filter(|&place| {
@@ -388,7 +390,7 @@ fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     failed.collect()
 }
 
-/// The answers of a run, or why there are none.
+/// Returns the answers of a run, or why there are none.
 fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answers, String> {
     let folder = output.join(&member.name);
     let record = Record::read(&folder).filter(|_| member.prepared.is_some());

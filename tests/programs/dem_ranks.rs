@@ -1,7 +1,7 @@
 //! A hash of grains after some thousand steps, one line for each scene of `mpirun -n N dem_ranks AXIS SCENE...`.
 //!
-//! The scenes: colliding discs, a periodic box, bonds that break, a disc wider than a slab, and falling blocks. `tests/dem_ranks.rs` compares
-//! the hashes of several numbers of ranks and directions of the split.
+//! The scenes: colliding discs, a periodic box, bonds that break, a disc wider than a slab, and falling blocks.
+//! `tests/dem_ranks.rs` compares the hashes of several numbers of ranks and directions of the split.
 
 #![expect(
     clippy::print_stdout,

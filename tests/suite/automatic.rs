@@ -1,4 +1,5 @@
-//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy promises.
+//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy
+//! promises.
 //!
 //! The scenes and what they must come to stand under `jobs/automatic`.
 
@@ -101,8 +102,8 @@ fn examples_without_their_numerics_still_plan() {
     assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
 }
 
-/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two stiffnesses, cohesion, friction), with
-/// geometry, grading, densities and pressure: nothing else is needed.
+/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two
+/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: nothing else is needed.
 #[test]
 fn the_hole_erosion_test_needs_five_physical_parameters() {
     let text = r#"{
@@ -117,7 +118,8 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
       }},
       "grains": {
         "material": "soil",
-        "initial": {"growth": {"amount": {"solid_fraction": 0.84}, "radii": {"uniform": {"min": 7.5e-5, "max": 1.25e-4}}, "seed": 1}},
+        "initial": {"growth": {"amount": {"solid_fraction": 0.84}, "radii": {"uniform": {"min": 7.5e-5,
+        "max": 1.25e-4}}, "seed": 1}},
         "cut": [
           {"name": "inlet chamber", "box": {"from": [0, 0], "to": [0.0012, 0.004]}},
           {"name": "outlet chamber", "box": {"from": [0.0072, 0], "to": [0.0084, 0.004]}},
@@ -131,7 +133,8 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
       }},
       "box_walls": ["x_min", "y_min", "y_max"],
       "time": {"end": 6},
-      "regions": [{"name": "outlet", "box": {"from": [0.0083, 0], "to": [0.0084, 0.004]}, "action": {"remove": {"when": "touches"}}}],
+      "regions": [{"name": "outlet", "box": {"from": [0.0083, 0], "to": [0.0084, 0.004]},
+      "action": {"remove": {"when": "touches"}}}],
       "analysis": {"erosion_law": {
         "hole": {"from": [0.0012, 0.0016], "to": [0.0072, 0.0024]}, "flow_axis": "x", "every": 0.02, "outlet": "outlet"
       }}
@@ -152,7 +155,8 @@ fn a_linear_law_needs_no_stiffness() {
               "gravity": [0, 0, -9.81],
               "materials": {{"glass": {{"density": 2500}}}},
               "grains": {{"material": "glass", "initial": {{"list": [
-                {{"position": [0.01, 0.01, 0.003], "radius": 0.001}}, {{"position": [0.01, 0.01, 0.006], "radius": 0.002}}
+                {{"position": [0.01, 0.01, 0.003], "radius": 0.001}}, {{"position": [0.01, 0.01, 0.006],
+                "radius": 0.002}}
               ]}}}},
               {contact}
               "box_walls": ["z_min"],
@@ -292,7 +296,8 @@ const UNEVEN: &str = r#"{
     "fluid": {"lattice_boltzmann": {
         "density": 1000, "kinematic_viscosity": 1e-6,
         "boundaries": [
-            {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.005, 0]}, "ramp_time": 0.5}}},
+            {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.005, 0]},
+            "ramp_time": 0.5}}},
             {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
         ]
     }},
@@ -349,7 +354,8 @@ fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
               "domain": {{"size": [0.04, 0.04], "periodic": ["x", "y"]}},
               "gravity": [0, 0],
               "materials": {{"steel": {{"density": 7800}}}},
-              "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-4, "body_force": {{"constant": [1e-4, 0]}}}}}},
+              "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-4,
+              "body_force": {{"constant": [1e-4, 0]}}}}}},
               "bodies": [{{"name": "rod", "shape": {{"disc": {{"radius": {radius}}}}}, "position": [0.01, 0.03],
                           "motion": {{"fixed": {{}}}}, "material": "steel"}}],
               "time": {{"end": 1}}

@@ -1,5 +1,5 @@
-//! A bed below a stream: shear stress against exact solutions, bedload of grains of known velocity, the same bits on any number of ranks and
-//! across a restart, and what is refused.
+//! A bed below a stream: shear stress against exact solutions, bedload of grains of known velocity, the same bits on
+//! any number of ranks and across a restart, and what is refused.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -19,7 +19,8 @@ fn length(cells: u32) -> f64 {
     CELL * f64::from(cells)
 }
 
-/// Boxes that make a flat bed with a cavity, in cells: from and to. In 2-D without the boxes beside the cavity along z.
+/// Returns boxes that make a flat bed with a cavity, in cells: from and to. In 2-D without the boxes at the sides of
+/// the cavity along z.
 fn slabs(width: Option<u32>, period: u32) -> Value {
     let mut boxes = vec![
         ([-9, -9, -9], [1, 10, 99]),
@@ -39,12 +40,14 @@ fn slabs(width: Option<u32>, period: u32) -> Value {
     };
     (boxes.iter().enumerate())
         .map(|(n, (from, to))| {
-            json!({"name": format!("slab{n}"), "stops": "water", "shape": {"box": {"from": corner(*from), "to": corner(*to)}}})
+            json!({"name": format!("slab{n}"), "stops": "water", "shape": {"box": {"from": corner(*from),
+                "to": corner(*to)}}})
         })
         .collect()
 }
 
-/// Water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel the grain.
+/// Returns water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel
+/// the grain.
 fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
     let period = 8;
     let flat = width.is_none();
@@ -64,7 +67,8 @@ fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
         "gravity": vector(gravity, -9.81, 0.0),
         "materials": {"glass": {"density": 2500}},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": 0.8, "collision": {"trt": {"magic": 0.1875}},
+            "density": 1000, "kinematic_viscosity": 1e-3, "relaxation_time": 0.8,
+                "collision": {"trt": {"magic": 0.1875}},
             "body_force": {"constant": vector(force, 0.0, 0.0)},
             "boundaries": [{"name": "top", "face": "y_max", "condition": top}]
         }},
@@ -72,7 +76,8 @@ fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
         "grains": {"material": "glass", "initial": {"list": [
             {"position": vector(4e-3, 2.5e-3, 0.5 * depth), "radius": 2.5e-3}
         ]}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "normal_damping_ratio": 0.5, "rolling": {"friction": 1, "damping_ratio": 0.3}}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "normal_damping_ratio": 0.5,
+            "rolling": {"friction": 1, "damping_ratio": 0.3}}},
         "box_walls": ["y_min"],
         "box_wall_material": "glass",
         "coupling": {"partially_saturated": {}},
@@ -95,8 +100,8 @@ fn means(study: &Study, run: &str) -> impl Fn(&str) -> f64 {
     }
 }
 
-/// A film down a slope (Nusselt), a sliding plate (Couette) and a wall at rest above (Poiseuille): with water of depth H and viscosity mu, the
-/// stress on the bed is rho g H sin(slope), mu U/H and f H/2.
+/// A film down a slope (Nusselt), a sliding plate (Couette) and a wall at rest above (Poiseuille): with water of depth
+/// H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
 #[test]
 fn the_shear_stress_of_laminar_streams_is_exact() {
     let _beside = beside_others();
@@ -141,8 +146,8 @@ fn the_shear_stress_of_laminar_streams_is_exact() {
     }
 }
 
-/// A film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous Fluid Flow, 3-48). Side walls bear
-/// the rest of the force.
+/// A film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous Fluid
+/// Flow, 3-48). Side walls bear the rest of the force.
 #[test]
 fn side_walls_bear_their_part() {
     let _beside = beside_others();
@@ -171,7 +176,8 @@ fn side_walls_bear_their_part() {
         "between side walls: {balance}, exact {exact}, without them {} Pa",
         FORCE * depth
     );
-    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides bear f H less the bed.
+    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides bear
+    // f H less the bed.
     let bound = (FORCE * depth / exact - 1.0) * 0.375 * (PI * CELL / width).powi(2);
     assert!(
         (balance / exact - 1.0).abs() < bound,
@@ -290,7 +296,7 @@ fn a_pier_is_no_bed() {
     );
 }
 
-/// The shortened example, in which grains move.
+/// Returns the shortened example, in which grains move.
 fn flume(set: &[(&str, &str)]) -> Study {
     let text = solver::case::examples::find("flume").unwrap().text;
     let mut case: Value = serde_json::from_str(text).unwrap();
@@ -421,7 +427,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
     );
 }
 
-/// A dry case in 2-D with a probe of its grains.
+/// Returns a dry case in 2-D with a probe of its grains.
 fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -> Value {
     json!({
         "domain": {"size": size, "spacing": 1e-3},
@@ -429,7 +435,8 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
         "materials": {"glass": {"density": 2500}, "wall": {}},
         "grains": {"material": "glass", "initial": grains},
         "contact": {"linear": {
-            "normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 25, "normal_damping_ratio": 0.5, "shear_damping_ratio": 0.5,
+            "normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 25, "normal_damping_ratio": 0.5,
+                "shear_damping_ratio": 0.5,
             "pairs": [{"materials": ["glass", "wall"], "friction_angle_degrees": 0}]
         }},
         "box_walls": walls,
@@ -440,7 +447,8 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
     })
 }
 
-/// Four discs on one another: the stress is that of the weight above, m g R N^2/V, over all of them and over the upper two.
+/// Four discs on one another: the stress is that of the weight above, m g R N^2/V, over all of them and over the upper
+/// two.
 #[test]
 fn the_stress_of_a_column_is_the_weight_above() {
     let _beside = beside_others();
@@ -482,7 +490,8 @@ fn the_stress_of_a_column_is_the_weight_above() {
     }
 }
 
-/// A square lattice of discs between four walls at the same overlap everywhere: the stress is the pressure on the walls.
+/// A square lattice of discs between four walls at the same overlap everywhere: the stress is the pressure on the
+/// walls.
 #[test]
 fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     let _beside = beside_others();
@@ -562,7 +571,8 @@ fn the_median_of_what_left_is_that_of_the_record() {
         {"position": [0.026, 0.005], "radius": 4e-3}
     ]});
     let mut case = dry([0.04, 0.02], 1e4, discs, &json!(["y_min"]), 1e-3);
-    case["regions"] = json!([{"name": "out", "box": {"from": [0, 0], "to": [0.018, 0.02]}, "action": {"remove": {"when": "centre"}}}]);
+    case["regions"] = json!([{"name": "out", "box": {"from": [0, 0], "to": [0.018, 0.02]},
+        "action": {"remove": {"when": "centre"}}}]);
     let study = Study::new(&case.to_string());
     study.run("run", 1, 1, &[]);
     let mean = means(&study, "run");

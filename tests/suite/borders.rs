@@ -1,12 +1,13 @@
-//! Runs on both sides of the borders of the maps under `benches/stability`: what the plan says beside what comes of it.
+//! Runs on both sides of the limits of the maps under `benches/stability`: verdicts of the plan compared with the
+//! outcomes.
 
 use crate::ranks::Cores;
 use serde_json::{Map, Value};
 use std::path::Path;
 use std::process::Command;
 
-/// Runs a few members of a map, named by the values of what is varied: none that the plan lets pass may fail, none that it refuses may
-/// hold, and there are some of both.
+/// Runs a few members of a map, named by the values of what is varied: none that the plan lets pass may fail, none that
+/// it refuses may hold, and there are some of both.
 fn agrees(name: &str, chosen: &[(&str, &[&str])]) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/stability");
     let text = std::fs::read_to_string(root.join(name).join("study.json")).unwrap();

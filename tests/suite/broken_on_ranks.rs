@@ -1,4 +1,4 @@
-//! What is wrong on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain, and no
+//! Failures on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain, and no
 //! rank is left waiting.
 
 use crate::case_broken::{TABLE, broken, expected};
@@ -33,7 +33,8 @@ fn broken_cases_are_refused_by_one_voice() {
         for assignment in set {
             arguments.extend(["--set".to_owned(), assignment]);
         }
-        // The first few with the mpirun of every day; where it gives ranks no time at all the words may be lost, no more.
+        // The first few with the mpirun of every day; where it gives ranks no time at all the words may be lost, no
+        // more.
         let patient = n < 3;
         // Refused before it computes: it waits more than it works.
         let _cores = Cores::of(1);
@@ -134,7 +135,7 @@ fn refuses(study: &Study, words: &[&str]) {
     assert!(done.elapsed < hang(1.0), "{:?}", done.elapsed);
 }
 
-/// The same, and leaves a summary.
+/// Checks that a study is refused, and leaves a summary.
 #[track_caller]
 fn fails(study: &Study, words: &[&str]) {
     refuses(study, words);

@@ -22,7 +22,8 @@ pub(crate) enum Break {
 use Break::{Remove, Set, Text};
 
 /// A sound analysis of a collapse, to be broken.
-const COLLAPSE: &str = "analysis={\"ground_collapse\": {\"every\": 0.001, \"stages\": {}, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, 0, 0], \"to\": [0.01, 0.01, 0.01]}}]}}";
+const COLLAPSE: &str = "analysis={\"ground_collapse\": {\"every\": 0.001, \"stages\": {}, \"points\": [{\"name\": \
+    \"p\", \"box\": {\"from\": [0, 0, 0], \"to\": [0.01, 0.01, 0.01]}}]}}";
 
 /// Moduli of the soil.
 const ELASTIC: &str =
@@ -30,8 +31,8 @@ const ELASTIC: &str =
 
 const LB: &str = "fluid.lattice_boltzmann";
 
-/// What is broken, the example, how, and the path in the message. A path that starts with `.` is below the lattice
-/// Boltzmann part.
+/// Name of the fault, the example, the fault, and the path in the message. A path that starts with `.` is below the
+/// lattice Boltzmann part.
 pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     // Text
     ("not JSON", "couette", Text("{", "["), "line 2"),
@@ -497,7 +498,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "collision",
         Set(&[
             "domain.periodic=[\"y\"]",
-            "regions=[{\"name\": \"new\", \"box\": {\"from\": [0, 0], \"to\": [0.04, 0.1]}, \"action\": {\"generate\": {\"rate\": 1, \"radii\": {\"uniform\": {\"min\": 0.01, \"max\": 0.051}}}}}]",
+            "regions=[{\"name\": \"new\", \"box\": {\"from\": [0, 0], \"to\": [0.04, 0.1]}, \"action\": \
+             {\"generate\": {\"rate\": 1, \"radii\": {\"uniform\": {\"min\": 0.01, \"max\": 0.051}}}}}]",
         ]),
         "regions[0].action.generate.radii",
     ),
@@ -505,7 +507,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a gate before listed grains",
         "collision",
         Set(&[
-            "walls=[{\"name\": \"gate\", \"shape\": {\"plane\": {\"point\": [0.15, 0], \"normal\": [-1, 0]}}, \"material\": \"glass\", \"during\": \"preparation\"}]",
+            "walls=[{\"name\": \"gate\", \"shape\": {\"plane\": {\"point\": [0.15, 0], \"normal\": [-1, 0]}}, \
+             \"material\": \"glass\", \"during\": \"preparation\"}]",
         ]),
         "walls[0].during",
     ),
@@ -513,7 +516,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "wall without a direction",
         "piping",
         Set(&[
-            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \"wall\"}]",
+            "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [0, 0]}}, \"material\": \
+             \"wall\"}]",
         ]),
         "walls[0].shape.plane.normal",
     ),
@@ -676,7 +680,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "collapse into a point outside",
         "seepage",
         Set(&[
-            "analysis={\"ground_collapse\": {\"every\": 0.001, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, 0, 0.03], \"to\": [0.02, 0.02, 0.05]}}]}}",
+            "analysis={\"ground_collapse\": {\"every\": 0.001, \"points\": [{\"name\": \"p\", \"box\": {\"from\": [0, \
+             0, 0.03], \"to\": [0.02, 0.02, 0.05]}}]}}",
         ]),
         "analysis.ground_collapse.points[0].box",
     ),
@@ -806,7 +811,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "two blocks in one place",
         "avalanche",
         Set(&[
-            "blocks.initial={\"list\": [{\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20,5,5]}, {\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20.5,5.5,5]}]}",
+            "blocks.initial={\"list\": [{\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20,5,5]}, \
+             {\"shape\": {\"cuboid\": {\"edges\": [1,1,1]}}, \"position\": [20.5,5.5,5]}]}",
         ]),
         "blocks.initial.list[1].position",
     ),
@@ -944,7 +950,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a polyhedron in the plane",
         "collision",
         Set(&[
-            "bodies=[{\"name\": \"b\", \"shape\": {\"vertices\": []}, \"position\": [0, 0], \"motion\": {\"fixed\": {}}, \"material\": \"steel\"}]",
+            "bodies=[{\"name\": \"b\", \"shape\": {\"vertices\": []}, \"position\": [0, 0], \"motion\": {\"fixed\": \
+             {}}, \"material\": \"steel\"}]",
         ]),
         "bodies[0].shape",
     ),
@@ -1030,7 +1037,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "deposition",
         Set(&[
             ELASTIC,
-            "contact={\"hertz_mindlin\": {\"pairs\": [{\"materials\": [\"soil\", \"soil\"]}, {\"materials\": [\"soil\", \"soil\"]}]}}",
+            "contact={\"hertz_mindlin\": {\"pairs\": [{\"materials\": [\"soil\", \"soil\"]}, {\"materials\": \
+             [\"soil\", \"soil\"]}]}}",
         ]),
         "contact.hertz_mindlin.pairs[1].materials",
     ),
@@ -1149,7 +1157,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a layer without thickness",
         "seepage",
         Set(&[
-            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 0.02, \"to\": 0.01}}}]",
+            "fluid.darcy.zones=[{\"name\": \"a\", \"porosity\": 0.4, \"region\": {\"layer\": {\"from\": 0.02, \"to\": \
+             0.01}}}]",
         ]),
         "fluid.darcy.zones[0].region.layer",
     ),
@@ -1192,7 +1201,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a sieve curve in per cent",
         "deposition",
         Set(&[
-            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.003, \"passing\": 100}]}",
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": \
+             0.003, \"passing\": 100}]}",
         ]),
         "grains.initial.deposition.grading.sieve[1].passing",
     ),
@@ -1200,7 +1210,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a sieve curve that ends too early",
         "deposition",
         Set(&[
-            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.003, \"passing\": 0.9}]}",
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": \
+             0.003, \"passing\": 0.9}]}",
         ]),
         "grains.initial.deposition.grading.sieve",
     ),
@@ -1208,7 +1219,9 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a sieve curve that falls",
         "deposition",
         Set(&[
-            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": 0.0025, \"passing\": 0.8}, {\"diameter\": 0.0026, \"passing\": 0.7}, {\"diameter\": 0.003, \"passing\": 1}]}",
+            "grains.initial.deposition.grading={\"sieve\": [{\"diameter\": 0.002, \"passing\": 0}, {\"diameter\": \
+             0.0025, \"passing\": 0.8}, {\"diameter\": 0.0026, \"passing\": 0.7}, {\"diameter\": 0.003, \"passing\": \
+             1}]}",
         ]),
         "grains.initial.deposition.grading.sieve",
     ),
@@ -1216,7 +1229,9 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a layer denser than a cloud",
         "deposition",
         Set(&[
-            "grains.initial.deposition.layers=[{\"name\": \"a\", \"number\": 9000, \"grading\": {\"by_count\": [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \"to\": [0.024, 0.02, 0.06]}}]",
+            "grains.initial.deposition.layers=[{\"name\": \"a\", \"number\": 9000, \"grading\": {\"by_count\": \
+             [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \"to\": [0.024, \
+             0.02, 0.06]}}]",
         ]),
         "grains.initial.deposition.layers[0].number",
     ),
@@ -1224,7 +1239,9 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a layer of an unknown material",
         "deposition",
         Set(&[
-            "grains.initial.deposition.layers=[{\"name\": \"a\", \"material\": \"mud\", \"number\": 9, \"grading\": {\"by_count\": [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \"to\": [0.024, 0.02, 0.06]}}]",
+            "grains.initial.deposition.layers=[{\"name\": \"a\", \"material\": \"mud\", \"number\": 9, \"grading\": \
+             {\"by_count\": [{\"min\": 0.001, \"max\": 0.001, \"fraction\": 1}]}, \"box\": {\"from\": [0, 0, 0.05], \
+             \"to\": [0.024, 0.02, 0.06]}}]",
         ]),
         "grains.initial.deposition.layers[0].material",
     ),
@@ -1246,7 +1263,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "a zone of grains outside the domain",
         "deposition",
         Set(&[
-            "grains.zones=[{\"name\": \"a\", \"material\": \"soil\", \"shape\": {\"sphere\": {\"centre\": [1, 1, 1], \"radius\": 0.1}}}]",
+            "grains.zones=[{\"name\": \"a\", \"material\": \"soil\", \"shape\": {\"sphere\": {\"centre\": [1, 1, 1], \
+             \"radius\": 0.1}}}]",
         ]),
         "grains.zones[0].shape",
     ),
@@ -1307,7 +1325,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "seepage driven in without an outlet",
         "seepage",
         Set(&[
-            "fluid.darcy.boundaries=[{\"name\": \"a\", \"face\": \"z_max\", \"condition\": {\"flux\": {\"value\": 1e-4}}}]",
+            "fluid.darcy.boundaries=[{\"name\": \"a\", \"face\": \"z_max\", \"condition\": {\"flux\": {\"value\": \
+             1e-4}}}]",
         ]),
         "fluid.darcy.boundaries",
     ),
@@ -1414,7 +1433,7 @@ pub(crate) fn expected(path: &str) -> String {
     }
 }
 
-/// The text of the broken case, and what to set.
+/// Returns the text of the broken case, and what to set.
 pub(crate) fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
     let text = find(example).expect("an example").text;
     match how {
@@ -1616,7 +1635,7 @@ fn broken_cases_are_refused_by_the_binary() {
     });
 }
 
-/// Each of these cases is refused by two commands.
+/// Checks that each of these cases is refused by two commands.
 fn are_refused(cases: &[(&str, &str, Break, &str)]) {
     let _cores = Cores::of(1);
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan or
-//! with problems that have a path, and never panics.
+//! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan
+//! or with problems that have a path, and never panics.
 
 use crate::ranks::Cores;
 use serde_json::{Value, json};
@@ -12,15 +12,15 @@ use std::time::Duration;
 /// A mutant takes less than a second of the processor; ten times that is a hang.
 pub(crate) const HANG: Duration = Duration::from_secs(10);
 
-/// What this thread has had of a processor: other work on the machine does not count.
+/// Returns the processor time of this thread: other work on the machine does not count.
 pub(crate) fn processor_time() -> Duration {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split_whitespace().next().and_then(|n| n.parse().ok());
     Duration::from_nanos(nanoseconds.unwrap_or(0))
 }
 
-/// JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the rest are like
-/// them.
+/// Collects JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the
+/// rest are like them.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -61,7 +61,7 @@ fn replacements() -> Vec<Value> {
     ]
 }
 
-/// Whether the case was accepted.
+/// Returns `true` if the case was accepted.
 fn judge(text: &str, what: &str) -> bool {
     let start = processor_time();
     let result = Document::read(text, &[], Path::new("")).and_then(Plan::prepare);
@@ -168,14 +168,16 @@ proptest::proptest! {
     #[test]
     fn no_truncated_example_panics(which in 0_usize..EXAMPLES.len(), cut in 0.0_f64..1.0) {
         let chars: Vec<char> = EXAMPLES[which].text.chars().collect();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a fraction of a short text")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "a \
+            fraction of a short text")]
         let count = (chars.len() as f64 * cut) as usize;
         let text: String = chars[..count].iter().collect();
         proptest::prop_assert!(!judge(&text, "truncated") || count + 2 > chars.len());
     }
 
     #[test]
-    fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000, exponent in -40.0_f64..40.0, negative: bool) {
+    fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000,
+        exponent in -40.0_f64..40.0, negative: bool) {
         let _core = Cores::of(1);
         let mut case: Value = serde_json::from_str(EXAMPLES[which].text).unwrap();
         let mut paths = Vec::new();

@@ -1,7 +1,8 @@
 //! Finds files of a crate that use each other in a circle.
 //!
-//! An arrow goes from a file to the file that defines the name it uses; names that a file re-exports are followed to their
-//! definition. A module and the files below it are one concept, so that arrows between them do not count. Code of tests is left out.
+//! An arrow goes from a file to the file that defines the name it uses; names that a file re-exports are followed to
+//! their definition. A module and the files below it are one concept, so that arrows between them do not count. Code of
+//! tests is left out.
 
 use super::architecture::{code_of, sources};
 use std::collections::{BTreeMap, BTreeSet};
@@ -33,7 +34,7 @@ struct File {
     used: Vec<Vec<String>>,
 }
 
-/// The paths of a tree of `use`: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
+/// Collects the paths of a tree of `use`: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
 fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     let tree = tree.trim();
     let (head, list) = match tree.find('{') {
@@ -163,7 +164,8 @@ fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
     file
 }
 
-/// Returns the module of a file below a folder. The first word is the package below `src`.
+/// Returns the module of a file below the folder of the crate. The library re-exports the modules of the package
+/// `physics` at its own root.
 fn module_of(path: &str, folder: &str) -> Module {
     let inside = path.strip_prefix(folder).unwrap_or(path);
     let inside = inside.trim_start_matches('/').trim_end_matches(".rs");
@@ -171,7 +173,7 @@ fn module_of(path: &str, folder: &str) -> Module {
     words.map(str::to_owned).collect()
 }
 
-/// The circles among files, each in alphabetical order.
+/// Returns the circles among files, each in alphabetical order.
 fn circles(sources: &[(String, String)], folder: &str) -> Vec<Vec<String>> {
     let files: BTreeMap<Module, File> = sources
         .iter()

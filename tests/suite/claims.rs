@@ -1,7 +1,8 @@
 //! Figures that the pages for users cite, compared with the committed tables that they come from.
 //!
-//! `tests/claims.csv` lists them: the page, the text that holds the figure, the table, the rows (`column=value`, `column~part`,
-//! `column!part`), the column, what is taken of the rows, and a factor. A figure agrees if it is the value rounded to its digits.
+//! `tests/claims.csv` lists them: the page, the text that holds the figure, the table, the rows (`column=value`,
+//! `column~part`, `column!part`), the column, what is taken of the rows, and a factor. A figure agrees if it is the
+//! value rounded to its digits.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,7 +21,7 @@ fn rows(path: &Path) -> Vec<Row> {
     rows
 }
 
-/// Returns true if a row meets all conditions.
+/// Returns `true` if a row meets all conditions.
 fn holds(row: &Row, conditions: &str) -> bool {
     // A quantity may contain a semicolon: only one before a column begins a condition.
     let mut parts: Vec<String> = Vec::new();
@@ -48,7 +49,7 @@ fn holds(row: &Row, conditions: &str) -> bool {
     })
 }
 
-/// Half a unit of the last digit of a figure as it is written.
+/// Returns half a unit of the last digit of a figure as it is written.
 fn half_a_digit(figure: &str) -> f64 {
     let (digits, exponent) = figure.split_once('e').unwrap_or((figure, "0"));
     let decimals = digits

@@ -1,17 +1,19 @@
-//! Ground that collapses over two seepage points: hole, arch and sinkhole are found in a run of the program, and every table and
-//! figure has the same bits on any number of ranks and after a restart.
+//! Ground that collapses over two seepage points: hole, arch and sinkhole are found in a run of the program, and every
+//! table and figure has the same bits on any number of ranks and after a restart.
 
 use crate::ranks::{Study, beside_others};
 
 /// Diameter of the grains [m].
 const D: f64 = 1e-3;
 
-/// Columns of spheres that just touch, 12 x 4 x 6, over two openings of 2 x 2 grains. `strength` of the bonds [N] lets the columns
-/// over an opening slide out as blocks where it is small against the weight of a grain, 1.3e-5 N; without it there are none.
+/// Columns of spheres that just touch, 12 x 4 x 6, over two openings of 2 x 2 grains. `strength` of the bonds [N] lets
+/// the columns over an opening slide out as blocks where it is small against the weight of a grain, 1.3e-5 N; without
+/// it there are none.
 fn case(strength: Option<&str>) -> String {
     let point = |name: &str, from: f64| {
         format!(
-            r#"{{"name": "{name}", "box": {{"from": [{from}, 0, 0], "to": [{}, 0.002, 0.0004]}}, "action": {{"remove": {{"when": "touches"}}}}}}"#,
+            r#"{{"name": "{name}", "box": {{"from": [{from}, 0, 0], "to": [{}, 0.002, 0.0004]}},
+                "action": {{"remove": {{"when": "touches"}}}}}}"#,
             from + 0.002
         )
     };
@@ -86,7 +88,7 @@ fn study_of(strength: Option<&str>, sample: &str) -> Study {
     study
 }
 
-/// Rows of a table as texts.
+/// Returns the rows of a table as texts.
 fn table(study: &Study, run: &str, name: &str) -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(study.path(run).join(name)).unwrap();
     let rows = text.lines().skip(1);

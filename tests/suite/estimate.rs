@@ -5,8 +5,9 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
 
-/// Water between plates of 0.4 mm under 100 N/m3, with the slip of BGK at a relaxation time of 1.1: the velocity in the middle is that
-/// of the parabola plus h²(4 Λ/3 - 1/4) G/(2 mu), Λ = 0.36, an error of exactly second order.
+/// Returns water between plates of 0.4 mm under 100 N/m3, with the slip of BGK at a relaxation time of 1.1: the
+/// velocity in the middle is that of the parabola plus h²(4 Λ/3 - 1/4) G/(2 mu), Λ = 0.36, an error of exactly
+/// second order.
 fn case() -> Value {
     json!({
         "domain": {"size": [1e-4, 4e-4], "spacing": 1.25e-5, "periodic": ["x"]},
@@ -100,12 +101,14 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
     );
 }
 
-/// Water over a weir that closes half of a channel; the largest lattice velocity on the grid of the case is 0.045.
+/// Returns water over a weir that closes half of a channel; the largest lattice velocity on the grid of the case is
+/// 0.045.
 fn weir(limit: f64) -> Value {
     json!({
         "domain": {"size": [8e-4, 4e-4], "spacing": 1.25e-5},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "density": 1000, "kinematic_viscosity": 1e-6, "collision": {"trt": {"magic": 0.1875}},
+                "relaxation_time": 0.8,
             "boundaries": [
                 {"name": "in", "face": "x_min", "condition": {"velocity": {
                     "profile": {"uniform": {"velocity": [0.01, 0]}}, "ramp_time": 0.01}}},
@@ -190,7 +193,7 @@ fn the_plan_says_what_an_estimate_costs() {
         text.contains("costs of `solver estimate`") && text.contains("2-grid-"),
         "{text}"
     );
-    // A long run, beside which the start of the program counts little.
+    // A long run, compared with which the start of the program counts little.
     let long = ["--json", "--set", "time.end=4000"];
     let tree: Value = serde_json::from_str(&plan(&long)).unwrap();
     let costs = &tree["uncertainty_estimate"];

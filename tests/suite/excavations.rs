@@ -1,4 +1,5 @@
-//! An excavation beside a sheet pile as an engineer draws it: any size of cells gives the discharge, and what the drawing gets wrong is said.
+//! Excavation next to a sheet pile as an engineer draws it: any size of cells gives the discharge, and faults of the
+//! drawing are reported.
 
 use crate::ranks::{beside_others, run};
 use serde_json::{Value, json};
@@ -6,9 +7,13 @@ use solver::case::Document;
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the left, cells of this size.
+/// Returns sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the
+/// left, cells of this size.
 fn excavation(spacing: f64) -> Value {
-    let side = |name: &str, from: f64, to: f64, head: f64| json!({"name": name, "face": "y_max", "patch": {"from": [from, 0], "to": [to, 6]}, "condition": {"head": {"value": head}}});
+    let side = |name: &str, from: f64, to: f64, head: f64| {
+        json!({"name": name, "face": "y_max",
+        "patch": {"from": [from, 0], "to": [to, 6]}, "condition": {"head": {"value": head}}})
+    };
     json!({
         "domain": {"size": [30, 6], "spacing": spacing},
         "gravity": [0, -9.81],
@@ -18,10 +23,12 @@ fn excavation(spacing: f64) -> Value {
             "boundaries": [side("upstream", 0.0, 15.0, 9.0), side("downstream", 15.0, 30.0, 6.0)],
             "zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]
         }},
-        "structures": [{"name": "pile", "material": "sand", "shape": {"box": {"from": [14.9999, 3.5], "to": [15.0001, 6]}}}],
+        "structures": [{"name": "pile", "material": "sand", "shape": {"box": {"from": [14.9999, 3.5], "to": [15.0001,
+            6]}}}],
         "probes": [
             {"name": "toe", "every": 1, "at": {"point": {"position": [15.001, 3.49]}}},
-            {"name": "exit", "every": 1, "at": {"section": {"axis": "x", "position": 15, "part": {"from": [0, 0], "to": [30, 6]}}}}
+            {"name": "exit", "every": 1, "at": {"section": {"axis": "x", "position": 15, "part": {"from": [0, 0],
+                "to": [30, 6]}}}}
         ],
         "time": {"end": 1, "solid_time_step": 1}
     })
@@ -33,7 +40,7 @@ fn warnings(case: &Value) -> Vec<String> {
     plan.warnings.iter().map(ToString::to_string).collect()
 }
 
-/// Discharge \[m2/s\], head and pressure at the toe.
+/// Returns the discharge \[m2/s\], head and pressure at the toe.
 fn solved(case: &Value) -> [f64; 3] {
     let _beside = beside_others();
     let folder = tempfile::tempdir().unwrap();
@@ -73,8 +80,9 @@ fn solved(case: &Value) -> [f64; 3] {
     ]
 }
 
-/// The discharge is k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E. Harr, Groundwater and Seepage,
-/// 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide passes 0.07 % less. At the toe the head is half way, by symmetry.
+/// The discharge is k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E. Harr,
+/// Groundwater and Seepage, 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide passes 0.07 % less. At the
+/// toe the head is half way, by symmetry.
 #[test]
 fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
     // The pile lies on the faces of cells, in the middle of cells, and near the face of a cell.
@@ -92,8 +100,8 @@ fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
         case["fluid"]["darcy"]["boundaries"][1]["patch"]["from"][0] = json!(15.0 + shift);
         assert_eq!(warnings(&case), Vec::<String>::new(), "{spacing} {shift}");
         let [discharge, ..] = solved(&case);
-        // Of the order of the cells, as the tip is singular: 9 % a metre on the faces of cells, and 13 % for each metre that a tip between faces
-        // is misplaced, half a cell at most.
+        // Of the order of the cells, as the tip is singular: 9 % a metre on the faces of cells, and 13 % for each metre
+        // that a tip between faces is misplaced, half a cell at most.
         let error = discharge / 1.692e-4 - 1.0;
         assert!(error.abs() < 0.17 * spacing, "{spacing} {shift}: {error}");
     }

@@ -1,7 +1,7 @@
 //! Extremes (P12): every scene ends in a result within bounds that physics gives, or is refused by name; never in NaN.
 //!
-//! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what pushes the
-//! water, no flow through what is full, and the exact flow where there is one.
+//! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what
+//! pushes the water, no flow through what is full, and the exact flow where there is one.
 
 use crate::ranks::{Done, Study, beside_others, run};
 use solver::case::Document;
@@ -14,9 +14,11 @@ const SETTLING: &str = r#"{
   "domain": {"size": [0.016, 0.016, 0.024], "spacing": 0.001, "periodic": ["x", "y"]},
   "gravity": [0, 0, -9.81],
   "materials": {"rock": {"density": 2650}, "wall": {}},
-  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5, "lattice_velocity": 0.1}},
+  "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "reference_velocity": 0.5,
+  "lattice_velocity": 0.1}},
   "bodies": [
-    {"name": "b", "shape": {"sphere": {"radius": 0.003}}, "position": [0.008, 0.008, 0.0144], "motion": {"free": {}}, "material": "rock"}
+    {"name": "b", "shape": {"sphere": {"radius": 0.003}}, "position": [0.008, 0.008, 0.0144], "motion": {"free": {}},
+    "material": "rock"}
   ],
   "contact": {"linear": {"normal_stiffness": {"absolute": 1000}, "normal_damping_ratio": 0.2}},
   "box_walls": ["z_min", "z_max"],
@@ -35,7 +37,8 @@ const STREAM: &str = r#"{
     "collision": {"mrt": {}}, "turbulence": {"wale": {}}, "body_force": {"constant": [2000, 0, 0]}
   }},
   "bodies": [
-    {"name": "b", "shape": {"cuboid": {"edges": [0.002, 0.008, 0.008]}}, "position": [0.0163, 0.004, 0.004], "motion": {"fixed": {}}, "material": "rock"}
+    {"name": "b", "shape": {"cuboid": {"edges": [0.002, 0.008, 0.008]}}, "position": [0.0163, 0.004, 0.004],
+    "motion": {"fixed": {}}, "material": "rock"}
   ],
   "coupling": {"partially_saturated": {}},
   "time": {"end": 0.04},
@@ -72,8 +75,10 @@ const DISCS: &str = r#"{
     "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "body_force": {"constant": [1, 0]}
   }},
   "bodies": [
-    {"name": "a", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0055], "motion": {"fixed": {}}, "material": "rock"},
-    {"name": "b", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0145], "motion": {"fixed": {}}, "material": "rock"}
+    {"name": "a", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0055], "motion": {"fixed": {}},
+    "material": "rock"},
+    {"name": "b", "shape": {"disc": {"radius": 0.004}}, "position": [0.015, 0.0145], "motion": {"fixed": {}},
+    "material": "rock"}
   ],
   "coupling": {"bounce_back": {"scheme": "interpolated"}},
   "time": {"end": 1},
@@ -86,8 +91,10 @@ const SPECK: &str = r#"{
   "gravity": [0, 0, -9.81],
   "materials": {"rock": {"density": 2650}, "wall": {}},
   "bodies": [
-    {"name": "big", "shape": {"sphere": {"radius": 0.05}}, "position": [0.1, 0.1, 0.05], "motion": {"fixed": {}}, "material": "rock"},
-    {"name": "b", "shape": {"sphere": {"radius": 0.0005}}, "position": [0.1, 0.1, 0.102], "motion": {"free": {}}, "material": "rock"}
+    {"name": "big", "shape": {"sphere": {"radius": 0.05}}, "position": [0.1, 0.1, 0.05], "motion": {"fixed": {}},
+    "material": "rock"},
+    {"name": "b", "shape": {"sphere": {"radius": 0.0005}}, "position": [0.1, 0.1, 0.102], "motion": {"free": {}},
+    "material": "rock"}
   ],
   "contact": {"linear": {"normal_stiffness": {"absolute": 1000}, "normal_damping_ratio": 0.3}},
   "box_walls": ["z_min"],
@@ -120,23 +127,25 @@ const SHAFT: &str = r#"{
 /// The sphere of [`SETTLING`] as a block, with its law of contact.
 const BLOCK: [&str; 2] = [
     "bodies[0].shape={\"cuboid\": {\"edges\": [0.006, 0.005, 0.004]}}",
-    "contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e7}, \"friction_angle_degrees\": 30, \"normal_damping_ratio\": 0.3, \"shear_damping_ratio\": 0.3}}",
+    "contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e7}, \"friction_angle_degrees\": 30, \
+     \"normal_damping_ratio\": 0.3, \"shear_damping_ratio\": 0.3}}",
 ];
 const LINKS: &str = "coupling={\"bounce_back\": {\"scheme\": \"interpolated\"}}";
 const LB: &str = "fluid.lattice_boltzmann";
 
-/// How a scene must end.
+/// Required end of a scene.
 enum End {
-    /// With 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON pointer, between bounds.
+    /// Exit code 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON
+    /// pointer, between bounds.
     Result(&'static [(&'static str, f64, f64)]),
-    /// With 3: a path, and words of the reason.
+    /// Exit code 3: a path, and words of the reason.
     Refused(&'static str, &'static str),
-    /// With 4: words of the reason.
+    /// Exit code 4: words of the reason.
     Fails(&'static str),
 }
 use End::{Fails, Refused, Result};
 
-/// One scene: what is extreme, the base, what is changed, ranks beside the one, and the end.
+/// One scene: its extreme, the base, the changes, ranks in addition to the one, and the end.
 struct Row {
     what: &'static str,
     base: &'static str,
@@ -162,7 +171,7 @@ fn row(what: &'static str, base: &'static str, set: &[&str], end: End) -> Row {
     }
 }
 
-/// The same scene on this many ranks, too: it must come to the same bits.
+/// Runs the scene on this many ranks, too: the bits must be equal.
 fn ranks(ranks: usize, row: Row) -> Row {
     Row { ranks, ..row }
 }
@@ -172,8 +181,9 @@ fn block<'a>(more: &[&'a str]) -> Vec<&'a str> {
     BLOCK.iter().copied().chain(more.iter().copied()).collect()
 }
 
-/// Densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in 0.05 s, 10 gives 0.1766 m/s in 0.02 s. The
-/// water to be moved along makes both slower: by a half of the sphere's volume to about one.
+/// Returns scenes with extreme densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in
+/// 0.05 s, 10 gives 0.1766 m/s in 0.02 s. The water to be moved along makes both slower: by a half of the sphere's
+/// volume to about one.
 fn densities() -> Vec<Row> {
     const SLOW: End = Result(&[("velocity_z", -4.86e-3, -1.2e-3)]);
     const FAST: End = Result(&[("velocity_z", -0.1766, -0.12)]);
@@ -204,7 +214,7 @@ fn densities() -> Vec<Row> {
     ]
 }
 
-/// Relaxation times, lattice velocities, Reynolds numbers.
+/// Returns scenes with extreme relaxation times, lattice velocities and Reynolds numbers.
 fn flows() -> Vec<Row> {
     // 0.3 m/s times a cosine and a sine of 0.995 each, times the decay: 0.2925 m/s.
     const DECAYED: End = Result(&[("velocity_x", 0.288, 0.298)]);
@@ -303,7 +313,7 @@ fn flows() -> Vec<Row> {
     ]
 }
 
-/// How much of cells and of the domain is solid.
+/// Returns scenes that vary the solid fraction of cells and of the domain.
 fn fractions() -> Vec<Row> {
     let edges = "bodies[0].shape.cuboid.edges";
     let half = format!("{edges}=[0.0005, 0.008, 0.008]");
@@ -359,7 +369,8 @@ fn gaps() -> Vec<Row> {
         let body =
             r#""shape": {"sphere": {"radius": 0.003}}, "motion": {"free": {}}, "material": "rock""#;
         format!(
-            r#"bodies=[{{"name": "a", "position": [0.008, 0.008, 0.004], {body}}}, {{"name": "b", "position": [0.0083, 0.008, {z}], {body}}}]"#
+            r#"bodies=[{{"name": "a", "position": [0.008, 0.008, 0.004], {body}}}, {{"name": "b", "position": [0.0083,
+                0.008, {z}], {body}}}]"#
         )
     };
     let blocks = |z: f64| {
@@ -524,7 +535,8 @@ fn ranks_and_sizes() -> Vec<Row> {
             "size ratio 100 in water",
             SPECK,
             &[
-                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \"reference_velocity\": 1, \"lattice_velocity\": 0.1}}",
+                "fluid={\"lattice_boltzmann\": {\"density\": 1000, \"kinematic_viscosity\": 1e-5, \
+                 \"reference_velocity\": 1, \"lattice_velocity\": 0.1}}",
                 "coupling={\"partially_saturated\": {}}",
             ],
             Refused("bodies[1].shape", "0.1 cells; at least 4"),
@@ -553,7 +565,8 @@ fn pores() -> Vec<Row> {
         .collect();
     let eight = format!("grains.initial.list=[{}]", eight.join(", "));
     vec![
-        // Kozeny and Carman at the cap of 0.7 with the one diameter there is: K = 8.469e-10 m2, Q = K rho g/mu (0.05/0.06) 9e-4 m2.
+        // Kozeny and Carman at the cap of 0.7 with the one diameter there is: K = 8.469e-10 m2, Q = K rho g/mu
+        // (0.05/0.06) 9e-4 m2.
         row(
             "porosity 1",
             SHAFT,
@@ -576,7 +589,7 @@ fn pores() -> Vec<Row> {
     ]
 }
 
-/// The last row of a table, by column; every number of it and of all rows before is one.
+/// Returns the last row of a table, by column; every number of it and of all rows before is one.
 fn last(what: &str, text: &str) -> Vec<(String, f64)> {
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<String> = lines
@@ -698,7 +711,7 @@ fn pores_that_are_all_and_nothing() {
     all_end_as_they_must(&pores());
 }
 
-/// What the plan refuses or warns of before the run shows it.
+/// Checks that the plan refuses or warns before the run fails.
 #[test]
 fn light_and_thin_solids_are_told_of() {
     let said = |set: &[&str], path: &str, words: &str| {

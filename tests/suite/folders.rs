@@ -1,5 +1,5 @@
-//! Folders of runs: what is there is never lost without being asked for, one run at a time uses a folder, and a restart changes only
-//! what its state can follow.
+//! Folders of runs: what is there is never lost without being asked for, one run at a time uses a folder, and a restart
+//! changes only what its state can follow.
 
 use crate::ranks::{Study, alone, beside_others, run, start};
 use std::path::Path;
@@ -105,7 +105,7 @@ fn a_finished_run_is_extended_on_other_ranks_with_other_outputs() {
     let done = study.restart("short", 1, &[]).expect(0);
     assert!(done.stdout.contains("had already ended"), "{}", done.stdout);
     study.same("straight", "short");
-    // Without its end kept a run goes on from an earlier checkpoint, if it has one.
+    // Without its end kept a run continues from an earlier checkpoint, if it has one.
     run(1, &arguments(&study, "bare", &["--no-final-checkpoint"])).expect(0);
     assert!(names(&study.path("bare/checkpoints")).is_empty());
 }
@@ -137,7 +137,8 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
         (1, "time.end=0.004", "time.end"),
         (
             1,
-            r#"regions[1]={"name": "new", "box": {"from": [0, 0], "to": [0.0003, 0.0016]}, "action": {"generate": {"rate": 1, "radii": {"uniform": {"min": 1e-4, "max": 1e-4}}}}}"#,
+            r#"regions[1]={"name": "new", "box": {"from": [0, 0], "to": [0.0003, 0.0016]},
+                "action": {"generate": {"rate": 1, "radii": {"uniform": {"min": 1e-4, "max": 1e-4}}}}}"#,
             "generate",
         ),
     ] {
@@ -153,7 +154,8 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
     // A wall may come, and grains then rest on it; it may not cut into them.
     let wall = |x: f64| {
         format!(
-            r#"walls=[{{"name": "gate", "shape": {{"plane": {{"point": [{x}, 0], "normal": [-1, 0]}}}}, "material": "wall"}}]"#
+            r#"walls=[{{"name": "gate", "shape": {{"plane": {{"point": [{x}, 0], "normal": [-1, 0]}}}},
+                "material": "wall"}}]"#
         )
     };
     let done = study

@@ -1,8 +1,9 @@
-//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time, and news in the log.
+//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time,
+//! and news in the log.
 
 use crate::ranks::{Study, beside_others};
 
-/// Clay on a floor that goes, above a shelf that comes while it falls and goes again.
+/// Returns clay on a floor that goes, above a shelf that comes while it falls and goes again.
 fn study() -> Study {
     Study::of(
         "deposition",

@@ -1,4 +1,5 @@
-//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured is none.
+//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured
+//! is none.
 
 use crate::ranks::{Done, beside_others, run};
 use serde_json::{Value, json};
@@ -42,8 +43,8 @@ impl Ran {
     }
 }
 
-/// A channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell Reynolds number 15 and
-/// tau = 0.52 it fails even from the exact parabola.
+/// Returns a channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell
+/// Reynolds number 15 and tau = 0.52 it fails even from the exact parabola.
 fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     let step = (tau - 0.5) / 3.0 * 0.025 * 0.025 / viscosity;
     json!({
@@ -51,7 +52,8 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": viscosity, "relaxation_time": tau, "collision": {"trt": {}},
             "boundaries": [
-                {"name": "inlet", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
+                {"name": "inlet", "face": "x_min",
+                    "condition": {"velocity": {"profile": {"parabolic": {"peak": peak}}}}},
                 {"name": "outlet", "face": "x_max",
                  "condition": {"pressure": {"value": 0, "sound": "reflect", "held": "each_cell"}}}
             ]
@@ -60,7 +62,7 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     })
 }
 
-/// A pressure that is there at once, and changes the density by 30 % at tau = 0.8.
+/// Returns a pressure that is there at once, and changes the density by 30 % at tau = 0.8.
 fn hammer(tau: f64) -> Value {
     json!({
         "domain": {"size": [1, 0.25], "spacing": 0.025},
@@ -76,7 +78,8 @@ fn hammer(tau: f64) -> Value {
     })
 }
 
-/// Water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire gone.
+/// Returns water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire
+/// gone.
 fn wires(speed: f64, every: usize, end: f64) -> Value {
     let bodies: Vec<Value> = (0..10)
         .step_by(every)
@@ -257,7 +260,7 @@ fn looks_see_the_same_on_any_ranks() {
         assert_eq!(one.summary[name], two.summary[name], "{name}");
     }
     assert!(one.number("lattice_velocity") > 0.0);
-    // 150 steps have a look at step 100, and one at the end.
+    // 150 steps have a check at step 100, and one at the end.
     let short = ran(0, &case, &["--set", "time.end=0.3"]);
     assert!(short.number("lattice_velocity") > 0.0 && short.number("compression") > 0.0);
     drop(short.folder);
@@ -267,7 +270,7 @@ fn looks_see_the_same_on_any_ranks() {
 fn tables_and_summary_agree_on_the_lattice_velocity() {
     let text = solver::case::examples::find("piping").unwrap().text;
     let case: Value = serde_json::from_str(text).unwrap();
-    // Fewer steps than any look of the past.
+    // Fewer steps than between two checks.
     let more = [
         "--set",
         "time.end=0.005",
@@ -289,7 +292,7 @@ fn tables_and_summary_agree_on_the_lattice_velocity() {
     assert!(eroded.number("steps") < 1000.0);
 }
 
-/// A ball that flies at 5 m/s onto a thin plate.
+/// Returns a ball that flies at 5 m/s onto a thin plate.
 fn flight(stiffness: f64) -> Value {
     json!({
         "domain": {"size": [0.2, 0.2, 0.2], "spacing": 0.01},
@@ -333,7 +336,8 @@ fn a_contact_that_is_pierced_is_named() {
     ran(0, &strict, &[]).done.expect(4);
 }
 
-/// The Mach number is beside the lattice velocity in the log and in the summary; above a lattice velocity of 0.1 the log says so once.
+/// Checks that log and summary have the Mach number next to the lattice velocity; above a lattice velocity of 0.1 the
+/// log says so once.
 #[test]
 fn a_mach_number_above_the_usual_is_said() {
     let case = |speed: f64| {
@@ -371,8 +375,8 @@ fn a_mach_number_above_the_usual_is_said() {
     assert!(!slow.warned("Mach number"));
 }
 
-/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing from step to step, and leaves
-/// the mean.
+/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing
+/// from step to step, and leaves the mean.
 #[test]
 fn the_force_of_two_half_steps_swings_less() {
     let force = |average: bool| {
@@ -410,7 +414,8 @@ fn the_force_of_two_half_steps_swings_less() {
     assert!((mean / same - 1.0).abs() < 1e-3, "{mean} {same}");
 }
 
-/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed less.
+/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed
+/// less.
 #[test]
 fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     let squeezed = |limit: u32| {
@@ -476,7 +481,7 @@ fn water_that_throws_a_body_out_is_what_failed() {
     }
 }
 
-/// A disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
+/// Returns a disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
 fn moving_disc(cell: f64) -> Value {
     json!({
         "domain": {"size": [0.06, 0.04], "spacing": 1e-3, "periodic": ["x", "y"]},
@@ -513,7 +518,8 @@ fn a_body_that_moves_fails_where_the_plan_says_so() {
     assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
 }
 
-/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before the run failed.
+/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before
+/// the run failed.
 #[test]
 fn a_run_that_fails_leaves_its_tables() {
     let grain =

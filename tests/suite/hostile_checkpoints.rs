@@ -1,9 +1,9 @@
-//! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits proves no
-//! good will: what a manifest says is bounded by the case, and files are those of its folder.
+//! Checkpoints that were written by hand. Anyone can compute the hash of a manifest, so that a hash that fits is no
+//! proof of origin: the values of a manifest are bounded by the case, and files are those of its folder.
 //!
 //! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it. Each is
-//! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number that
-//! could have been written cannot be told from one that was), never by a signal, a panic or a hang.
+//! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number
+//! that could have been written cannot be distinguished from one that was), never by a signal, a panic or a hang.
 
 use crate::dice::Dice;
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, without_daemon};
@@ -36,7 +36,7 @@ fn sign(path: &Path, tree: &Value) {
     std::fs::write(path, text).unwrap();
 }
 
-/// A run of some hundred steps with checkpoints, made once.
+/// Returns a run of some hundred steps with checkpoints, made once.
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -83,7 +83,7 @@ impl Copy {
         self.manifest.with_file_name(name)
     }
 
-    /// Restarts; exit code and words.
+    /// Restarts; returns exit code and words.
     fn restart(&self, ranks: usize) -> (Option<i32>, String) {
         let mut words = vec!["--kill-after=5".to_owned(), "60".into()];
         if ranks > 0 {
@@ -140,7 +140,7 @@ impl Copy {
         sign(&self.manifest, &tree);
     }
 
-    /// Names of the columns of grains and contacts.
+    /// Returns the names of the columns of grains and contacts.
     fn columns(&self) -> Vec<String> {
         let arrays = self.tree["arrays"].as_array().unwrap();
         let names = arrays.iter().filter_map(|array| array["name"].as_str());
@@ -402,7 +402,7 @@ fn a_table_that_was_changed_is_told() {
     );
 }
 
-/// JSON pointers of everything below a node; of long lists a few.
+/// Collects JSON pointers of everything below a node; of long lists a few.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map.iter().map(|(k, v)| (k.replace('/', "~1"), v)).collect(),

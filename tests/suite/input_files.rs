@@ -1,5 +1,5 @@
-//! What a case, a study or a command names is data: files that are broken, endless or of another kind are refused with
-//! the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
+//! Files that a case, a study or a command names are data: those that are broken, endless or of another kind are
+//! refused with the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
 
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, run};
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use solver::scene::grains::GrainSource;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// What is wrong with a case whose paths start at `folder`.
+/// Returns the problems of a case whose paths start at `folder`.
 fn problems(case: &Value, folder: &Path) -> Vec<Problem> {
     match Document::read(&case.to_string(), &[], folder).and_then(Plan::prepare) {
         Ok(plan) => plan.warnings,
@@ -34,7 +34,7 @@ fn example(name: &str) -> Value {
     serde_json::from_str(find(name).unwrap().text).unwrap()
 }
 
-/// The program with arguments, ended after a minute: a hang.
+/// Returns the program with arguments, ended after a minute: a hang.
 fn solver(arguments: &[&str]) -> Output {
     let mut command = Command::new("timeout");
     command
@@ -125,7 +125,7 @@ fn huge_and_deep_texts_cost_little() {
 
     std::fs::write(&path, "[".repeat(200_000)).unwrap();
     ends(&["validate", name], 3, "not valid JSON");
-    // A file without content takes no room on the disk, whatever its length.
+    // A file without content takes no space on the disk, whatever its length.
     let file = std::fs::File::create(&path).unwrap();
     file.set_len(300 << 20).unwrap();
     ends(&["validate", name], 5, "at most 268435456 are read");
@@ -307,7 +307,7 @@ fn a_sample_is_read_in_full_or_refused() {
     );
 }
 
-/// A channel whose inlet has the velocities of a table.
+/// Returns a channel whose inlet has the velocities of a table.
 fn with_profile(text: &str, folder: &Path) -> Value {
     std::fs::write(folder.join("inlet.csv"), text).unwrap();
     json!({
@@ -315,7 +315,8 @@ fn with_profile(text: &str, folder: &Path) -> Value {
         "fluid": {"lattice_boltzmann": {
             "density": 1000, "kinematic_viscosity": 1e-6, "time_step": 0.001,
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"file": {"path": "inlet.csv"}}}}},
+                {"name": "in", "face": "x_min",
+                    "condition": {"velocity": {"profile": {"file": {"path": "inlet.csv"}}}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
             ]
         }},
@@ -500,11 +501,11 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");
         assert!(told.contains("File too large"), "{limit}: {told}");
     }
-    // What was there before stays whole: the run that met no limit goes on.
+    // What was there before stays whole: the run that met no limit continues.
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
 
-/// A channel with an inlet and a start of the given texts.
+/// Returns a channel with an inlet and a start of the given texts.
 fn stream(inlet: &Value, start: &Value) -> Value {
     json!({
         "domain": {"size": [0.02, 0.01], "spacing": 0.0005},
@@ -534,7 +535,7 @@ fn a_uniform_velocity_is_a_list_or_an_object_at_inlets_as_at_the_start() {
     let pressed = scene(&list, &json!({"velocity": [1e-3, 0], "pressure": 1e-3}));
     assert_ne!(pressed, wanted);
 
-    // Each form is told by the place and the value of what is wrong with it.
+    // Each form is recognized by the position and the value of its fault.
     let fluid = "fluid.lattice_boltzmann";
     let profile = format!("{fluid}.boundaries[0].condition.velocity.profile.uniform");
     let start = format!("{fluid}.initial.uniform");
@@ -576,8 +577,14 @@ fn planes_across_a_periodic_axis_are_refused_before_the_run() {
             "time": {"end": 0.01, "solid_time_step": 1e-6}
         })
     };
-    let wall = |normal: [f64; 2]| json!([{"name": "end", "shape": {"plane": {"point": [0, 0], "normal": normal}}, "material": "sand"}]);
-    let solid = |normal: [f64; 2]| json!([{"name": "rock", "shape": {"plane": {"point": [0.01, 0.01], "normal": normal}}}]);
+    let wall = |normal: [f64; 2]| {
+        json!([{"name": "end", "shape": {"plane": {"point": [0, 0], "normal": normal}},
+        "material": "sand"}])
+    };
+    let solid = |normal: [f64; 2]| {
+        json!([{"name": "rock", "shape": {"plane": {"point": [0.01, 0.01],
+        "normal": normal}}}])
+    };
     let path = "walls[0].shape.plane.normal";
     for normal in [[1.0, 0.0], [1e-3, 1.0]] {
         let closed = case(wall(normal), json!([]), json!(["x"]));
@@ -661,7 +668,7 @@ fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     assert!(command.output().unwrap().stdout.is_empty());
 }
 
-/// What a run writes goes into its own folder: links there are replaced or refused, and their targets stay as they are.
+/// Writes only into the folder of the run: links there are replaced or refused, and their targets stay as they are.
 #[test]
 fn links_in_the_folder_of_a_run_are_not_followed() {
     let folder = tempfile::tempdir().unwrap();

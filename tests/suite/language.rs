@@ -15,6 +15,8 @@
 //! | width | a line of Rust with more than [`WIDTH`] characters |
 //! | word | a word of [`WORDS`] in a comment of Rust, or in a page |
 //! | reference | a path of the repository, in a comment or on a page, that is not there |
+//!
+//! The comment of an option of the command line is its help, so that the rule `boolean` does not apply to it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -160,6 +162,10 @@ fn is_boolean(lines: &[&str]) -> bool {
     let Some(first) = lines.iter().find(|line| !attribute(line)) else {
         return false;
     };
+    let mut attributes = lines.iter().take_while(attribute);
+    if attributes.any(|line| line.trim_start().starts_with("#[arg(")) {
+        return false;
+    }
     if named(first, &["fn"]).is_none() {
         let item = first.trim().trim_end_matches(',').trim_end_matches(';');
         let item = item.split(" = ").next().unwrap_or(item);
@@ -169,7 +175,7 @@ fn is_boolean(lines: &[&str]) -> bool {
     let mut signature = String::new();
     for line in &lines[start..] {
         signature.push_str(line.trim());
-        if line.trim_end().ends_with(['{', ';']) {
+        if line.trim_end().ends_with(['{', ';', '}']) {
             break;
         }
     }
@@ -448,6 +454,10 @@ fn each_rule_finds_its_fault_and_nothing_else() {
         [("boolean", 1)]
     );
     assert_eq!(
+        check("src/a.rs", "/// Print JSON.\n#[arg(long)]\njson: bool,\n"),
+        []
+    );
+    assert_eq!(
         check(
             "src/a.rs",
             "/// Returns `true` if it moves.\nfn moves() -> bool {\n"
@@ -458,6 +468,13 @@ fn each_rule_finds_its_fault_and_nothing_else() {
         check(
             "src/a.rs",
             "/// Returns a test.\nfn test(moves: bool) -> u8 {\n"
+        ),
+        []
+    );
+    assert_eq!(
+        check(
+            "src/a.rs",
+            "/// Does nothing.\nfn test(_: bool) {}\n\nfn moves() -> bool {\n"
         ),
         []
     );

@@ -1,4 +1,5 @@
-//! A ground of layers: clouds of two gradings by sieve curve and two materials, a lens of a third material, one deposition.
+//! A ground of layers: clouds of two gradings by sieve curve and two materials, a lens of a third material, one
+//! deposition.
 
 use crate::ranks::{Study, beside_others};
 use solver::case::Document;
@@ -18,17 +19,20 @@ const SETTINGS: [(&str, &str); 11] = [
     ("grains.initial.deposition.number", "120"),
     (
         "grains.initial.deposition.grading",
-        r#"{"sieve": [{"diameter": 0.002, "passing": 0}, {"diameter": 0.0028, "passing": 0.5}, {"diameter": 0.0032, "passing": 1}]}"#,
+        r#"{"sieve": [{"diameter": 0.002, "passing": 0}, {"diameter": 0.0028, "passing": 0.5}, {"diameter": 0.0032,
+            "passing": 1}]}"#,
     ),
     ("grains.initial.deposition.box.to", "[0.02, 0.02, 0.04]"),
     (
         "grains.initial.deposition.layers",
-        r#"[{"name": "top", "material": "clay", "number": 160, "box": {"from": [0.004, 0, 0.04], "to": [0.02, 0.02, 0.06]},
+        r#"[{"name": "top", "material": "clay", "number": 160, "box": {"from": [0.004, 0, 0.04], "to": [0.02, 0.02,
+            0.06]},
              "grading": {"sieve": [{"diameter": 0.0018, "passing": 0}, {"diameter": 0.0022, "passing": 1}]}}]"#,
     ),
     (
         "grains.zones",
-        r#"[{"name": "lens", "material": "lens", "region": {"box": {"from": [0.008, 0, 0.004], "to": [0.016, 0.02, 0.008]}}}]"#,
+        r#"[{"name": "lens", "material": "lens", "region": {"box": {"from": [0.008, 0, 0.004], "to": [0.016, 0.02,
+            0.008]}}}]"#,
     ),
     ("time.end", "0.004"),
 ];

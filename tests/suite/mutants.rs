@@ -1,17 +1,18 @@
 //! Mutants of everything that is written as text: every ready case, every case and study under `jobs`, the files that
 //! they name, and assignments of `--set`.
 //!
-//! A mutant is a function of its seed. In this process it is read and planned as `solver validate` does: it gives a plan
-//! or problems, each with a path, a reason and a remedy, and never a panic. One in twenty, and those that touch a file,
-//! also goes through the real binary with 1 GiB of address space; a few of those that are cheap enough are run for some
-//! steps. The binary ends with one of its exit codes: no signal, no abort, no panic.
+//! A mutant is a function of its seed. In this process it is read and planned as `solver validate` does: it gives a
+//! plan or problems, each with a path, a reason and a remedy, and never a panic. One in twenty, and those that touch a
+//! file, also goes through the real binary with 1 GiB of address space; a few of those that are cheap enough are run
+//! for some steps. The binary ends with one of its exit codes: no signal, no abort, no panic.
 //!
 //! ```text
 //! SOLVER_MUTANTS=20000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- mutants --nocapture
 //! ```
 //!
-//! makes as many mutants with the seeds from 0 on; without the variable it makes 400. `bash jobs/reliability/mutants.sh`
-//! is the long form. The seed in a failure makes the same mutant again: `SOLVER_MUTANTS=1 SOLVER_MUTANTS_FROM=seed`.
+//! makes as many mutants with the seeds from 0 on; without the variable it makes 400.
+//! `bash jobs/reliability/mutants.sh` is the long form. The seed in a failure makes the same mutant again:
+//! `SOLVER_MUTANTS=1 SOLVER_MUTANTS_FROM=seed`.
 
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;
@@ -43,15 +44,18 @@ struct Seed {
     study: bool,
 }
 
-const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n endloop\nendfacet\n\
+const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n \
+    endloop\nendfacet\n\
     facet normal 0 0 1\n outer loop\n  vertex 2 0 0\n  vertex 2 2 0\n  vertex 0 2 0\n endloop\nendfacet\nendsolid\n";
-const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n\
+const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 \
+    0\nendloop\nendfacet\n\
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+const BLOCKS: &str = r#"[{"shape": {"half_spaces":
+    [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
-/// Ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
+/// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
     let mut all: Vec<Seed> = EXAMPLES
         .iter()
@@ -152,7 +156,7 @@ fn with_meshes() -> Vec<Seed> {
     all
 }
 
-/// JSON pointers of everything below a node; of long lists the first four and the last.
+/// Collects JSON pointers of everything below a node; of long lists the first four and the last.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -174,7 +178,7 @@ fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     }
 }
 
-/// As messages and `--set` write it: `probes[0].every`.
+/// Returns the path as messages and `--set` write it: `probes[0].every`.
 fn dotted(pointer: &str) -> String {
     let mut path = String::new();
     for part in pointer.split('/').skip(1) {
@@ -471,7 +475,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
     note
 }
 
-/// Every problem says where, why and what to do.
+/// Checks that every problem says where, why and what to do.
 fn complete(problems: &[Problem]) -> Result<(), String> {
     match problems
         .iter()
@@ -482,7 +486,7 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
     }
 }
 
-/// In this process: whether it was accepted, with its plan.
+/// Reads a case in this process; returns its plan if it was accepted.
 fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
         if mutant.study {
@@ -515,7 +519,7 @@ fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     }
 }
 
-/// Through the binary: its exit code, or what is wrong with how it ended.
+/// Runs a case through the binary; returns its exit code, or the fault of its end.
 fn through_binary(arguments: &[String]) -> Result<i32, String> {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &(HANG.as_secs() * 6).to_string()]);
@@ -552,7 +556,7 @@ fn arguments(command: &str, mutant: &Mutant, text: &Path) -> Vec<String> {
     words
 }
 
-/// Cheap enough to be run for a few steps within the memory of the binary.
+/// Returns `true` if a few steps can be run within the time and memory of the test.
 fn runs(plan: &Plan) -> bool {
     use solver::scene::grains::GrainSource;
     let grown = plan.scene.grains.as_ref().is_some_and(|grains| {
@@ -650,7 +654,8 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         }
     }
     println!(
-        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest took {:.2?} (seed {}), {slow} cases more than a second; through the binary {codes:?}; {} wrong",
+        "{count} mutants of {} texts from seed {first}: {accepted} cases accepted, {studies} studies, the slowest \
+         took {:.2?} (seed {}), {slow} cases more than a second; through the binary {codes:?}; {} wrong",
         corpus.len(),
         slowest.0,
         slowest.1,

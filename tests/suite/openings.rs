@@ -1,4 +1,5 @@
-//! What the plan says of openings whose ends lie between the faces of cells, of grains that nothing stops, and of packed spheres.
+//! Verdicts of the plan on openings whose ends lie between the faces of cells, on grains that nothing stops, and on
+//! packed spheres.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -177,7 +178,8 @@ fn grains_without_a_floor_are_named_with_the_face() {
     );
 }
 
-/// Links lose mass in the pores of a bed: 1.4e-7 of it a step in this flume, where partially saturated cells lose nothing.
+/// Links lose mass in the pores of a bed: 1.4e-7 of it a step in this flume, where partially saturated cells lose
+/// nothing.
 #[test]
 fn spheres_that_fall_into_a_bed_are_partially_saturated_unless_the_case_says_otherwise() {
     let coupling = |case: &Value| plan(case).scene.coupling;

@@ -1,4 +1,5 @@
-//! Porous zones in a flow on a lattice: the law of resistance beside bodies, cylinders of gravel, the same bits on any ranks, and messages.
+//! Porous zones in a flow on a lattice: the law of resistance near bodies, cylinders of gravel, the same bits on any
+//! ranks, and messages.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -7,7 +8,8 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// A duct along x of 16 x 8 x 8 cells of a millimetre between a velocity and a pressure, with a screen that cuts cells and a cylinder of gravel.
+/// Returns a duct along x of 16 x 8 x 8 cells of a millimetre between a velocity and a pressure, with a screen that
+/// cuts cells and a cylinder of gravel.
 fn duct(turbulence: &Value) -> Value {
     json!({
         "domain": {"size": [0.016, 0.008, 0.008], "spacing": 1e-3, "periodic": ["z"]},
@@ -26,7 +28,8 @@ fn duct(turbulence: &Value) -> Value {
                 }
             ],
             "boundaries": [
-                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.002, 0, 0]}, "ramp_time": 0.2}}},
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.002, 0, 0]},
+                    "ramp_time": 0.2}}},
                 {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
             ]
         }},
@@ -76,7 +79,7 @@ fn problems(case: &Value) -> Vec<Problem> {
     }
 }
 
-/// A box that is filled with gravel; its fields can be set.
+/// Returns a box that is filled with gravel; its fields can be set.
 fn gravel(permeability: &Value, time_step: f64) -> Value {
     json!({
         "domain": {"size": [0.01, 0.01], "spacing": 1e-3, "periodic": ["x", "y"]},

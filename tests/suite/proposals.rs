@@ -11,7 +11,7 @@ use solver::plan::Plan;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Cases with proposals beside the broken ones: a name, an example, and what is set.
+/// Cases with proposals in addition to the broken ones: a name, an example, and the changes.
 const MORE: &[(&str, &str, &[&str])] = &[
     (
         "a free polyhedron without a law",
@@ -142,7 +142,7 @@ fn weight(severity: Severity) -> u8 {
     }
 }
 
-/// What is wrong with the proposals of a case, and the paths of those that are right.
+/// Returns the faults of the proposals of a case, and adds the paths of those that are right.
 fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>) -> Vec<String> {
     let mut wrong = Vec::new();
     let before = judge(text, set);
@@ -232,7 +232,7 @@ fn a_proposal_can_be_pasted() {
     let problems = judge(text, &["checkpoint.keep=1".to_owned()]);
     let line = problems[0].to_string();
     assert!(line.ends_with("(--set checkpoint.keep=2)"), "{line}");
-    // As data, beside the sentence.
+    // As data, in addition to the sentence.
     let data = serde_json::to_value(&problems[0]).unwrap();
     assert!(data["remedy"].is_string(), "{data}");
     let [set] = data["proposal"].as_array().unwrap().as_slice() else {

@@ -9,11 +9,11 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::{Condvar, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
-/// Jobs that are watched while they run have the machine to themselves; all others run beside each other.
+/// Lock of the machine: jobs that are watched while they run have it to themselves; all others run at the same time.
 static MACHINE: RwLock<()> = RwLock::new(());
 
 thread_local! {
-    /// Whether this thread holds [`Alone`]: its jobs wait for nobody.
+    /// `true` if this thread holds [`Alone`]: its jobs do not wait for others.
     static IS_ALONE: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -48,27 +48,28 @@ pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
 /// The binary under test.
 pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 
-/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE` multiplies it.
+/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE`
+/// multiplies it.
 const LIMIT: f64 = 300.0;
 
-/// What multiplies every limit of time.
+/// Returns the factor of every time limit.
 fn patience() -> f64 {
     let text = std::env::var("SOLVER_TEST_PATIENCE").ok();
     let number = text.and_then(|text| text.parse::<f64>().ok());
     number.unwrap_or(1.0).max(0.01)
 }
 
-/// [`LIMIT`] on this machine [s].
+/// Returns [`LIMIT`] on this machine [s].
 fn limit() -> String {
     format!("{:.0}", LIMIT * patience())
 }
 
-/// The time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
+/// Returns the time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
 pub(crate) fn hang(usual: f64) -> Duration {
     Duration::from_secs_f64(20.0 * usual * patience())
 }
 
-/// What runs now.
+/// Cores and jobs in use.
 struct Use {
     cores: usize,
     /// Jobs of several ranks that wait for the machine.
@@ -83,13 +84,14 @@ static USE: (Mutex<Use>, Condvar) = (
     Condvar::new(),
 );
 
-/// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way while they wait
-/// for a message: beside a process that computes, a job of two ranks takes six times as long.
+/// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way
+/// while they wait for a message: next to a process that computes, a job of two ranks takes six times as long.
 pub(crate) struct Cores(usize);
 
 impl Cores {
-    /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and ending leave
-    /// cores idle. An idle machine goes to a job of several ranks first; single processes join others that run.
+    /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and
+    /// ending leave cores idle. An idle machine goes to a job of several ranks first; single processes join others that
+    /// run.
     pub(crate) fn of(ranks: usize) -> Self {
         if IS_ALONE.get() {
             return Self(0);
@@ -119,30 +121,32 @@ impl Drop for Cores {
     }
 }
 
-/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one machine.
+/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one
+/// machine.
 pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
-    // A socket of Munge that nobody answers costs two seconds at every start.
+    // A Munge socket without a server costs two seconds at every start.
     ("PMIX_MCA_psec", "native"),
     // Ranks share memory: looking for the hardware of clusters takes most of a start.
     ("OMPI_MCA_pml", "ob1"),
     ("OMPI_MCA_btl", "self,vader"),
-    // mpirun binds the first rank of every job to the first core: jobs beside each other would share it.
+    // mpirun binds the first rank of every job to the first core: jobs at the same time would share it.
     ("OMPI_MCA_hwloc_base_binding_policy", "none"),
     // Ranks outnumber cores here: one that waits lets another run.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
-/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share one session
-/// folder, and the one that ends first removes it while another is about to use it: here each has its own in `folder`.
+/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share
+/// one session folder, and the one that ends first removes it while another is about to use it: here each has its own
+/// in `folder`.
 pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", folder);
 }
 
-/// The program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
+/// Returns the program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     command.arg(SOLVER);
@@ -151,13 +155,13 @@ fn command(ranks: usize) -> Command {
     command
 }
 
-/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has spoken and
-/// ended before mpirun kills whoever is left.
+/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has
+/// spoken and ended before mpirun kills whoever is left.
 const FIRST_RANK_ENDS_FIRST: &str = r#"
 [ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
 "$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
 
-/// As [`command`], for jobs that nobody signals: mpirun need not wait at an error.
+/// Returns a [`command`] for jobs that get no signals: mpirun need not wait at an error.
 fn prompt_command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     if ranks > 1 {
@@ -168,7 +172,7 @@ fn prompt_command(ranks: usize) -> Command {
     command
 }
 
-/// What starts programs on `ranks` ranks.
+/// Returns the command that starts programs on `ranks` ranks.
 fn launcher(ranks: usize) -> Command {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &limit()]);
@@ -192,7 +196,7 @@ fn launcher(ranks: usize) -> Command {
     command
 }
 
-/// What came of a job.
+/// Result of a job.
 #[derive(Debug)]
 pub(crate) struct Done {
     pub(crate) code: Option<i32>,
@@ -224,20 +228,20 @@ pub(crate) struct Running {
     logs: tempfile::TempDir,
 }
 
-/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held open by
-/// a rank can delay the end.
+/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held
+/// open by a rank can delay the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), ranks, arguments)
 }
 
-/// As [`start`], but mpirun kills the other ranks at once when one has ended with an error.
+/// Starts a job like [`start`], but mpirun kills the other ranks at once when one has ended with an error.
 pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
     let mut command = command(ranks);
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
     begin(command, ranks, arguments)
 }
 
-/// As [`start`], for jobs that nobody signals: mpirun need not wait at an error.
+/// Starts a job like [`start`] that gets no signals: mpirun need not wait at an error.
 pub(crate) fn start_prompt(ranks: usize, arguments: &[String]) -> Running {
     begin(prompt_command(ranks), ranks, arguments)
 }
@@ -264,7 +268,7 @@ pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
     start_prompt(ranks, arguments).wait()
 }
 
-/// As [`run`], with more variables of the environment.
+/// Runs a job like [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
     let _cores = Cores::of(ranks);
     let mut command = prompt_command(ranks);
@@ -292,7 +296,7 @@ impl Running {
         }
     }
 
-    /// Looks again and again until `found` finds something; fails if the job ends before.
+    /// Polls until `found` returns a result; fails if the job ends before.
     #[track_caller]
     pub(crate) fn until<T>(&mut self, what: &str, mut found: impl FnMut() -> Option<T>) -> T {
         loop {
@@ -308,7 +312,7 @@ impl Running {
         }
     }
 
-    /// The process of mpirun.
+    /// Returns the process of mpirun.
     #[track_caller]
     pub(crate) fn mpirun(&mut self) -> i32 {
         let timer = self.child.id();
@@ -320,7 +324,7 @@ impl Running {
         .0
     }
 
-    /// The processes of the ranks, or the one without mpirun.
+    /// Returns the processes of the ranks, or the one without mpirun.
     #[track_caller]
     pub(crate) fn ranks(&mut self, ranks: usize) -> Vec<i32> {
         let parent = if ranks == 0 {
@@ -348,7 +352,7 @@ pub(crate) fn signal(process: i32, signal: &str) {
     assert!(sent.success(), "kill -{signal} {process}");
 }
 
-/// Children of a process with their names.
+/// Returns the children of a process with their names.
 fn children(parent: u32) -> Vec<(i32, String)> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir("/proc").unwrap().flatten() {
@@ -370,17 +374,17 @@ fn children(parent: u32) -> Vec<(i32, String)> {
     all
 }
 
-/// A case in a folder of its own, with room for the folders of its runs.
+/// Case in a folder of its own, which also holds the folders of its runs.
 pub(crate) struct Study {
     folder: tempfile::TempDir,
     case: PathBuf,
     set: Vec<String>,
-    /// More words of every command.
+    /// Additional words of every command.
     flags: Vec<String>,
 }
 
 impl Study {
-    /// An example with changes that hold for every run.
+    /// Returns an example with changes that hold for every run.
     pub(crate) fn of(example: &str, set: &[(&str, &str)]) -> Self {
         let mut study = Self::new(solver::case::examples::find(example).unwrap().text);
         let set = set.iter().map(|(path, value)| format!("{path}={value}"));
@@ -388,7 +392,7 @@ impl Study {
         study
     }
 
-    /// A case of its own.
+    /// Returns a case of its own.
     pub(crate) fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path().join("case.json");
@@ -401,7 +405,8 @@ impl Study {
         }
     }
 
-    /// A small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains leave.
+    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains
+    /// leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
         let mut study = Self::of(
             "piping",
@@ -448,7 +453,8 @@ impl Study {
         study
     }
 
-    /// The same hole in a packing that is grown, bonded and brought to rest first; then the water is warmed up.
+    /// Returns a study of the hole in a packing that is grown, bonded and brought to rest first; then the water is
+    /// warmed up.
     pub(crate) fn preparing() -> Self {
         let chambers = r#"[
             {"name": "inlet", "box": {"from": [0, 0], "to": [0.0004, 0.0016]}},
@@ -457,7 +463,8 @@ impl Study {
         Self::eroding(&[
             (
                 "grains.initial",
-                r#"{"growth": {"amount": {"solid_fraction": 0.82}, "radii": {"uniform": {"min": 5.5e-5, "max": 7e-5}}, "seed": 3, "friction_angle_degrees": 20}}"#,
+                r#"{"growth": {"amount": {"solid_fraction": 0.82}, "radii": {"uniform": {"min": 5.5e-5, "max": 7e-5}},
+                    "seed": 3, "friction_angle_degrees": 20}}"#,
             ),
             ("grains.cut", chambers),
             (
@@ -469,7 +476,7 @@ impl Study {
         ])
     }
 
-    /// A folder or file beside the case.
+    /// Returns the path of a folder or file next to the case.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -504,7 +511,7 @@ impl Study {
         run(ranks, &self.arguments(name, threads, set)).expect(0)
     }
 
-    /// Goes on in the folder `name`.
+    /// Continues the run in the folder `name`.
     pub(crate) fn restart(&self, name: &str, ranks: usize, set: &[&str]) -> Done {
         run(ranks, &self.restart_arguments(name, set))
     }
@@ -524,7 +531,7 @@ impl Study {
         arguments
     }
 
-    /// The summary of a run.
+    /// Returns the summary of a run.
     #[track_caller]
     pub(crate) fn summary(&self, name: &str) -> Value {
         let path = self.path(name).join("summary.json");
@@ -532,7 +539,7 @@ impl Study {
         serde_json::from_slice(&bytes).unwrap()
     }
 
-    /// The hash of the state at the end of a run.
+    /// Returns the hash of the state at the end of a run.
     #[track_caller]
     pub(crate) fn hash(&self, name: &str) -> String {
         let summary = self.summary(name);
@@ -546,8 +553,8 @@ impl Study {
         text.lines().count() - 1
     }
 
-    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by their
-    /// numbers (their headers name the ranks).
+    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by
+    /// their numbers (their headers name the ranks).
     #[track_caller]
     pub(crate) fn same(&self, a: &str, b: &str) {
         assert_eq!(self.hash(a), self.hash(b), "{a} and {b}");
@@ -583,13 +590,14 @@ impl Study {
     }
 }
 
-/// Names, shapes and bits of all datasets of a file.
+/// Returns the names, shapes and bits of all datasets of a file.
 fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
     let mut all: Vec<_> = io::fields::inspect(path)
         .unwrap()
         .datasets
         .into_iter()
-        // Texts: a long case is a dataset, a short one an attribute, and cases may differ in their checkpoints and slabs.
+        // Texts: a long case is a dataset, a short one an attribute, and cases may differ in their checkpoints and
+        // slabs.
         .filter(|d| !d.path.trim_start_matches('/').starts_with("provenance/"))
         .map(|d| {
             let start = vec![0; d.shape.len()];
@@ -602,7 +610,7 @@ fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
     all
 }
 
-/// Rows of discs that just touch, above and below a hole, one in eleven a little smaller.
+/// Returns the rows of discs that just touch, above and below a hole, one in eleven a little smaller.
 fn sample() -> String {
     const RADIUS: f64 = 1e-4;
     let step = 2.0 * RADIUS * (1.0 - 1e-7);

@@ -1,4 +1,4 @@
-//! The same bits on any number of ranks and threads, for any split, and across restarts on other numbers of ranks: the
+//! Equal bits on any number of ranks and threads, for any split, and across restarts on other numbers of ranks: the
 //! hash of the state, every table byte for byte, every number of every field.
 
 use crate::ranks::{Study, beside_others, run};
@@ -43,7 +43,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
     let _beside = beside_others();
     let study = Study::eroding(&[("checkpoint.every", "0.006")]);
     study.run("straight", 1, 1, &[]);
-    // Each part goes on past its last checkpoint; what it wrote after that is written again.
+    // Each part continues past its last checkpoint; what it wrote after that is written again.
     study.run("parts", 1, 1, &["time.end=0.008"]);
     for (ranks, end) in [(2, "0.014"), (3, "0.02"), (1, "0.024")] {
         let done = study
@@ -118,7 +118,7 @@ fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
         );
     }
     study.same("straight", "parts");
-    // A finished run that is asked to go on has nothing to do, and stays as it is.
+    // A finished run that is asked to continue has nothing to do, and stays as it is.
     study.restart("parts", 1, &["time.end=0.006"]).expect(0);
     assert_eq!(study.summary("parts")["steps_of_this_run"], 0);
     study.same("straight", "parts");
@@ -197,7 +197,8 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
-/// Water between walls makes two steps at once where nobody looks between them: what is due, a checkpoint and the end may fall on any step.
+/// Runs water between walls, which makes two steps at once if no output reads the state between them: outputs, a
+/// checkpoint and the end may fall on any step.
 #[test]
 fn a_cavity_that_is_watched_now_and_then() {
     let _beside = beside_others();
@@ -219,7 +220,7 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.run("straight", 1, 1, &[]);
     study.run("watched", 1, 1, &[&format!("probes={watched}")]);
     assert_eq!(study.hash("watched"), study.hash("straight"));
-    // A line of units beside the rows.
+    // A line of units in addition to the rows.
     assert_eq!(study.rows("watched", "probe_often.csv"), 183);
     assert_eq!(study.rows("straight", "probe_seldom.csv"), 13);
     for (name, ranks, threads, set) in [
@@ -239,7 +240,7 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.same("straight", "parts");
 }
 
-/// The same in three dimensions with eddies, whose velocities beyond walls and slabs the second of two steps needs.
+/// Runs three dimensions with eddies, whose velocities beyond walls and slabs the second of two steps needs.
 #[test]
 fn eddies_between_walls_watched_now_and_then() {
     let _beside = beside_others();
@@ -361,7 +362,8 @@ fn averages_of_a_gusty_stream() {
 fn sound_leaves_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
     let boundaries = r#"[
-        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}}, "sound": "absorb"}}},
+        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"parabolic": {"peak": 0.01}},
+        "sound": "absorb"}}},
         {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
     ]"#;
     let study = Study::of(
@@ -409,7 +411,8 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
-/// A jointed slab on soft springs, a named block beside it: shapes, orientations and the histories of faces go with the blocks.
+/// A jointed slab on soft springs, a named block next to it: shapes, orientations and the histories of faces go with
+/// the blocks.
 #[test]
 fn blocks_without_fluid() {
     let _beside = beside_others();
@@ -454,8 +457,8 @@ fn a_body_wider_than_a_slab_in_a_stream() {
     }
 }
 
-/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere, eddies, inlet and
-/// outlet. Slabs of two planes are thinner than the block.
+/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere,
+/// eddies, inlet and outlet. Slabs of two planes are thinner than the block.
 #[test]
 fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -492,7 +495,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     }
 }
 
-/// The same with links that bounce.
+/// Runs blocks with links that bounce back.
 #[test]
 fn blocks_with_bouncing_links_on_any_ranks() {
     let _beside = beside_others();
@@ -581,8 +584,8 @@ const SCOUR: &str = r#"{
   "checkpoint": {"every": 0.006}
 }"#;
 
-/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run. By the rates of the plan a
-/// step costs more than messages do, so that other slabs are worth it.
+/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run. By
+/// the rates of the plan a step costs more than messages do, so that other slabs are worth it.
 #[test]
 fn slabs_of_equal_cost_change_in_the_run() {
     let _beside = beside_others();
@@ -674,7 +677,7 @@ fn a_cavity_on_a_gpu_if_there_is_one() {
             gpu.stderr
         );
     }
-    // A run may go on on the other.
+    // A run may continue on the other.
     study.run("parts", 1, 1, &["time.end=0.006"]);
     let set = [&on("auto")[..], "time.end=0.0121"];
     study.restart("parts", 1, &set).expect(0);

@@ -1,5 +1,6 @@
-//! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after a
-//! restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run with its name.
+//! Seepage runs of the program under a real `mpirun`: the same bits on any number of ranks, along any split, and after
+//! a restart on another number; the same for clay that falls out of a fissure; a pocket without outlet ends the run
+//! with its name.
 
 use crate::ranks::{Study, beside_others, run};
 
@@ -55,7 +56,8 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
             ("grains.initial.deposition.falling_stiffness", "100"),
             (
                 "regions",
-                r#"[{"name": "below", "box": {"from": [0, 0, 0], "to": [0.024, 0.02, 0.003]}, "action": {"remove": {"when": "centre"}}}]"#,
+                r#"[{"name": "below", "box": {"from": [0, 0, 0], "to": [0.024, 0.02, 0.003]},
+                    "action": {"remove": {"when": "centre"}}}]"#,
             ),
             ("time.end", "0.012"),
             ("output.grains.every", "0.006"),
@@ -155,7 +157,8 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     );
 }
 
-/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the gradient.
+/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the
+/// gradient.
 #[test]
 fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
@@ -164,10 +167,12 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
         &[
             (
                 "fluid.darcy.zones",
-                r#"[{"name": "fines", "region": {"layer": {"from": 0.004, "to": 0.009}}, "permeability": {"factor": 0.2}, "porosity": 0.35},
+                r#"[{"name": "fines", "region": {"layer": {"from": 0.004, "to": 0.009}},
+                    "permeability": {"factor": 0.2}, "porosity": 0.35},
                     {"name": "lens", "region": {"box": {"from": [0.002, 0.003, 0.001], "to": [0.011, 0.012, 0.0113]}},
                      "permeability": {"resistance": "ergun"}},
-                    {"name": "map", "raster": {"path": "map.csv"}, "region": {"layer": {"axis": "x", "from": 0.012}}, "without_grains": true}]"#,
+                    {"name": "map", "raster": {"path": "map.csv"}, "region": {"layer": {"axis": "x", "from": 0.012}},
+                    "without_grains": true}]"#,
             ),
             ("time.end", "0.003"),
             ("checkpoint.every", "0.001"),
@@ -199,8 +204,8 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     study.same("straight", "parts");
 }
 
-/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number across an opening, cells of at
-/// most four median diameters.
+/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number
+/// across an opening, cells of at most four median diameters.
 #[test]
 fn a_coarse_or_uneven_grid_is_warned_of() {
     let warnings = |set: &[&str]| -> Vec<(String, String)> {
@@ -233,12 +238,13 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
     );
 }
 
-/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than that of the sand it passes on
-/// the heads, and what seeps is what the mapping of Harr (1962) says.
+/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than
+/// that of the sand it passes on the heads, and what seeps is what the mapping of Harr (1962) says.
 #[test]
 fn water_ponded_over_the_ground_passes_on_its_head() {
     let _beside = beside_others();
-    let sand = r#"[{"name": "sand", "region": {"layer": {"from": 0, "to": 1}}, "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]"#;
+    let sand = r#"[{"name": "sand", "region": {"layer": {"from": 0, "to": 1}},
+        "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]"#;
     let solids = r#"[{"name": "wall", "shape": {"box": {"from": [2.9999, 0.5], "to": [3.0001, 1.3]}}},
         {"name": "dam", "shape": {"box": {"from": [2.5, 1.0], "to": [3.5, 1.3]}}}]"#;
     let study = Study::of(
@@ -304,7 +310,8 @@ fn zones_that_need_grains_are_refused_without_them() {
     };
     assert!(problems("domain.spacing=0.05").is_empty());
     // Open water stands on a part of the ground.
-    let part = r#"[{"name": "sand", "region": {"layer": {"to": 0.51}}, "permeability": {"value": 1e-11}, "without_grains": true}]"#;
+    let part = r#"[{"name": "sand", "region": {"layer": {"to": 0.51}}, "permeability": {"value": 1e-11},
+        "without_grains": true}]"#;
     let by_grains =
         r#"[{"name": "sand", "permeability": {"factor": 0.5}, "without_grains": true}]"#;
     let unsaid = r#"[{"name": "sand", "permeability": {"value": 1e-11}}]"#;
@@ -320,7 +327,8 @@ fn zones_that_need_grains_are_refused_without_them() {
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
 }
 
-/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and far ends.
+/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and
+/// far ends.
 #[test]
 fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
     let folder = tempfile::tempdir().unwrap();
@@ -334,7 +342,8 @@ fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
                 "density": 1000, "viscosity": 1e-3,
                 "zones": [
                     {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
-                    {"name": "cover", "region": {"layer": {"from": 4}}, "permeability": {"hydraulic_conductivity": 4e-6}}
+                    {"name": "cover", "region": {"layer": {"from": 4}},
+                        "permeability": {"hydraulic_conductivity": 4e-6}}
                 ],
                 "boundaries": [
                     {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]},

@@ -7,7 +7,7 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
+/// Returns syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
 fn stream(gravity_acts: &Value) -> Value {
     json!({
         "domain": {"size": [0.2, 0.08, 0.08], "spacing": 0.01, "periodic": ["x", "y"]},
@@ -31,7 +31,7 @@ fn stream(gravity_acts: &Value) -> Value {
     })
 }
 
-/// The values of a column of a table of a run.
+/// Returns the values of a column of a table of a run.
 fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -114,7 +114,7 @@ fn the_weight_of_the_water_counts_once() {
     let mut conduit = stream(&json!(false));
     conduit["fluid"]["lattice_boltzmann"]["boundaries"] = json!([]);
     assert!(problems(&conduit).iter().all(|p| p.path != path));
-    // The weight as a body force beside the full buoyancy, and beside gravity that acts.
+    // The weight as a body force in addition to the full buoyancy, and in addition to gravity that acts.
     for (acts, why) in [
         (json!(false), "solids get the buoyancy"),
         (json!("auto"), "gravity acts on the water"),
@@ -136,7 +136,8 @@ fn the_weight_of_the_water_counts_once() {
     }
 }
 
-/// Water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on the lattice planes.
+/// Returns water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on
+/// the lattice planes.
 fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
     let up = size.len() - 1;
     let axis = ["x", "y", "z"][up];
@@ -166,10 +167,15 @@ fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
 fn still_water_under_its_weight_stays_at_rest() {
     let _beside = beside_others();
     let (flat, space) = ([0.1, 0.1], [0.08, 0.08, 0.1]);
-    let top = |value: f64| json!([{"name": "top", "face": "y_max", "condition": {"pressure": {"value": value, "sound": "reflect"}}}]);
+    let top = |value: f64| {
+        json!([{"name": "top", "face": "y_max", "condition": {"pressure": {"value": value,
+        "sound": "reflect"}}}])
+    };
     let both = json!([
-        {"name": "left", "face": "z_max", "patch": {"from": [0, 0, 0.1], "to": [0.03, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}},
-        {"name": "right", "face": "z_max", "patch": {"from": [0.05, 0, 0.1], "to": [0.08, 0.08, 0.1]}, "condition": {"pressure": {"value": 50}}}
+        {"name": "left", "face": "z_max", "patch": {"from": [0, 0, 0.1], "to": [0.03, 0.08, 0.1]},
+            "condition": {"pressure": {"value": 50}}},
+        {"name": "right", "face": "z_max", "patch": {"from": [0.05, 0, 0.1], "to": [0.08, 0.08, 0.1]},
+            "condition": {"pressure": {"value": 50}}}
     ]);
     let scenes = [
         (&flat[..], "trt", json!([])),

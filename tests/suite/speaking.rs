@@ -1,5 +1,5 @@
-//! What a run tells: under `RUST_LOG=debug` every room speaks, without it none does; the table at the end says how long ranks waited; a
-//! grain that left names its face, and what would have kept the run going.
+//! Messages of a run: under `RUST_LOG=debug` every module logs, without it none does; the table at the end has the time
+//! that ranks waited; the message about a grain that left names its face and a remedy.
 
 use crate::ranks::{Done, beside_others, run, run_with};
 use serde_json::{Value, json};
@@ -15,7 +15,7 @@ fn write(folder: &Path, name: &str, case: &Value) -> PathBuf {
     path
 }
 
-/// A disc that sinks in a box of water, with everything that is written.
+/// Returns a disc that sinks in a box of water, with everything that is written.
 fn sinking() -> Value {
     json!({
         "title": "a disc sinks",
@@ -38,7 +38,7 @@ fn sinking() -> Value {
     })
 }
 
-/// How many lines of the log each room wrote.
+/// Returns the number of lines of the log that each module wrote.
 fn lines_of(done: &Done, room: &str) -> usize {
     let marks = [
         format!(" {room}]"),
@@ -164,7 +164,7 @@ fn the_end_tells_how_long_ranks_waited() {
     }
 }
 
-/// A disc that flies out at the right of a box that is open there.
+/// Returns a disc that flies out at the right of a box that is open there.
 fn flying() -> Value {
     json!({
         "title": "a disc flies out",

@@ -1,5 +1,5 @@
 //! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
-//! going on gives the bits of the run that was never interrupted.
+//! continuing gives the bits of the run that was never interrupted.
 
 use crate::ranks::{
     Done, Running, Study, alone, beside_others, hang, run, signal, start, start_impatient,
@@ -17,7 +17,7 @@ const INTERVAL: u64 = 100;
 /// Steps of the whole run.
 const STEPS: u64 = 1000;
 
-/// Long enough to be interrupted: 1000 steps, a checkpoint every 100.
+/// Returns a study that is long enough to be interrupted: 1000 steps, a checkpoint every 100.
 fn study(more: &[(&str, &str)]) -> Study {
     let mut set = vec![
         ("time.end", "0.08"),
@@ -30,7 +30,7 @@ fn study(more: &[(&str, &str)]) -> Study {
     Study::eroding(&set)
 }
 
-/// The study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
+/// Returns the study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -40,7 +40,7 @@ fn shared() -> &'static Study {
     })
 }
 
-/// The newest checkpoint of a run: its step. It is read whole and compared with its hashes.
+/// Returns the newest checkpoint of a run: its step. It is read whole and compared with its hashes.
 #[track_caller]
 fn newest(folder: &Path) -> u64 {
     io::newest(&folder.join("checkpoints"), &Alone)
@@ -49,7 +49,7 @@ fn newest(folder: &Path) -> u64 {
         .step
 }
 
-/// The last step a table holds.
+/// Returns the last step a table holds.
 fn last_row(folder: &Path, table: &str) -> Option<u64> {
     let text = std::fs::read_to_string(folder.join(table)).ok()?;
     // The last line may be cut off.
@@ -71,14 +71,15 @@ fn reaches(running: &mut Running, folder: &Path, step: u64) {
     });
 }
 
-/// Goes on to the end on `ranks` ranks and compares with the straight run.
+/// Continues to the end on `ranks` ranks and compares with the straight run.
 #[track_caller]
 fn goes_on(study: &Study, name: &str, ranks: usize) {
     study.restart(name, ranks, &[]).expect(0);
     study.same("straight", name);
 }
 
-/// A request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the user.
+/// Checks a request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the
+/// user.
 #[track_caller]
 fn stops(study: &Study, name: &str, done: Done, code: i32) {
     let done = done.expect(code);
@@ -171,8 +172,8 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     let mut phases = Vec::new();
     for attempt in 0.. {
         let ranks = 1 + attempt % 3;
-        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job runs, so that each
-        // attempt gets further than the one before.
+        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job
+        // runs, so that each attempt gets further than the one before.
         let done = if attempt == 0 {
             std::fs::write(folder.join("STOP"), "").unwrap();
             run(ranks, &study.arguments("parts", 1, &[]))
@@ -216,7 +217,7 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     assert!(!folder.join("preparation").exists());
 }
 
-/// A job of which a rank was killed: it ends soon, and what it left is enough.
+/// Checks a job of which a rank was killed: it ends soon, and its files are enough to continue.
 #[track_caller]
 fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
     let done = running.wait();
@@ -254,7 +255,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let mut running = start_impatient(2, &study.arguments(&name, 1, &[]));
         reaches(&mut running, &study.path(&name), 2 * INTERVAL + 10);
         let ranks = running.ranks(2);
-        // A shell that does nothing but look can answer within a millisecond.
+        // A shell that only polls can answer within a millisecond.
         let trap = Command::new("bash")
             .args([
                 "-c",
@@ -292,7 +293,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
 struct Disk<'a>(&'a Path);
 
 impl<'a> Disk<'a> {
-    /// None, with the reason printed, where mounting is forbidden.
+    /// Mounts the file system; none, with the reason printed, if mounting is forbidden.
     fn mount(at: &'a Path, options: &str) -> Option<Self> {
         std::fs::create_dir(at).unwrap();
         let done = Command::new("mount")

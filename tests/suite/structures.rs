@@ -1,5 +1,5 @@
-//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains beside them, and the same
-//! bits on any number of ranks.
+//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains next
+//! to them, and the same bits on any number of ranks.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The values of a column of a table of a run.
+/// Returns the values of a column of a table of a run.
 fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -25,12 +25,13 @@ fn last(study: &Study, run: &str, table: &str, name: &str) -> f64 {
     *column(study, run, table, name).last().unwrap()
 }
 
-/// A channel along x of 4 cells of a centimetre, driven by a force of 8 N/m3; water of 0.01 m2/s.
+/// Returns a channel along x of 4 cells of a centimetre, driven by a force of 8 N/m3; water of 0.01 m2/s.
 fn channel(height: f64, structures: &Value) -> Value {
     json!({
         "domain": {"size": [0.04, height], "spacing": 0.01, "periodic": ["x"]},
         "fluid": {"lattice_boltzmann": {
-            "density": 1000, "kinematic_viscosity": 0.01, "collision": {"trt": {"magic": 0.1875}}, "relaxation_time": 0.8,
+            "density": 1000, "kinematic_viscosity": 0.01, "collision": {"trt": {"magic": 0.1875}},
+                "relaxation_time": 0.8,
             "body_force": {"constant": [8, 0]}
         }},
         "structures": structures,
@@ -47,8 +48,8 @@ fn slab(name: &str, from: f64, to: f64) -> Value {
     json!({"name": name, "shape": {"box": {"from": [-1, from], "to": [1, to]}}})
 }
 
-/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the force over the
-/// viscosity, and the boxes bear the force on all the water.
+/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the
+/// force over the viscosity, and the boxes bear the force on all the water.
 #[test]
 fn a_channel_of_boxes_is_one_of_walls() {
     let _beside = beside_others();
@@ -88,7 +89,8 @@ fn a_channel_of_boxes_is_one_of_walls() {
         let centres = (0..14 * cells).map(|j| h * (f64::from(j) + 0.5));
         let exact: f64 = centres.map(|y| h * speed(y).max(0.0)).sum();
         let error = (boxes / exact - 1.0).abs();
-        // Linear interpolation errs by less than half of the curvature of a cell at the walls: h² u''/4 in the velocity.
+        // Linear interpolation errs by less than half of the curvature of a cell at the walls: h² u''/4 in the
+        // velocity.
         let bound = 3.0 * (h / (0.1171 - 0.0234)).powi(2);
         println!("boxes that cut cells of {h} m: error of the flux {error:.2e}, bound {bound:.2e}");
         assert!(error < bound, "{boxes} {exact}");
@@ -104,7 +106,10 @@ fn a_channel_of_boxes_is_one_of_walls() {
 fn a_stream_over_a_raised_floor_starts_developed() {
     let _beside = beside_others();
     let mut case = channel(0.14, &json!([slab("floor", -1.0, 0.04)]));
-    let flow = |from: f64, to: f64| json!({"channel": {"flow": "x", "across": "y", "from": from, "to": to, "peak": 0.001}});
+    let flow = |from: f64, to: f64| {
+        json!({"channel": {"flow": "x", "across": "y", "from": from, "to": to,
+        "peak": 0.001}})
+    };
     let initial = "/fluid/lattice_boltzmann/initial";
     case["fluid"]["lattice_boltzmann"]["initial"] = flow(0.04, 0.14);
     let study = Study::new(&case.to_string());
@@ -134,7 +139,7 @@ fn a_stream_over_a_raised_floor_starts_developed() {
     }
 }
 
-/// Cells of a column whose centres lie between the boxes.
+/// Returns the cells of a column whose centres lie between the boxes.
 fn wet_cells(cells: i32, h: f64) -> f64 {
     let centres = (0..cells).map(|j| h * (f64::from(j) + 0.5));
     centres
@@ -166,7 +171,7 @@ fn a_sheet_thinner_than_a_cell_holds_water_back() {
     }
 }
 
-/// A triangle as a facet of an STL file.
+/// Returns a triangle as a facet of an STL file.
 fn facet_of(corners: [[f64; 3]; 3]) -> String {
     let mut text = String::from("facet normal 0 0 0\nouter loop\n");
     for [x, y, z] in corners {
@@ -175,7 +180,7 @@ fn facet_of(corners: [[f64; 3]; 3]) -> String {
     text + "endloop\nendfacet\n"
 }
 
-/// A prism over a regular polygon as an STL file.
+/// Returns a prism over a regular polygon as an STL file.
 fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     const N: u32 = 96;
     let at = |k: u32, z: f64| {
@@ -194,7 +199,7 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     text + "endsolid\n"
 }
 
-/// A weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
+/// Returns a weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
 fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     let [x0, xm, x1] = x;
     let [z0, za, zb] = z;
@@ -216,7 +221,8 @@ fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     text + "endsolid\n"
 }
 
-/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the ground.
+/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the
+/// ground.
 #[test]
 fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     let _beside = beside_others();
@@ -287,8 +293,8 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     }
 }
 
-/// A drawing in millimetres is refused with the scale that mends it, also where it covers the whole domain; one that lies beside the domain is
-/// told where it lies.
+/// Refuses a drawing in millimetres with the scale that mends it, also if it covers the whole domain; for one that is
+/// outside the domain the message has its position.
 #[test]
 fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -298,7 +304,8 @@ fn a_surface_in_millimetres_is_told_from_one_in_metres() {
         let case = json!({
             "domain": {"size": [0.3, 0.2, 0.04], "spacing": 0.01, "periodic": ["x", "z"]},
             "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 0.002, "relaxation_time": 0.8, "body_force": {"constant": [2, 0, 0]}
+                "density": 1000, "kinematic_viscosity": 0.002, "relaxation_time": 0.8, "body_force": {"constant": [2,
+                    0, 0]}
             }},
             "structures": [{"name": "c", "shape": {"surface": {"mesh": {"path": file}}}}],
             "time": {"end": 6}
@@ -332,7 +339,8 @@ fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     assert!(where_it_lies, "{beside:?}");
 }
 
-/// The same cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a triangulated surface.
+/// Compares a cylinder in a channel as a disc body, a disc, a cylinder across a thin periodic domain, and a
+/// triangulated surface.
 #[test]
 fn a_cylinder_bears_the_same_force_however_it_is_written() {
     let _beside = beside_others();
@@ -391,7 +399,8 @@ fn a_cylinder_bears_the_same_force_however_it_is_written() {
     };
     let shaped = |shape: Value| json!({"name": "c", "shape": shape});
     let body = json!({
-        "name": "c", "shape": {"disc": {"radius": radius}}, "position": centre, "motion": {"fixed": {}}, "material": "stone"
+        "name": "c", "shape": {"disc": {"radius": radius}}, "position": centre, "motion": {"fixed": {}},
+            "material": "stone"
     });
     let [x, y] = centre;
     let reference = run(case(false), "bodies", body, "");
@@ -448,7 +457,8 @@ fn weir(coupling: &Value) -> Value {
             ]
         }},
         "structures": [
-            {"name": "weir", "shape": {"polygon": {"points": [[0.006, -0.001], [0.012, -0.001], [0.0101, 0.0063], [0.008, 0.006]]}}},
+            {"name": "weir", "shape": {"polygon": {"points": [[0.006, -0.001], [0.012, -0.001], [0.0101, 0.0063],
+                [0.008, 0.006]]}}},
             {"name": "sheet", "shape": {"box": {"from": [0.01551, 0.004], "to": [0.01556, 0.012]}}}
         ],
         "contact": {"linear": {"normal_stiffness": {"absolute": 50000}, "normal_damping_ratio": 0.3}},
@@ -496,7 +506,8 @@ fn covered_cells_beside_structures_have_the_same_bits_on_any_ranks_and_after_a_r
     grains_beside_structures(&json!({"partially_saturated": {}}));
 }
 
-/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the polygon.
+/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the
+/// polygon.
 #[test]
 fn a_disc_rests_in_the_corner_of_a_structure() {
     let _beside = beside_others();
@@ -509,7 +520,8 @@ fn a_disc_rests_in_the_corner_of_a_structure() {
             "shape": {"polygon": {"points": [[0, 0], [1, 0], [1, 0.8], [0.7, 0.2], [0.3, 0.2], [0, 0.5]]}}
         }],
         "contact": {"linear": {"normal_stiffness": {"absolute": 1e7}, "normal_damping_ratio": 0.5}},
-        "grains": {"material": "stone", "initial": {"list": [{"position": [0.6, 0.4], "radius": 0.1, "velocity": [0.2, 0]}]}},
+        "grains": {"material": "stone", "initial": {"list": [{"position": [0.6, 0.4], "radius": 0.1, "velocity": [0.2,
+            0]}]}},
         "time": {"end": 3},
         "output": {"grains": {"every": 3}},
         "regions": [{"name": "all", "box": {"from": [0.4, 0.25], "to": [1, 1]}, "action": {"record": {}}}]
@@ -628,8 +640,8 @@ fn structures_that_cannot_be_are_refused_by_name() {
     assert!(said[0].reason.contains("for grains only") && said[0].severity == Severity::Warning);
 }
 
-/// Grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends in the middle of the
-/// domain; a bar of several periods lies across it. Everything crosses both periodic faces.
+/// Returns grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends
+/// in the middle of the domain; a bar of several periods lies across it. Everything crosses both periodic faces.
 fn chute(folder: &Path) -> Value {
     let (edge, depth, rise) = (0.024, 0.012, 0.001);
     let mut text = String::from("solid saw\n");
@@ -668,7 +680,8 @@ fn chute(folder: &Path) -> Value {
         "domain": {"size": [edge, depth, 0.03], "spacing": 0.001, "periodic": ["x", "y"]},
         "gravity": [3.4, 0.5, -9.2],
         "materials": {"glass": {"density": 2500}},
-        "contact": {"linear": {"normal_stiffness": {"absolute": 5000}, "normal_damping_ratio": 0.2, "friction_angle_degrees": 17}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 5000}, "normal_damping_ratio": 0.2,
+            "friction_angle_degrees": 17}},
         "structures": [
             {"name": "floor", "shape": {"surface": {"mesh": {"path": file}, "thickness": 0.0001}}},
             {"name": "bar", "shape": {"box": {"from": [0.02, -0.1, 0.001], "to": [0.021, 0.1, 0.0045]}}}

@@ -1,4 +1,5 @@
-//! `solver sweep` with the binary: a small study of plane Poiseuille flow, interrupted and resumed, and a map of limits.
+//! `solver sweep` with the binary: a small study of plane Poiseuille flow, interrupted and resumed, and a map of
+//! limits.
 
 use crate::ranks::hang;
 use serde_json::{Value, json};
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// The ready study over the spacing alone, in a folder of its own.
+/// Returns the ready study over the spacing alone, in a folder of its own.
 fn study(change: impl Fn(&mut Value)) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let mut tree: Value = serde_json::from_str(solver::case::examples::STUDY.text).unwrap();
@@ -41,7 +42,7 @@ fn done(file: &Path, more: &[&str]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// The rows of a table by member and column.
+/// Returns the rows of a table by member and column.
 fn table(path: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -153,8 +154,8 @@ fn a_map_shows_what_becomes_of_settings_that_the_plan_refuses() {
     let (_folder, file) = study(|tree| {
         tree["case"]["time"]["end"] = json!(1.5);
         tree["case"]["probes"][0]["every"] = json!(1.5);
-        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which costs accuracy but fails nowhere, and would be 0.8
-        // at 640, which the guard finds at step 1000.
+        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which costs accuracy but fails
+        // nowhere, and would be 0.8 at 640, which the guard finds at step 1000.
         tree["vary"] = json!({
             "domain.spacing": [1e-4],
             "fluid.lattice_boltzmann.body_force.constant[0]": [1, 160, 640],

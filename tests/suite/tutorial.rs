@@ -40,7 +40,8 @@ fn the_numbers_of_the_lessons_are_those_of_their_runs() {
     assert_eq!((cases, compared), (5, stated));
 }
 
-/// The lesson on clusters: a run that goes on from its checkpoint ends in the same state as one that was not interrupted.
+/// The lesson on clusters: a run that continues from its checkpoint ends in the same state as one that was not
+/// interrupted.
 #[test]
 fn the_lesson_on_clusters_ends_in_the_same_state() {
     let _beside = beside_others();

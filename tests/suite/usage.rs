@@ -1,5 +1,5 @@
-//! What is asked for wrongly is said in one sentence with exit code 2; what a text holds never reaches a terminal or a script as a
-//! command; what the program knows about itself.
+//! Wrong usage is reported in one sentence with exit code 2; text of a file never reaches a terminal or a script as a
+//! command; information about the program itself.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -19,7 +19,7 @@ fn solver(arguments: &[&str]) -> Output {
     command.args(arguments).output().unwrap()
 }
 
-/// Exit code and what was written to the standard error.
+/// Returns the exit code and the text written to the standard error.
 fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     let output = solver(arguments);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -27,7 +27,7 @@ fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), errors)
 }
 
-/// What a command that succeeds writes.
+/// Returns the output of a command that succeeds.
 fn written(arguments: &[&str]) -> String {
     let output = solver(arguments);
     assert!(output.status.success(), "{arguments:?}: {output:?}");

@@ -1,4 +1,5 @@
-//! The short forms of the cases under `jobs/verification`: published and analytic numbers beside runs of the binary.
+//! The short forms of the cases under `jobs/verification`: runs of the binary compared with published and analytic
+//! numbers.
 //!
 //! `jobs/verification/run.sh` runs the long forms through the same comparison.
 
@@ -12,8 +13,8 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/verification")
 }
 
-/// Runs the short form of every `of`-th case in a folder, from the one with the number `part` on; all must pass. Tests of all parts share
-/// the cores evenly: neighbours by name take about as long. Cases and quantities that were compared.
+/// Runs the short form of every `of`-th case in a folder, from the one with the number `part` on; all must pass. Tests
+/// of all parts share the cores evenly: neighbours by name take about as long. Cases and quantities that were compared.
 pub(crate) fn short_forms(root: &Path, part: usize, of: usize) -> (usize, usize) {
     let work = tempfile::tempdir().unwrap();
     let solver = Path::new(env!("CARGO_BIN_EXE_solver"));

@@ -96,7 +96,7 @@ fn expect<T: PartialEq + std::fmt::Debug>(what: &str, got: T, wanted: T) -> Outc
     }
 }
 
-/// A random word for each key, the same on every rank (SplitMix64).
+/// Returns a random word for each key, the same on every rank (SplitMix64).
 fn random(key: u64) -> u64 {
     let mut word = key.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -104,7 +104,7 @@ fn random(key: u64) -> u64 {
     word ^ (word >> 31)
 }
 
-/// A random number with magnitudes from about 1e-9 to 1e9 and both signs.
+/// Returns a random number with magnitudes from about 1e-9 to 1e9 and both signs.
 fn random_f64(key: u64) -> f64 {
     let bits = random(key);
     // Sign and mantissa at random, the exponent between -30 and 30.
@@ -187,7 +187,7 @@ fn reductions(communicator: &Communicator) -> Outcome {
     )
 }
 
-/// Bytes that tell who sent them to whom.
+/// Returns bytes that depend on the sender, the receiver and the position.
 fn letter(from: usize, to: usize, length: usize) -> Vec<u8> {
     let key = (from * 1000 + to) as u64;
     (0..length as u64)
@@ -263,7 +263,7 @@ fn splits(size: usize) -> Vec<Slabs> {
     splits
 }
 
-/// What a plane sends in a round; the sum of its parts tells plane, direction and round apart.
+/// Returns the number that a plane sends in a round. It differs for every plane, direction and round.
 fn cargo(plane: usize, upwards: bool, round: usize, item: usize) -> f64 {
     let number = ((plane * 2 + usize::from(upwards)) * 10 + round) * 10 + item;
     random_f64(number as u64)
@@ -381,7 +381,7 @@ fn unequal_halos(communicator: &Communicator) -> Outcome {
     expect("refusal", refused, Some(wanted))
 }
 
-/// Length of the message between two ranks in a random pattern; most pairs have none.
+/// Returns the length of the message between two ranks in a random pattern; most pairs have none.
 fn pattern(seed: u64, from: usize, to: usize) -> usize {
     let word = random(seed << 20 | (from as u64) << 10 | to as u64).to_le_bytes();
     if word[0] < 150 {
@@ -461,7 +461,7 @@ fn fixed_exchange(communicator: &Communicator) -> Outcome {
     Ok(())
 }
 
-/// Which rank owns an item in one of several partitions.
+/// Returns which rank owns an item in one of several partitions.
 fn owner(partition: u64, item: u64, size: usize) -> usize {
     let size = size as u64;
     let owner = match partition {

@@ -1,22 +1,25 @@
 //! The fit of the erosion law `rate = k_d (tau_h - tau_c)` above the threshold tau_c, zero below (equation 9).
 //!
-//! **Least squares.** The sum `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so that its minimum is
-//! found exactly. For every set of points above the threshold, the candidate is the weighted line through them. If the threshold of
-//! this line lies outside the gap that belongs to the set, the candidate is the best law with the threshold at the end of the gap.
-//! The best candidate is the fit. There is no start value, no iteration and no local minimum. `tau_c >= 0`.
+//! **Least squares.** The sum `sum w_i (rate_i - k (tau_i - c)_+)^2` is smooth between neighbouring stresses, so that
+//! its minimum is found exactly. For every set of points above the threshold, the candidate is the weighted line
+//! through them. If the threshold of this line lies outside the gap that belongs to the set, the candidate is the best
+//! law with the threshold at the end of the gap. The best candidate is the fit. There is no start value, no iteration
+//! and no local minimum. `tau_c >= 0`.
 //!
-//! **Weights** are the inverse of the variance that the *law* predicts, because weights from observed rates bias the law to low
-//! values: `b q max(rate, q) + (s rate)^2`. `q` is the quantum of the window (one grain), `b` its burstiness (batch variance over
-//! Poisson variance, at least 1), and `s` the relative scatter between runs. `s` is the smallest value with which the weighted misfit
-//! of the points above the threshold does not exceed their number less two (Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 377,
-//! 1982). Weights and law are iterated until they converge.
+//! **Weights** are the inverse of the variance that the *law* predicts, because weights from observed rates bias the
+//! law to low values: `b q max(rate, q) + (s rate)^2`. `q` is the quantum of the window (one grain), `b` its burstiness
+//! (batch variance over Poisson variance, at least 1), and `s` the relative scatter between runs. `s` is the smallest
+//! value with which the weighted misfit of the points above the threshold does not exceed their number less two (Paule
+//! and Mandel, J. Res. Natl. Bur. Stand. 87, 377, 1982). Weights and law are iterated until they converge.
 //!
-//! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a bootstrap that draws whole
-//! runs, because the windows of one run share a packing. The bootstrap is seeded: the same data give the same numbers. Two points leave no degree
-//! of freedom; their interval takes Student's t of one, and R^2 is not defined.
+//! **Intervals** of 95 % are the hull of two intervals: one from the covariance of the line (Student's t), one from a
+//! bootstrap that draws whole runs, because the windows of one run share a packing. The bootstrap is seeded: the same
+//! data give the same numbers. Two points leave no degree of freedom; their interval takes Student's t of one, and R^2
+//! is not defined.
 //!
-//! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is undefined. If it
-//! erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and the lowest one with erosion.
+//! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is
+//! undefined. If it erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and
+//! the lowest one with erosion.
 
 use super::rate::RateWindow;
 use super::statistics::{median, student};
@@ -33,13 +36,13 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Whether a value lies inside.
+    /// Returns `true` if a value is inside.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }
 
-    /// The smallest interval around both.
+    /// Returns the smallest interval around both.
     #[must_use]
     fn hull(self, other: Self) -> Self {
         Self {
@@ -52,7 +55,7 @@ impl Interval {
 /// One measured pair of stress and rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RatePoint {
-    /// Which run it is from; the bootstrap draws runs.
+    /// Run that it is from; the bootstrap draws runs.
     pub run: usize,
     /// Hydraulic shear stress, Pa.
     pub shear: f64,
@@ -62,12 +65,12 @@ pub struct RatePoint {
     pub error: f64,
     /// Rate that one grain makes, kg/(m^2 s).
     pub quantum: f64,
-    /// Whether it counts as eroding.
+    /// `true` if it counts as eroding.
     pub eroding: bool,
 }
 
 impl RatePoint {
-    /// A window as a point.
+    /// Returns a window as a point.
     #[must_use]
     pub fn new(run: usize, window: &RateWindow) -> Self {
         Self {
@@ -80,12 +83,12 @@ impl RatePoint {
         }
     }
 
-    /// Batch variance over Poisson variance, at least 1.
+    /// Returns the batch variance over Poisson variance, at least 1.
     fn burstiness(&self) -> f64 {
         (self.error * self.error / (self.quantum * self.rate.max(self.quantum))).max(1.0)
     }
 
-    /// Variance of the rate if the law gives `rate`.
+    /// Returns the variance of the rate if the law gives `rate`.
     fn variance(&self, rate: f64, scatter: f64) -> f64 {
         let counting = if self.quantum > 0.0 {
             self.burstiness() * self.quantum * rate.max(self.quantum)
@@ -96,12 +99,12 @@ impl RatePoint {
     }
 }
 
-/// How intervals are made.
+/// Settings of the intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FitOptions {
     /// Samples of the bootstrap.
     pub replicates: usize,
-    /// Its seed.
+    /// Seed.
     pub seed: u64,
 }
 
@@ -139,13 +142,14 @@ pub enum Law {
 pub struct LinearLaw {
     /// Critical shear stress tau_c, Pa.
     pub critical_shear: f64,
-    /// Its interval, Pa.
+    /// Interval, Pa.
     pub critical_shear_interval: Interval,
     /// Erosion coefficient k_d, s/m.
     pub coefficient: f64,
-    /// Its interval, s/m.
+    /// Interval, s/m.
     pub coefficient_interval: Interval,
-    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a line always joins.
+    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a
+    /// line always joins.
     pub r_squared: f64,
     /// Relative scatter from run to run beyond counting grains.
     pub scatter: f64,
@@ -167,13 +171,13 @@ pub struct LinearLaw {
 }
 
 impl LinearLaw {
-    /// Rate at a stress, kg/(m^2 s).
+    /// Returns the rate at a stress, kg/(m^2 s).
     #[must_use]
     pub fn rate(&self, shear: f64) -> f64 {
         self.coefficient * (shear - self.critical_shear).max(0.0)
     }
 
-    /// Interval of the mean rate at a stress, kg/(m^2 s).
+    /// Returns the interval of the mean rate at a stress, kg/(m^2 s).
     #[must_use]
     pub fn rate_interval(&self, shear: f64) -> Interval {
         let rate = self.rate(shear);
@@ -209,7 +213,7 @@ struct Line {
 }
 
 impl Line {
-    /// Half the interval of the line's value.
+    /// Returns half the interval of the line's value.
     fn half_width(&self, shear: f64) -> f64 {
         let distance = shear - self.centre;
         self.quantile * (self.variance + self.slope_variance * distance * distance).sqrt()
@@ -342,7 +346,7 @@ fn sort(points: &mut [RatePoint]) {
     points.sort_by(|a, b| a.shear.total_cmp(&b.shear).then(a.rate.total_cmp(&b.rate)));
 }
 
-/// The runs in order of first appearance.
+/// Returns the runs in order of first appearance.
 fn runs_of(points: &[RatePoint]) -> Vec<usize> {
     let mut runs: Vec<usize> = points.iter().map(|point| point.run).collect();
     runs.sort_unstable();
@@ -350,7 +354,7 @@ fn runs_of(points: &[RatePoint]) -> Vec<usize> {
     runs
 }
 
-/// Least squares with weights from the law itself, iterated to rest. Points sorted by stress.
+/// Computes least squares with weights from the law itself, iterated to rest. Points sorted by stress.
 fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     let start =
         |point: &RatePoint| 1.0 / point.variance(point.rate, scatter).max(f64::MIN_POSITIVE);
@@ -372,8 +376,8 @@ fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     Some(best)
 }
 
-/// The exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at least two
-/// points rises.
+/// Returns the exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at
+/// least two points rises.
 fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     let reference = points.last()?.shear;
     // Sums over the points from the present one to the last: 1, x, y, xx, xy, yy with x from the highest stress.
@@ -441,7 +445,7 @@ fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     })
 }
 
-/// The smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
+/// Returns the smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
 fn scatter(points: &[RatePoint]) -> Option<f64> {
     // Misfit per degree of freedom, less one.
     let excess = |scatter: f64| {
@@ -476,7 +480,7 @@ fn scatter(points: &[RatePoint]) -> Option<f64> {
     Some(high)
 }
 
-/// Covariance of the line through the points above the threshold.
+/// Returns the covariance of the line through the points above the threshold.
 fn line_covariance(points: &[RatePoint], law: Threshold, scatter: f64) -> Line {
     let above: Vec<(f64, f64)> = points
         .iter()
@@ -533,7 +537,7 @@ fn bootstrap(points: &[RatePoint], scatter: f64, options: FitOptions) -> Vec<(f6
         .collect()
 }
 
-/// The middle 95 %; `None` for fewer than forty values.
+/// Returns the middle 95 %; `None` for fewer than forty values.
 fn percentiles(values: &mut [f64]) -> Option<Interval> {
     if values.len() < 40 {
         return None;
@@ -546,7 +550,7 @@ fn percentiles(values: &mut [f64]) -> Option<Interval> {
     })
 }
 
-/// Theil and Sen: median slope over all pairs, and the threshold of the median intercept.
+/// Fits by Theil and Sen: median slope over all pairs, and the threshold of the median intercept.
 fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     let mut slopes: Vec<f64> = points
         .iter()
@@ -568,19 +572,20 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.
     pub coefficient_exponent: Option<f64>,
-    /// Its interval.
+    /// Interval.
     pub coefficient_exponent_interval: Option<Interval>,
-    /// Whether the interval excludes zero.
+    /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,
     /// `(max - min) / mean` of k_d over the fits.
     pub coefficient_variation: f64,
-    /// Whether tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
+    /// `true` if tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
     pub critical_shear_increases: bool,
     /// Pairs of neighbours at which tau_c falls beyond both intervals.
     pub reversals: usize,
 }
 
-/// The trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two fits.
+/// Returns the trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two
+/// fits.
 ///
 /// A lower bound cannot contradict a rise and is left to the reader.
 #[must_use]
@@ -619,7 +624,7 @@ pub fn cohesion_trend(laws: &[(f64, Law)]) -> Option<CohesionTrend> {
     })
 }
 
-/// Slope of ln k_d against ln C with its interval; `None` for fewer than three fits or a single cohesion.
+/// Returns the slope of ln k_d against ln C with its interval; `None` for fewer than three fits or a single cohesion.
 fn log_slope(fits: &[(f64, &LinearLaw)]) -> Option<(f64, Interval)> {
     if fits.len() < 3 {
         return None;
@@ -754,7 +759,7 @@ mod tests {
         }
     }
 
-    /// A study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
+    /// Returns a study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
     fn study(draws: &mut Draws, scatter: f64) -> Vec<RatePoint> {
         let mut points = Vec::new();
         for run in 0..10_u32 {

@@ -1,14 +1,15 @@
 //! The faces of the hole and the shear stress on them.
 //!
-//! The paper's equation 10 (corrected) gives the shear stress on a face as `tau_h = mu dV_x/dy`. `V_x(y)` is the velocity along the
-//! hole, averaged over its length, with zero velocity in solid cells. Two other definitions are computed as well: the balance of the
-//! pressure difference and the stress on both faces, `dP d_h / (2 L)`, as in hole erosion tests, and the summed traction on the
-//! grains. The three are equal for plane Poiseuille flow between straight faces.
+//! The paper's equation 10 (corrected) gives the shear stress on a face as `tau_h = mu dV_x/dy`. `V_x(y)` is the
+//! velocity along the hole, averaged over its length, with zero velocity in solid cells. Two other definitions are
+//! computed as well: the balance of the pressure difference and the stress on both faces, `dP d_h / (2 L)`, as in hole
+//! erosion tests, and the summed traction on the grains. The three are equal for plane Poiseuille flow between straight
+//! faces.
 //!
-//! Faces: `s` is the solid fraction averaged along the hole, and `s_0` its value in the intact packing. The face is the step from 0
-//! to `s_0` that fits the profile best, in the least-squares sense, from the middle of the hole to the wall. Loose grains in the hole
-//! and gaps in the packing do not move it, whereas a search for the first solid cell would stop at them. The position of the step
-//! within its cell is where `s` crosses `s_0 / 2`.
+//! Faces: `s` is the solid fraction averaged along the hole, and `s_0` its value in the intact packing. The face is the
+//! step from 0 to `s_0` that fits the profile best, in the least-squares sense, from the middle of the hole to the
+//! wall. Loose grains in the hole and gaps in the packing do not move it, whereas a search for the first solid cell
+//! would stop at them. The position of the step within its cell is where `s` crosses `s_0 / 2`.
 
 use base::number::real;
 
@@ -24,12 +25,12 @@ pub struct Profile<'a> {
 }
 
 impl Profile<'_> {
-    /// Position of the centre of a cell, m.
+    /// Returns the position of the centre of a cell, m.
     fn centre(&self, cell: usize) -> f64 {
         self.origin + (real(cell) + 0.5) * self.spacing
     }
 
-    /// Position of the far edge, m.
+    /// Returns the position of the far edge, m.
     fn end(&self) -> f64 {
         self.origin + real(self.values.len()) * self.spacing
     }
@@ -44,7 +45,7 @@ pub struct HoleFaces {
 }
 
 impl HoleFaces {
-    /// Distance between the faces, m.
+    /// Returns the distance between the faces, m.
     #[must_use]
     pub fn width(&self) -> f64 {
         self.upper - self.lower
@@ -54,14 +55,14 @@ impl HoleFaces {
 /// Shear stress on the two faces, both positive where the fluid pulls along +x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallShear {
-    /// On the lower face, Pa.
+    /// Stress on the lower face, Pa.
     pub lower: f64,
-    /// On the upper face, Pa.
+    /// Stress on the upper face, Pa.
     pub upper: f64,
 }
 
 impl WallShear {
-    /// Mean of both faces, Pa.
+    /// Returns the mean of both faces, Pa.
     #[must_use]
     pub fn mean(&self) -> f64 {
         0.5 * (self.lower + self.upper)
@@ -107,7 +108,8 @@ pub fn hole_faces(solid: Profile<'_>, intact: f64, middle: f64) -> Option<HoleFa
     })
 }
 
-/// The distance in cells from `open` to the best step from 0 to 1 along `path`; `None` where no packing is left.
+/// Returns the distance in cells from `open` to the best step from 0 to 1 along `path`; `None` where no packing is
+/// left.
 ///
 /// A step before path entry `k` leaves the misfit `sum_{<k} s^2 + sum_{>=k} (s - 1)^2`, least where the sum of
 /// `2 s - 1` over the solid side is largest.
@@ -130,12 +132,12 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
     Some(real(first) + crossing)
 }
 
-/// Shear stress from the velocity gradient at the faces (equation 10).
+/// Returns the shear stress from the velocity gradient at the faces (equation 10).
 ///
 /// A parabola is fitted by least squares to the cells whose centres lie in the hole, from the face inwards over a
-/// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip is
-/// not forced on a rough face), and differentiated at the face. The fit is exact for Poiseuille flow and for any profile
-/// that is a parabola near the face, wherever the face lies inside its cell. `viscosity` is dynamic, Pa s.
+/// quarter of the width, at least four cells and at most half the width (the face itself is not a data point: no slip
+/// is not forced on a rough face), and differentiated at the face. The fit is exact for Poiseuille flow and for any
+/// profile that is a parabola near the face, wherever the face lies inside its cell. `viscosity` is dynamic, Pa s.
 /// `None` where a half of the hole has fewer than four cells.
 #[must_use]
 pub fn shear_by_gradient(
@@ -153,7 +155,7 @@ pub fn shear_by_gradient(
             .iter()
             .enumerate()
             .map(|(cell, &v)| ((velocity.centre(cell) - face) * sign, v))
-            // A cell centre on the middle or a rounding beside it belongs to both halves.
+            // A cell centre on the middle, but for rounding, belongs to both halves.
             .filter(|&(distance, _)| distance > 0.0 && distance <= reach + 1e-9 * velocity.spacing)
             .collect()
     };
@@ -165,7 +167,7 @@ pub fn shear_by_gradient(
     })
 }
 
-/// Slope at 0 of the least-squares parabola through `(distance, value)`; `None` for fewer than four points.
+/// Returns the slope at 0 of the least-squares parabola through `(distance, value)`; `None` for fewer than four points.
 fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
     if points.len() < 4 {
         return None;
@@ -188,14 +190,14 @@ fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
     Some((c1 + c2 * (2.0 * at_face - skew)) / scale)
 }
 
-/// Shear stress from the balance of forces on the water in the hole, `dP d_h / (2 L)`, Pa: the pressure difference over
-/// the length `length` of the hole against its two faces, as hole erosion tests are read.
+/// Returns the shear stress from the balance of forces on the water in the hole, `dP d_h / (2 L)`, Pa: the pressure
+/// difference over the length `length` of the hole against its two faces, as hole erosion tests are read.
 #[must_use]
 pub fn shear_by_balance(pressure_difference: f64, width: f64, length: f64) -> f64 {
     pressure_difference * width / (2.0 * length)
 }
 
-/// Shear stress from the force along the hole on the grains of both faces, N/m: `F_x / (2 L)`, Pa.
+/// Returns the shear stress from the force along the hole on the grains of both faces, N/m: `F_x / (2 L)`, Pa.
 #[must_use]
 pub fn shear_by_traction(force: f64, length: f64) -> f64 {
     force / (2.0 * length)
@@ -210,7 +212,8 @@ mod tests {
     const H: f64 = 2e-5;
     const CELLS: usize = 100;
 
-    /// Solid fraction of a bed with sharp faces, each cell covered in proportion, and Poiseuille flow between them.
+    /// Returns the solid fraction of a bed with sharp faces, each cell covered in proportion, and Poiseuille flow
+    /// between them.
     fn channel(lower: f64, upper: f64, gradient: f64, viscosity: f64) -> (Vec<f64>, Vec<f64>) {
         let covered = |j: usize| {
             let (a, b) = (real(j) * H, real(j + 1) * H);

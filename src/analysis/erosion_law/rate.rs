@@ -2,29 +2,31 @@
 //!
 //! `rate = (dM_e/dt) / (2 L)`: the mass that leaves per time, over the two faces of a hole of length L.
 //!
-//! **Estimate.** M_e(t) is a staircase with one step per grain. The steps are independent events, so that the mass that left in a
-//! window, divided by its length, is the least-variance estimate of a constant rate. A line through M_e(t) is a worse estimate: its
-//! residuals are a random walk, and its textbook error is far too small. The variance is that of a compound Poisson process,
-//! `sum m_i^2 / T^2 = rate * J / A` with the mean jump `J = sum m_i^2 / sum m_i` and `A = 2 L T`. Grains that leave in clusters
-//! increase the variance. If the variance of the means of eight equal batches of the window is larger, it is used instead. The median
-//! slope of Theil and Sen is reported as a check against outliers.
+//! **Estimate.** M_e(t) is a staircase with one step per grain. The steps are independent events, so that the mass that
+//! left in a window, divided by its length, is the least-variance estimate of a constant rate. A line through M_e(t) is
+//! a worse estimate: its residuals are a random walk, and its textbook error is far too small. The variance is that of
+//! a compound Poisson process, `sum m_i^2 / T^2 = rate * J / A` with the mean jump `J = sum m_i^2 / sum m_i` and
+//! `A = 2 L T`. Grains that leave in clusters increase the variance. If the variance of the means of eight equal
+//! batches of the window is larger, it is used instead. The median slope of Theil and Sen is reported as a check
+//! against outliers.
 //!
-//! **Windows.** The span begins at the end of the pressure ramp, or with the first grain that leaves if that is later, because the
-//! grain first has to reach the outlet. It ends when 60 % of the mass is eroded, or with the run. The span is cut into at most four
-//! equal parts with at least twenty grains each. The hole widens, so that one run gives the rate at several stresses. Stress, width
-//! and length of a window are means over its records.
+//! **Windows.** The span begins at the end of the pressure ramp, or with the first grain that leaves if that is later,
+//! because the grain first has to reach the outlet. It ends when 60 % of the mass is eroded, or with the run. The span
+//! is cut into at most four equal parts with at least twenty grains each. The hole widens, so that one run gives the
+//! rate at several stresses. Stress, width and length of a window are means over its records.
 //!
-//! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded mass. This
-//! gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the initial stress with the rate
-//! of the widened hole would overestimate k_d. With fewer than twenty grains in this span, the point is that of all records from the
-//! end of the ramp on, with its error: one grain in a short span would give any rate.
+//! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded
+//! mass. This gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the
+//! initial stress with the rate of the widened hole would overestimate k_d. With fewer than twenty grains in this span,
+//! the point is that of all records from the end of the ramp on, with its error: one grain in a short span would give
+//! any rate.
 //!
-//! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
+//! A window counts as eroding if at least three grains left in it: loose grains next to the cut hole are not erosion.
 
 use super::record::{ErosionRecord, RemovedGrain};
 use base::number::real;
 
-/// How a run is cut into windows.
+/// Settings for the windows of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
     /// Most windows per run.
@@ -63,7 +65,7 @@ pub struct RateWindow {
     pub end: f64,
     /// Grains that left.
     pub grains: u64,
-    /// Whether the window counts as eroding.
+    /// `true` if the window counts as eroding.
     pub eroding: bool,
     /// Mean hydraulic shear stress from the velocity gradient, Pa.
     pub shear: f64,
@@ -79,7 +81,7 @@ pub struct RateWindow {
     pub length: f64,
     /// Erosion rate, kg/(m^2 s).
     pub rate: f64,
-    /// Its standard error, kg/(m^2 s).
+    /// Standard error, kg/(m^2 s).
     pub rate_error: f64,
     /// Rate that one mean grain makes in the window, kg/(m^2 s): the resolution of the measurement.
     pub quantum: f64,
@@ -87,7 +89,8 @@ pub struct RateWindow {
     pub rate_median: f64,
 }
 
-/// Mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains where known, else the mean mass.
+/// Returns the mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains where known, else the
+/// mean mass.
 #[must_use]
 pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<f64> {
     let mass: f64 = removed.iter().map(|grain| grain.mass).sum();
@@ -109,8 +112,8 @@ pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<
 /// Cuts a run into windows and measures each.
 ///
 /// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of a
-/// grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (a hole
-/// that is not there) carry no weight. Empty where fewer than two records remain.
+/// grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (a
+/// hole that is not there) carry no weight. Empty where fewer than two records remain.
 #[must_use]
 pub fn erosion_windows(
     records: &[ErosionRecord],
@@ -157,7 +160,8 @@ pub fn erosion_windows(
         .collect()
 }
 
-/// The whole run as one hole erosion test; arguments as for [`erosion_windows`]. `None` for fewer than two records.
+/// Returns the whole run as one hole erosion test; arguments as for [`erosion_windows`]. `None` for fewer than two
+/// records.
 #[must_use]
 pub fn run_point(
     records: &[ErosionRecord],
@@ -216,7 +220,7 @@ fn measure(records: &[&ErosionRecord], jump: f64, options: WindowOptions) -> Rat
     }
 }
 
-/// Mean over time by the trapezoidal rule, over the intervals at whose both ends the value exists.
+/// Returns the mean over time by the trapezoidal rule, over the intervals at whose both ends the value exists.
 fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
     for pair in records.windows(2) {
@@ -230,7 +234,8 @@ fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) 
     if weight > 0.0 { sum / weight } else { f64::NAN }
 }
 
-/// Standard error of the mean mass rate from the means of equal batches, kg/(m s); 0 where batches are too short.
+/// Returns the standard error of the mean mass rate from the means of equal batches, kg/(m s); 0 where batches are too
+/// short.
 ///
 /// Widened by Student's t over the normal quantile, so that 1.96 of it is an interval of 95 % for few batches too.
 fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
@@ -251,7 +256,7 @@ fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
     (variance / n).sqrt() * super::statistics::student(batches - 1) / 1.960
 }
 
-/// Theil and Sen's slope of M_e(t), kg/(m s), over at most sixty-four records spread over the window.
+/// Returns Theil and Sen's slope of M_e(t), kg/(m s), over at most sixty-four records spread over the window.
 fn median_slope(records: &[&ErosionRecord]) -> f64 {
     let points = records.len().min(64);
     let pick = |k: usize| records[k * (records.len() - 1) / (points - 1)];
@@ -301,7 +306,7 @@ mod tests {
         }
     }
 
-    /// A run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
+    /// Returns a run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
     fn run(draws: &mut Draws, per_second: f64, cluster: u64, seconds: f64) -> Vec<ErosionRecord> {
         let mut next = draws.exponential(per_second / real(cluster));
         let (mut mass, mut grains) = (0.0, 0);
@@ -325,7 +330,7 @@ mod tests {
             .collect()
     }
 
-    /// Share of intervals `rate ± 1.96 se` that hold the truth, and the mean rate over the truth.
+    /// Returns the share of intervals `rate ± 1.96 se` that hold the truth, and the mean rate over the truth.
     fn coverage(cluster: u64) -> (f64, f64) {
         let mut draws = Draws::new(11 + cluster);
         let truth = 10.0 * GRAIN / (2.0 * LENGTH);

@@ -7,9 +7,9 @@
 //! | `bonds.csv` | [`BondBreak`] | bond that broke |
 //! | `summary.json`, key `erosion` | [`ErosionSummary`] | run |
 //!
-//! Each struct declares name and unit of every column beside the field. Header, writer and reader use the same declaration. Numbers
-//! are written with the shortest text that reads back to the same bits. Undefined values, such as the shear stress on a hole that no
-//! longer exists, are `NaN`.
+//! Each struct declares name and unit of every column with the field. Header, writer and reader use the same
+//! declaration. Numbers are written with the shortest text that reads back to the same bits. Undefined values, such as
+//! the shear stress on a hole that no longer exists, are `NaN`.
 
 use base::error::Error;
 use io::csv::Reader;
@@ -24,10 +24,10 @@ pub trait Row: DeserializeOwned {
     /// The columns in order, `name [unit]`.
     const COLUMNS: &'static [&'static str];
 
-    /// The row as text, without the end of line.
+    /// Returns the row as text, without the end of line.
     fn to_csv(&self) -> String;
 
-    /// The first line of the file, without the end of line.
+    /// Returns the first line of the file, without the end of line.
     #[must_use]
     fn header() -> String {
         Self::COLUMNS.join(",")
@@ -98,7 +98,8 @@ pub struct ErosionRecord {
     step: u64 = "step",
     /// Time since the flow was started, s.
     time: f64 = "time [s]",
-    /// Mass that left through the outlet so far, M_e, kg; in 2-D kg/m. Earlier versions named the column `eroded_mass [kg/m]`.
+    /// Mass that left through the outlet so far, M_e, kg; in 2-D kg/m. Earlier versions named the column
+    /// `eroded_mass [kg/m]`.
     #[serde(alias = "eroded_mass [kg/m]")]
     eroded_mass: f64 = "eroded_mass [kg; 2-D kg/m]",
     /// M_e / M_0, M_0 the mass of the grains at the start of the flow.
@@ -125,19 +126,20 @@ pub struct ErosionRecord {
     discharge: f64 = "discharge [m^2/s]",
     /// Bonds broken so far.
     bonds_broken: u64 = "bonds_broken [1]",
-    /// Of these, in the bulk of the packing.
+    /// Bonds broken so far in the bulk of the packing.
     bonds_broken_inside: u64 = "bonds_broken_inside [1]",
-    /// Of these, at the wall of the hole: between its faces or within two mean diameters of one.
+    /// Bonds broken so far at the wall of the hole: between its faces or within two mean diameters of one.
     bonds_broken_at_wall: u64 = "bonds_broken_at_wall [1]",
     /// Largest fluid speed in lattice units, |u| dt/h. Earlier versions named the column `mach [1]`.
     #[serde(alias = "mach [1]")]
     lattice_velocity: f64 = "lattice_velocity [1]",
     /// Fluid mass now over fluid mass expected, less one.
     mass_error: f64 = "mass_error [1]",
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole. Earlier versions had no such column.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left. Earlier versions had
+    /// no such column.
     #[serde(default = "unknown")]
     face_share: f64 = "face_share [1]",
-    /// Mean distance from where they started of the grains that started beside the hole and more than two mean diameters behind its
+    /// Mean displacement of the grains that started next to the hole and more than two mean diameters behind its
     /// present faces, in mean diameters. Earlier versions had no such column.
     #[serde(default = "unknown")]
     bulk_displacement: f64 = "bulk_displacement [diameters]",
@@ -153,20 +155,20 @@ pub struct RemovedGrain {
     time: f64 = "time [s]",
     /// The grain.
     id: u64 = "id",
-    /// Its mass, kg; in 2-D kg/m.
+    /// Mass, kg; in 2-D kg/m.
     mass: f64 = "mass [kg; 2-D kg/m]",
-    /// Its radius, m.
+    /// Radius, m.
     radius: f64 = "radius [m]",
-    /// Where it was, m.
+    /// Position, m.
     x: f64 = "x [m]",
-    /// Where it was, m.
+    /// Position, m.
     y: f64 = "y [m]",
-    /// Where it was, m; 0 in 2-D.
+    /// Position, m; 0 in 2-D.
     z: f64 = "z [m]",
 }
 }
 
-/// How a bond broke.
+/// Mode in which a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakMode {
@@ -176,13 +178,13 @@ pub enum BreakMode {
     Shear,
 }
 
-/// Where a bond broke.
+/// Part of the packing in which a bond broke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakPlace {
-    /// In the bulk of the packing, where only a pressure wave reaches.
+    /// Bulk of the packing, where only a pressure wave reaches.
     Inside,
-    /// At the wall of the hole.
+    /// Wall of the hole.
     HoleWall,
 }
 
@@ -219,14 +221,14 @@ pub struct BondBreak {
     x: f64 = "x [m]",
     /// Contact point, m.
     y: f64 = "y [m]",
-    /// How it broke.
+    /// Mode in which it broke.
     mode: BreakMode = "mode",
-    /// Where it broke.
+    /// Part of the packing in which it broke.
     place: BreakPlace = "place",
 }
 }
 
-/// What a study needs to know of a run beside its record: the value of the key `erosion` of `summary.json`.
+/// Data of a run that a study needs in addition to its record: the value of the key `erosion` of `summary.json`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ErosionSummary {
     /// Cohesion over mean diameter, C/d, N/m.
@@ -249,7 +251,8 @@ pub struct ErosionSummary {
     /// Bonds of a grain with grains and walls at the start of the flow, mean over all grains.
     #[serde(default)]
     pub bonds_per_grain: Option<f64>,
-    /// Of the bonds that broke before a tenth of the mass had left, the share at the wall of the hole; none where no bond broke.
+    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
+    /// broke.
     #[serde(default)]
     pub face_share: Option<f64>,
     /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters of the grains.
@@ -257,7 +260,7 @@ pub struct ErosionSummary {
     pub bulk_displacement: Option<f64>,
 }
 
-/// The value of a column that a table does not have.
+/// Returns the value of a column that a table does not have.
 fn unknown() -> f64 {
     f64::NAN
 }

@@ -2,7 +2,7 @@
 
 use base::number::real;
 
-/// The median; `NaN` of nothing.
+/// Returns the median; `NaN` of nothing.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -16,7 +16,8 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Student's t for a two-sided interval of 95 %. Without a degree of freedom, that of one: two points do not tell how far a third would scatter.
+/// Returns Student's t for a two-sided interval of 95 %. Without a degree of freedom, that of one: two points do not
+/// show how far a third would scatter.
 pub(super) fn student(freedom: usize) -> f64 {
     const TABLE: [f64; 30] = [
         12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters are in
-/// rising order, independently of the order of the bonds.
+/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters
+/// are in rising order, independently of the order of the bonds.
 #[must_use]
 pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     let mut sorted = grains.to_vec();
@@ -26,7 +26,7 @@ pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     groups.into_values().collect()
 }
 
-/// The head of a group; paths are cut short on the way.
+/// Returns the head of a group; paths are cut short on the way.
 fn root(parent: &mut [usize], mut k: usize) -> usize {
     while parent[k] != k {
         parent[k] = parent[parent[k]];
@@ -35,7 +35,7 @@ fn root(parent: &mut [usize], mut k: usize) -> usize {
     k
 }
 
-/// How many grains of each of the `blocks` are among the `left`, with 1 for every one that belongs to none.
+/// Returns the number of grains of each of the `blocks` among the `left`, with 1 for every one that belongs to none.
 #[must_use]
 pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     let block_of: HashMap<u64, usize> = blocks
@@ -55,7 +55,7 @@ pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     sizes
 }
 
-/// How often each size occurs, by rising size.
+/// Returns the number of occurrences of each size, by rising size.
 #[must_use]
 pub fn histogram(sizes: impl IntoIterator<Item = u64>) -> Vec<(u64, u64)> {
     let mut counts = BTreeMap::new();

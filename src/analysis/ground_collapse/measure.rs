@@ -1,12 +1,13 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by rising id.
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by
+//! rising id.
 
 use base::number::real;
 use serde::{Deserialize, Serialize};
 
-/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the surface or a
-/// wall cuts in halves belong to it.
+/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the
+/// surface or a wall cuts in halves belong to it.
 pub const GROUND: f64 = 0.15;
 
 /// A grain of the surface is not further than this many mean diameters from others, surface to surface ...
@@ -15,27 +16,27 @@ pub const GAP: f64 = 0.5;
 /// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
-/// So many of the highest grains of a column at time 0 are its surface, and the middle one tells how far it went down: one large grain
-/// that lay on the others may roll down by more than a mean diameter alone.
+/// Number of the highest grains of a column at time 0 that are its surface. The middle one shows its settlement: one
+/// large grain that lay on the others may roll down by more than a mean diameter alone.
 pub const SKIN: usize = 3;
 
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
-    /// Its name.
+    /// Name.
     pub id: u64,
-    /// Its centre \[m\].
+    /// Centre \[m\].
     pub at: [f64; 3],
-    /// How far it is from where it was at time 0 \[m\].
+    /// Displacement from its position at time 0 \[m\].
     pub moved: [f64; 3],
-    /// Its radius \[m\].
+    /// Radius \[m\].
     pub radius: f64,
 }
 
 /// The cells: the box from the origin, cut evenly along each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cells {
-    /// How many along each axis.
+    /// Number of cells along each axis.
     pub count: [usize; 3],
     /// Edges of one cell \[m\].
     pub size: [f64; 3],
@@ -62,13 +63,13 @@ pub struct Ground {
     pub diameter: f64,
     /// Solid fraction of each cell, to four decimals, so that it is short to write down.
     pub solid: Vec<f64>,
-    /// Elevation of the surface of each column \[m\]; none where there was no grain.
+    /// Elevation of the surface of each column \[m\]; none if there was no grain.
     pub surface: Vec<Option<f64>>,
-    /// Elevation from which on grains were the surface of each column \[m\]; none where there was no grain.
+    /// Elevation from which on grains were the surface of each column \[m\]; none if there was no grain.
     pub skin: Vec<Option<f64>>,
 }
 
-/// What counts as void, moving, settled.
+/// Thresholds for void, moving and settled cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// A cell with less than this part of its initial solid is void.
@@ -81,7 +82,7 @@ pub struct Limits {
     pub percentile: f64,
 }
 
-/// What there is over one point.
+/// Quantities over one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Above {
     /// Volume of soil missing in the void connected with the point \[m3\].
@@ -90,13 +91,14 @@ pub struct Above {
     pub arch_height: f64,
     /// Thickness of the ground over the point at time 0 \[m\].
     pub cover: f64,
-    /// How far up the ground moves, as part of the cover.
+    /// Upper end of the moving ground, as part of the cover.
     pub front: f64,
-    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where nothing moves.
+    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where
+    /// nothing moves.
     pub front_shape: f64,
 }
 
-/// Where the surface has settled.
+/// Area where the surface has settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Depression {
     /// Length along the long axis over which any column has settled \[m\].
@@ -112,13 +114,13 @@ pub struct Depression {
 pub struct Sample {
     /// Voids connected with points, each counted once.
     pub voids: u64,
-    /// Their volume \[m3\].
+    /// Volume of these cells \[m3\].
     pub void_volume: f64,
-    /// Over each point.
+    /// Quantities over each point.
     pub points: Vec<Above>,
     /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,
-    /// How far each column has gone down \[m\].
+    /// Settlement of each column \[m\].
     pub settlement: Vec<Option<f64>>,
     /// Largest settlement \[m\].
     pub settlement_max: f64,
@@ -128,9 +130,9 @@ pub struct Sample {
     pub settlement_middle: f64,
     /// The requested percentile \[m\].
     pub settlement_percentile: f64,
-    /// Where it has settled.
+    /// Area where it has settled.
     pub depression: Depression,
-    /// Mean displacement of the soil beside the points towards them \[m\].
+    /// Mean displacement of the soil at the sides of the points towards them \[m\].
     pub inward: f64,
 }
 #[expect(
@@ -138,12 +140,12 @@ pub struct Sample {
     clippy::cast_sign_loss,
     reason = "clamped to the range of the cells before"
 )]
-fn place(x: f64, size: f64, count: usize) -> usize {
+fn index_along(x: f64, size: f64, count: usize) -> usize {
     (x / size).floor().clamp(0.0, real(count.max(1) - 1)) as usize
 }
 
 impl Cells {
-    /// `count` cells that fill a box with edges `domain` \[m\].
+    /// Returns `count` cells that fill a box with edges `domain` \[m\].
     #[must_use]
     pub fn new(domain: [f64; 3], count: [usize; 3]) -> Self {
         Self {
@@ -152,31 +154,31 @@ impl Cells {
         }
     }
 
-    /// The cell of a point; points outside belong to the nearest one.
+    /// Returns the cell of a point; points outside belong to the nearest one.
     #[must_use]
     pub fn of(&self, at: [f64; 3]) -> [usize; 3] {
-        std::array::from_fn(|axis| place(at[axis], self.size[axis], self.count[axis]))
+        std::array::from_fn(|axis| index_along(at[axis], self.size[axis], self.count[axis]))
     }
 
-    /// Where a cell lies in lists of cells.
+    /// Returns the index of a cell in lists of cells.
     #[must_use]
     pub fn index(&self, cell: [usize; 3]) -> usize {
         (cell[2] * self.count[1] + cell[1]) * self.count[0] + cell[0]
     }
 
-    /// Where a column lies in lists of columns.
+    /// Returns the index of a column in lists of columns.
     #[must_use]
     pub fn column(&self, long: usize, across: usize) -> usize {
         across * self.count[0] + long
     }
 
-    /// How many.
+    /// Returns the number of cells.
     #[must_use]
     pub fn total(&self) -> usize {
         self.count.iter().product()
     }
 
-    /// Volume of one \[m3\].
+    /// Returns the volume of one \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.size.iter().product()
@@ -186,18 +188,18 @@ impl Cells {
         real(cell) * self.size[axis]
     }
 
-    /// First cell and one past the last that a stretch covers; at least one.
+    /// Returns the first cell and one past the last that a stretch covers; at least one.
     fn covered(&self, axis: usize, from: f64, to: f64) -> std::ops::Range<usize> {
         let size = self.size[axis];
         // A box that ends on a face does not cover the cell beyond it.
         let slack = 1e-9 * size;
-        let first = place(from + slack, size, self.count[axis]);
-        let last = place(to - slack, size, self.count[axis]).max(first);
+        let first = index_along(from + slack, size, self.count[axis]);
+        let last = index_along(to - slack, size, self.count[axis]).max(first);
         first..last + 1
     }
 }
 
-/// Solid fraction of every cell.
+/// Returns the solid fraction of every cell.
 #[must_use]
 pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec<f64> {
     let mut solid = vec![0.0; cells.total()];
@@ -225,7 +227,7 @@ pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec
     solid
 }
 
-/// Elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
+/// Returns the elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
 #[must_use]
 pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64>> {
     let mut inside: Vec<Vec<usize>> = vec![Vec::new(); cells.total()];
@@ -268,7 +270,7 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
         .collect()
 }
 
-/// Top of the lowest of the [`SKIN`] highest grains of every column.
+/// Returns the top of the lowest of the [`SKIN`] highest grains of every column.
 fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
     let mut tops: Vec<Vec<f64>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
     for grain in grains {
@@ -283,7 +285,7 @@ fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
 }
 
 impl Ground {
-    /// The ground as it is now.
+    /// Returns the ground as it is now.
     #[must_use]
     pub fn new(cells: Cells, grains: &[Grain], diameter: f64, overlap: Overlap) -> Self {
         let solid = solid_fractions(&cells, grains, overlap);
@@ -299,7 +301,7 @@ impl Ground {
         }
     }
 
-    /// Median solid fraction of the ground; 1 without ground.
+    /// Returns the median solid fraction of the ground; 1 without ground.
     fn packing(&self) -> f64 {
         let mut ground: Vec<f64> = (self.solid.iter().copied())
             .filter(|part| *part >= GROUND)
@@ -312,14 +314,15 @@ impl Ground {
         self.solid[self.cells.index(cell)] >= GROUND
     }
 
-    /// Lowest ground of a column \[m\].
+    /// Returns the lowest ground of a column \[m\].
     fn floor(&self, long: usize, across: usize) -> Option<f64> {
         (0..self.cells.count[2])
             .find(|&z| self.is_ground([long, across, z]))
             .map(|z| self.cells.lower(z, 2))
     }
 
-    /// How far every column has gone down: its elevation or the grains that were its surface, whichever went less.
+    /// Returns the settlement of every column: of its elevation or of the grains that were its surface, whichever is
+    /// smaller.
     #[must_use]
     pub fn settlement(&self, now: &[Option<f64>], grains: &[Grain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
@@ -336,8 +339,8 @@ impl Ground {
             .collect()
     }
 
-    /// How far the middle one of the grains that were the surface of every column at time 0 has gone down, wherever they are now
-    /// (the lower middle of an even number); none where all of them have left.
+    /// Returns the settlement of the middle one of the grains that were the surface of every column at time 0, wherever
+    /// they are now (the lower middle of an even number); none if all of them have left.
     fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
         let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
         // The place at time 0 is rounded.
@@ -357,7 +360,7 @@ impl Ground {
         down.into_iter().map(middle).collect()
     }
 
-    /// Cells that were ground and have lost their solid.
+    /// Returns the cells that were ground and have lost their solid.
     #[must_use]
     pub fn void_cells(&self, solid: &[f64], void_below: f64) -> Vec<bool> {
         let both = self.solid.iter().zip(solid);
@@ -365,7 +368,7 @@ impl Ground {
             .collect()
     }
 
-    /// Void cells connected through faces with those at the box of a point, and just above it, rising.
+    /// Returns the void cells connected through faces with those at the box of a point, and just above it, rising.
     #[must_use]
     pub fn void_over(&self, point: &Point, void: &[bool]) -> Vec<usize> {
         let cells = &self.cells;
@@ -405,7 +408,7 @@ impl Ground {
         all.filter(|(_, seen)| **seen).map(|(k, _)| k).collect()
     }
 
-    /// Volume of soil missing in some cells \[m3\].
+    /// Returns the volume of soil missing in some cells \[m3\].
     fn missing(&self, cells: &[usize], solid: &[f64]) -> f64 {
         let lost: f64 = cells
             .iter()
@@ -414,7 +417,7 @@ impl Ground {
         lost * self.cells.volume() / self.packing()
     }
 
-    /// Lowest ground and surface over a point at time 0 \[m\].
+    /// Returns the lowest ground and surface over a point at time 0 \[m\].
     fn cover(&self, point: &Point) -> (f64, f64) {
         let cells = &self.cells;
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
@@ -430,7 +433,7 @@ impl Ground {
         (base.max(point.from[2]), top)
     }
 
-    /// The ground now.
+    /// Returns the ground now.
     #[must_use]
     pub fn measure(
         &self,
@@ -474,7 +477,7 @@ impl Ground {
         let mut sorted: Vec<f64> = settlement.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = limits.percentile / 100.0 * real(sorted.len().max(1) - 1);
-        let rank = place(rank.round(), 1.0, sorted.len());
+        let rank = index_along(rank.round(), 1.0, sorted.len());
         Sample {
             voids: distinct.len() as u64,
             void_volume: distinct.iter().map(|hole| self.missing(hole, &solid)).sum(),
@@ -490,8 +493,8 @@ impl Ground {
         }
     }
 
-    /// The most that a column over a point (along the long axis) has settled, or that two columns side by side or corner to corner have
-    /// settled both: away from the points, one that sinks alone is a loose grain.
+    /// Returns the most that a column over a point (along the long axis) has settled, or that two columns side by side
+    /// or corner to corner have settled both: away from the points, one that sinks alone is a loose grain.
     #[must_use]
     pub fn sinkhole(&self, settlement: &[Option<f64>], points: &[Point]) -> f64 {
         let [nx, ny, _] = self.cells.count;
@@ -506,7 +509,7 @@ impl Ground {
                     most = most.max(here);
                     continue;
                 }
-                // Both neighbours along, and the three of the rows beside.
+                // Both neighbours along, and the three of the adjacent rows.
                 for other in long.saturating_sub(1)..(long + 2).min(nx) {
                     for row in across.saturating_sub(1)..(across + 2).min(ny) {
                         if (other, row) != (long, across) {
@@ -519,7 +522,7 @@ impl Ground {
         most
     }
 
-    /// Mean over the middle third along the long axis.
+    /// Returns the mean over the middle third along the long axis.
     fn middle(&self, settlement: &[Option<f64>]) -> f64 {
         let [nx, ny, _] = self.cells.count;
         let third = nx / 3;
@@ -535,7 +538,7 @@ impl Ground {
         sum / real(n.max(1))
     }
 
-    /// Where the columns have settled by at least `settled`.
+    /// Returns the area where the columns have settled by at least `settled`.
     #[must_use]
     pub fn depression(&self, settlement: &[Option<f64>], settled: f64) -> Depression {
         let [nx, ny, _] = self.cells.count;
@@ -562,7 +565,7 @@ impl Ground {
         }
     }
 
-    /// Cells of the ground that are void or whose grains have gone down by more than `moving` on average.
+    /// Returns the cells of the ground that are void or whose grains have gone down by more than `moving` on average.
     fn moving_cells(&self, grains: &[Grain], void: &[bool], moving: f64) -> Vec<bool> {
         let mut down = vec![(0.0, 0_usize); self.cells.total()];
         for grain in grains {
@@ -577,7 +580,7 @@ impl Ground {
         .collect()
     }
 
-    /// Elevation up to which the ground over a point moves \[m\].
+    /// Returns the elevation up to which the ground over a point moves \[m\].
     fn front(&self, grains: &[Grain], point: &Point, base: f64, top: f64, moving: f64) -> f64 {
         let cells = &self.cells;
         if base >= top {
@@ -606,10 +609,10 @@ impl Ground {
         front
     }
 
-    /// Moving length above half the front over that below it, over the length nearest to point `n`.
+    /// Returns the moving length above half the front over that below it, over the length nearest to point `n`.
     ///
-    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a V) does not
-    /// pass for ground that moves more above.
+    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a
+    /// V) does not pass for ground that moves more above.
     fn front_shape(
         &self,
         moving: &[bool],
@@ -647,7 +650,7 @@ impl Ground {
         if lower > 0.0 { upper / lower } else { f64::NAN }
     }
 
-    /// Mean displacement of the soil beside the points towards the nearest one.
+    /// Returns the mean displacement of the soil at the sides of the points towards the nearest one.
     fn inward(&self, grains: &[Grain], points: &[Point]) -> f64 {
         let covers: Vec<f64> = points
             .iter()
@@ -673,12 +676,12 @@ impl Ground {
     }
 }
 
-/// How far a place along the long axis is outside a point.
+/// Returns the distance of a coordinate along the long axis from a point; 0 inside it.
 fn distance(point: &Point, x: f64) -> f64 {
     (point.from[0] - x).max(x - point.to[0]).max(0.0)
 }
 
-/// The nearest point along the long axis, the first of equals.
+/// Returns the nearest point along the long axis, the first of equals.
 fn nearest(points: &[Point], x: f64) -> Option<usize> {
     let all = points.iter().enumerate();
     all.min_by(|(_, a), (_, b)| distance(a, x).total_cmp(&distance(b, x)))

@@ -23,7 +23,7 @@ pub struct CollapseRecord {
     time: f64 = "time [s]",
     /// Mass that left through the seepage points so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
-    /// Of the mass of all grains at time 0.
+    /// Eroded part of the mass of all grains at time 0.
     eroded_fraction: f64 = "eroded_fraction [1]",
     /// Grains that left through the seepage points so far.
     eroded_grains: u64 = "eroded_grains [1]",
@@ -47,9 +47,9 @@ pub struct CollapseRecord {
     settlement_percentile: f64 = "settlement_percentile [m]",
     /// Length along the long axis that has settled, m.
     extension: f64 = "extension [m]",
-    /// Its growth since the last row, m/s.
+    /// Growth since the last row, m/s.
     extension_rate: f64 = "extension_rate [m/s]",
-    /// Mean displacement of the soil beside the points towards them, m.
+    /// Mean displacement of the soil at the sides of the points towards them, m.
     inward: f64 = "inward [m]",
     /// Stages that have begun.
     stages: u64 = "stages [1]",
@@ -57,13 +57,13 @@ pub struct CollapseRecord {
 }
 
 csv_row! {
-/// What there is over one seepage point at one time: a row of `collapse_points.csv`.
+/// Quantities over one seepage point at one time: a row of `collapse_points.csv`.
 pub struct PointRecord {
     /// Step.
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// Which point, in the order of `summary.json`, from 0.
+    /// Number of the point, in the order of `summary.json`, from 0.
     point: u64 = "point",
     /// Mass that left through it so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
@@ -82,7 +82,7 @@ pub struct PointRecord {
 }
 }
 
-/// Which grains a cluster is made of.
+/// Kind of grains that a cluster is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClusterKind {
@@ -102,13 +102,13 @@ impl Value for ClusterKind {
 }
 
 csv_row! {
-/// How many clusters of a size there are: a row of `clusters.csv`.
+/// Number of clusters of a size: a row of `clusters.csv`.
 pub struct ClusterRecord {
     /// Step.
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// Of which grains.
+    /// Kind of the clustered grains.
     kind: ClusterKind = "kind",
     /// Grains of one cluster.
     size: u64 = "size [1]",
@@ -132,14 +132,14 @@ pub struct SurfaceRecord {
     long: f64 = "long [m]",
     /// Middle of the column across, m.
     across: f64 = "across [m]",
-    /// Top of the highest grain in company, over the lower end of the domain, m; NaN where there is none.
+    /// Top of the highest grain in company, over the lower end of the domain, m; NaN if there is none.
     elevation: f64 = "elevation [m]",
-    /// How far it has gone down since time 0, m.
+    /// Settlement since time 0, m.
     settlement: f64 = "settlement [m]",
 }
 }
 
-/// When each stage began, s; none where it did not.
+/// Start of each stage, s; none if it did not begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// t1.
@@ -158,27 +158,27 @@ pub struct StageTimes {
     pub sinkhole_shape: Option<f64>,
 }
 
-/// What left through one point.
+/// Grains and mass that left through one point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointSummary {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Grains.
     pub eroded_grains: u64,
-    /// Their mass, kg.
+    /// Mass of these grains, kg.
     pub eroded_mass: f64,
 }
 
-/// What a study needs to know of a run beside its record: the value of the key `collapse` of `summary.json`.
+/// Data of a run that a study needs in addition to its record: the value of the key `collapse` of `summary.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CollapseSummary {
-    /// When each stage began.
+    /// Start of each stage.
     pub stages: StageTimes,
     /// The seepage points in the order of `collapse_points.csv`.
     pub points: Vec<PointSummary>,
     /// Mass of the grains at time 0, kg.
     pub initial_mass: f64,
-    /// Their mean diameter, m.
+    /// Mean diameter of the grains, m.
     pub mean_diameter: f64,
     /// Edges of a cell along the long axis, across and up, m.
     pub cell: [f64; 3],

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Names of the four stages.
 pub const NAMES: [&str; 4] = ["hidden hole", "arch", "sinkhole", "extension"];
 
-/// What one sample shows, the most of any point.
+/// Evidence in one sample: the maximum over the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
     /// Grains that left through one point so far.
@@ -14,7 +14,7 @@ pub struct Evidence {
     pub void_volume: f64,
     /// Part of the cover that moves, over points with a void of [`Thresholds::arch_void`]; 0 where there is none.
     pub front: f64,
-    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN where nothing moves.
+    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if nothing moves.
     pub shape: f64,
     /// Settlement of a column over a point, or that two neighbouring columns share \[m\].
     pub settlement: f64,
@@ -22,11 +22,11 @@ pub struct Evidence {
     pub longest: f64,
     /// Width of the depressions \[m\].
     pub width: f64,
-    /// Displacement of the soil beside the points towards them \[m\].
+    /// Displacement of the soil at the sides of the points towards them \[m\].
     pub inward: f64,
 }
 
-/// From where on a sample shows a stage.
+/// Values from which on a sample shows a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
     /// Samples in a row.
@@ -51,7 +51,7 @@ pub struct Thresholds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Streak {
     samples: u32,
-    /// Of the first of them \[s\].
+    /// Time of the first of them \[s\].
     time: f64,
     /// Longer side of the depression at the first of them \[m\].
     extent: f64,
@@ -63,7 +63,7 @@ struct Streak {
 /// The stages so far; a restart needs it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stages {
-    /// When each began \[s\].
+    /// Start of each stage \[s\].
     pub times: [Option<f64>; 4],
     streaks: [Streak; 4],
     /// Longer side of the sinkhole at t3 \[m\].
@@ -74,7 +74,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// How many have begun.
+    /// Returns the number of stages that have begun.
     #[must_use]
     pub fn begun(&self) -> usize {
         self.times.iter().flatten().count()
@@ -173,7 +173,7 @@ mod tests {
         seen.longest = 0.08;
         stages.note(2.0, &seen, &FROM);
         assert!(stages.note(3.0, &seen, &FROM).is_empty());
-        // 1.5 times the width, but the soil beside stands still: only round the hole.
+        // 1.5 times the width, but the adjacent soil stands still: only round the hole.
         seen.longest = 0.091;
         seen.inward = 0.0;
         stages.note(4.0, &seen, &FROM);

@@ -2,19 +2,19 @@
 
 use std::borrow::Cow;
 
-/// Whether a character controls a terminal: C0, DEL and C1, including line breaks and tabs.
+/// Returns `true` if a character controls a terminal: C0, DEL and C1, including line breaks and tabs.
 #[must_use]
 pub fn controls(c: char) -> bool {
     c.is_control()
 }
 
-/// A text of unknown origin as one line without control characters, which are written as JSON does: `\u001b`.
+/// Returns a text of unknown origin as one line without control characters, which are written as JSON does: `\u001b`.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
 }
 
-/// As [`printable`], but line breaks and tabs stay: for texts that the program composes of lines.
+/// Escapes a text like [`printable`], but keeps line breaks and tabs: for texts that the program composes of lines.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
@@ -35,7 +35,7 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// A number as in a sentence: four significant digits.
+/// Returns a number as in a sentence: four significant digits.
 #[must_use]
 pub fn number(value: f64) -> String {
     let size = value.abs();
@@ -57,13 +57,13 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// The largest number of four significant digits that is not above a value.
+/// Returns the largest number of four significant digits that is not above a value.
 #[must_use]
 pub fn at_most(value: f64) -> f64 {
     four_digits(value, f64::floor).unwrap_or(value)
 }
 
-/// The smallest number of four significant digits that is not below a value.
+/// Returns the smallest number of four significant digits that is not below a value.
 #[must_use]
 pub fn at_least(value: f64) -> f64 {
     four_digits(value, f64::ceil).unwrap_or(value)

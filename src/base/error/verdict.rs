@@ -5,7 +5,7 @@ use super::{Error, Problem, Severity};
 /// Verdict on a case from all findings. Every command that reads a case states exactly one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// There are no findings.
+    /// Verdict without findings.
     Valid,
     /// The case runs, with warnings.
     ValidWithWarnings,
@@ -16,7 +16,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// The verdict on a case with these findings.
+    /// Returns the verdict on a case with these findings.
     #[must_use]
     pub fn of(findings: &[Problem]) -> Self {
         let has = |severity| findings.iter().any(|p| p.severity == severity);
@@ -31,7 +31,7 @@ impl Verdict {
         }
     }
 
-    /// The words of tables and of `--json`.
+    /// Returns the words of tables and of `--json`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Verdict {
         }
     }
 
-    /// Whether a case with this verdict is run; `allow_unstable` decides about unstable cases.
+    /// Returns `true` if a case with this verdict is run; `allow_unstable` decides about unstable cases.
     #[must_use]
     pub fn runs(self, allow_unstable: bool) -> bool {
         match self {
@@ -52,7 +52,7 @@ impl Verdict {
         }
     }
 
-    /// The exit code of a command that ends with the verdict.
+    /// Returns the exit code of a command that ends with the verdict.
     #[must_use]
     pub fn exit_code(self, allow_unstable: bool) -> i32 {
         if self.runs(allow_unstable) {
@@ -62,7 +62,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict with the number of findings of each severity, such as `unstable, 1 finding, 2 warnings`.
+    /// Returns the verdict with the number of findings of each severity, such as `unstable, 1 finding, 2 warnings`.
     #[must_use]
     pub fn sentence(findings: &[Problem]) -> String {
         let count = |severity| findings.iter().filter(|p| p.severity == severity).count();

@@ -1,7 +1,7 @@
 //! Features that this program does not have, with the alternative for each.
 //!
-//! A field or choice of one of these names is answered with the alternative rather than with a similar name. README.md has the list for
-//! readers, and a test compares both.
+//! A field or choice of one of these names is answered with the alternative rather than with a similar name. README.md
+//! has the list for readers, and a test compares both.
 
 /// A feature that the program does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,12 +3,12 @@
 use base::error::Remedy;
 use std::borrow::Cow;
 
-/// The names to choose from, as a remedy.
+/// Returns the names to choose from, as a remedy.
 pub(super) fn choose(names: &[&str]) -> String {
     format!("use one of: {}", names.join(", "))
 }
 
-/// The remedy for a name that is not among the known ones.
+/// Returns the remedy for a name that is not among the known ones.
 pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     match nearest(name, known) {
         _ if known.is_empty() => "remove it: there are no fields here".into(),
@@ -17,7 +17,8 @@ pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// As [`nearest_remedy`] for a word of a choice; it is proposed where it stands alone, without parameters.
+/// Returns a remedy like [`nearest_remedy`] for a word of a choice; it is proposed if it is valid alone, without
+/// parameters.
 pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
     let remedy = Remedy::from(nearest_remedy(name, known));
     match nearest(name, known) {
@@ -26,10 +27,10 @@ pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str
     }
 }
 
-/// No name of a case is longer than this [bytes].
+/// Maximum length of a name in a case [bytes].
 const LONGEST_NAME: usize = 200;
 
-/// A name as it stands in a sentence.
+/// Returns a name as it stands in a sentence.
 pub(super) fn clipped(name: &str) -> Cow<'_, str> {
     if name.len() <= LONGEST_NAME {
         return name.into();
@@ -38,7 +39,7 @@ pub(super) fn clipped(name: &str) -> Cow<'_, str> {
     format!("{begin}...").into()
 }
 
-/// The name with the smallest edit distance, if it is close enough to be meant.
+/// Returns the name with the smallest edit distance, if it is close enough to be meant.
 #[must_use]
 pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if name.len() > LONGEST_NAME {

@@ -3,9 +3,9 @@
 use super::SMALLEST;
 use serde_json::Value;
 
-/// What a value must be to be right without a closer look.
+/// Condition under which a value is valid without a detailed check.
 pub(super) enum Template<'a> {
-    /// Only the walk over the schema can tell.
+    /// Only the walk over the schema can decide.
     Unknown,
     /// Absent or as the other template requires.
     Optional(Box<Template<'a>>),
@@ -34,7 +34,7 @@ pub(super) enum Template<'a> {
 const DEEPEST: usize = 8;
 
 impl<'a> Template<'a> {
-    /// The template of `schema`, whose references are resolved in `root`.
+    /// Returns the template of `schema`, whose references are resolved in `root`.
     pub(super) fn of(root: &'a Value, schema: &'a Value) -> Self {
         Self::within(root, schema, 0)
     }
@@ -119,7 +119,8 @@ impl<'a> Template<'a> {
         }
     }
 
-    /// Whether the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers that must be above 0.
+    /// Returns `true` if the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers
+    /// that must be above 0.
     pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,

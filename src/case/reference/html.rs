@@ -4,13 +4,14 @@ use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;
 
 /// First words of the front page.
-pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as messages and `--set` write \
+pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as \
+    messages and `--set` write \
 it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value stands, an object \
 `{\"value\": 0.2, \"source\": \"assumed\", \"note\": \"reason\"}` may state its source. Unknown fields are refused.";
 
 const STYLE: &str = include_str!("style.css");
 
-/// All files.
+/// Returns all files.
 #[must_use]
 pub fn files() -> Vec<File> {
     let pages = pages();
@@ -133,7 +134,7 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
     *out += "</table>\n</section>\n";
 }
 
-/// A description with links at the names of parameters.
+/// Returns a description with links at the names of parameters.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
         .map(|(name, part)| match meant(pages, from, part) {

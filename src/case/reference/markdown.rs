@@ -3,7 +3,7 @@
 use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;
 
-/// All files.
+/// Returns all files.
 #[must_use]
 pub fn files() -> Vec<File> {
     let pages = pages();
@@ -80,7 +80,7 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
     out.push('\n');
 }
 
-/// A description with links at the names of parameters.
+/// Returns a description with links at the names of parameters.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
         .map(|(name, part)| match meant(pages, from, part) {

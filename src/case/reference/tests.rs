@@ -10,7 +10,7 @@ fn parameters() -> Vec<Parameter> {
 
 #[test]
 fn every_property_of_the_schema_appears() {
-    /// The keys of every object in the schema.
+    /// Collects the keys of every object in the schema.
     fn objects(node: &Value, found: &mut Vec<BTreeSet<String>>) {
         match node {
             Value::Object(map) => {
@@ -84,7 +84,7 @@ fn every_example_is_valid() {
     assert!(shown > 200, "{shown}");
 }
 
-/// What stands between two marks, wherever they enclose something.
+/// Returns all texts between two marks.
 fn between<'a>(text: &'a str, open: &str, close: char) -> Vec<&'a str> {
     text.split(open)
         .skip(1)

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use std::cell::Cell;
 use std::fmt;
 
-/// The tree, or none if the text has problems.
+/// Returns the tree, or none if the text has problems.
 pub(super) fn parse(text: &str) -> Option<Value> {
     let mut reader = serde_json::Deserializer::from_str(text);
     let tree = Plain(&Cell::new(0)).deserialize(&mut reader).ok()?;

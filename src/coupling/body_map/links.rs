@@ -18,7 +18,7 @@ pub(super) struct Direction {
     opposite: usize,
 }
 
-/// The directions of a lattice.
+/// Returns the directions of a lattice.
 pub(super) fn directions<S: Stored>(slab: &Slab, populations: &Populations<S>) -> Vec<Direction> {
     let velocities = populations.velocities();
     (0..velocities.q())
@@ -59,7 +59,7 @@ impl BodyMap {
         }
     }
 
-    /// The image of a body nearest to a cell, with its frame.
+    /// Returns the image of a body nearest to a cell, with its frame.
     pub(super) fn nearest(&self, owner: u32, cell: [i32; 3]) -> Option<(usize, [i32; 3])> {
         let entries = self.entries.get(&owner)?;
         entries
@@ -103,7 +103,7 @@ impl BodyMap {
             if self.owner[place] != mine {
                 continue;
             }
-            // All that a link looks at lies in the slab.
+            // All cells that a link reads are in the slab.
             let deep = self.slab.deep(inner);
             let cell = populations.cell(inner.map(|v| v as isize));
             for (out, along) in directions.iter().enumerate().skip(1) {
@@ -157,13 +157,15 @@ impl BodyMap {
         }
     }
 
-    /// Whether a sheet cuts the link from the cell at a place of the map along a direction: it is the sheet's.
+    /// Returns `true` if a sheet cuts the link from the cell at an index of the map along a direction: the link is then
+    /// the sheet's.
     fn cut(&self, place: usize, direction: usize) -> bool {
         !self.sheets.is_empty()
             && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(place, d)))
     }
 
-    /// Whether bodies, and walls beside them, hold more than half of the neighbours of a cell of the slab (local coordinates).
+    /// Returns `true` if bodies, and walls next to them, hold more than half of the neighbours of a cell of the slab
+    /// (local coordinates).
     #[must_use]
     pub fn encloses<S: Stored>(&self, cell: [usize; 3], populations: &Populations<S>) -> bool {
         let velocities = populations.velocities();

@@ -8,7 +8,7 @@ use base::number::floor_i32;
 use base::thread_pool;
 use lbm::links::{Plane, Rigid};
 
-/// What looks at a run of bodies have found.
+/// Results for a run of consecutive bodies.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     again: Vec<Again>,
@@ -18,7 +18,7 @@ pub(super) struct Found {
 }
 
 impl BodyMap {
-    /// Looks at the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
+    /// Checks the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
     pub(super) fn look_again(&mut self) {
         let count = self.bodies.len();
         let runs = thread_pool::runs(count, PER_THREAD);
@@ -37,7 +37,7 @@ impl BodyMap {
                 if has_moved(body, &motion[k], block, slab.dimension)
                     && !holds_the_same(body, &motion[k], slab.dimension)
                 {
-                    found.look(k, body, &motion[k], block, slab);
+                    found.check(k, body, &motion[k], block, slab);
                 }
             }
         });
@@ -57,8 +57,8 @@ impl Found {
         self.gained.clear();
     }
 
-    /// Looks at body `k`.
-    fn look(
+    /// Checks body `k`.
+    fn check(
         &mut self,
         k: usize,
         body: &mut Mapped,
@@ -76,7 +76,7 @@ impl Found {
             body.rows.reserve(rows);
             body.other.reserve(rows);
         }
-        body.slack = look(
+        body.slack = find_cells(
             slab,
             rigid,
             block,
@@ -105,7 +105,7 @@ impl Found {
     }
 }
 
-/// Whether a body has moved by its slack since it was mapped, or was not mapped yet.
+/// Returns `true` if a body has moved by its slack since it was mapped, or was not mapped yet.
 fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
@@ -131,16 +131,16 @@ const REACH: f64 = 1.5;
 /// Cells watched.
 const WATCHED: usize = 8;
 
-/// The cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. Most often none has,
-/// and none of the others needs a look.
+/// Cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. In most
+/// cases none has changed, and the others need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
-    /// In the raw frame, with the value of [`beyond`] when they were found, by rising size.
+    /// Cells in the raw frame, with the value of [`beyond`] when they were found, by rising size.
     cells: [([i32; 3], f64); WATCHED],
     count: usize,
     /// Lower bound of the size of [`beyond`] of all other cells.
     others: f64,
-    /// How far the body may move before another cell changes.
+    /// Displacement of the body below which no other cell changes.
     reach: f64,
 }
 
@@ -151,13 +151,13 @@ impl Nearest {
         self.reach = 0.0;
     }
 
-    /// A cell that is not watched.
+    /// Handles a cell that is not watched.
     #[inline(always)]
     fn pass(&mut self, beyond: f64) {
         self.others = self.others.min(beyond.abs());
     }
 
-    /// A cell that is watched unless others are nearer.
+    /// Adds a cell that is watched unless others are nearer.
     #[inline(always)]
     fn watch(&mut self, cell: [i32; 3], beyond: f64) {
         if beyond.abs() >= self.others {
@@ -182,7 +182,7 @@ impl Nearest {
     }
 }
 
-/// `d² - R²` of a cell centre at distance d from the centre of a disc or sphere of radius R: negative inside.
+/// Returns `d² - R²` of a cell centre at distance d from the centre of a disc or sphere of radius R: negative inside.
 #[inline(always)]
 fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     let square = |a: usize| {
@@ -196,18 +196,20 @@ fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     square(0) + beside - rigid.radius * rigid.radius
 }
 
-/// A distance that no cell centre with `|d² - R²|` of this size is nearer to the surface than: that over `d + R`, which is at most 2 R and
-/// the reach of a look. A little less, so that rounding cannot matter; beyond the searched box it is at least half a cell.
+/// Returns a lower bound of the distance from the surface of cell centres with `|d² - R²|` of this size: the size
+/// over `d + R`, which is at most 2 R and the reach of a search. It is slightly reduced, so that rounding cannot
+/// matter; beyond the searched box it is at least half a cell.
 fn slack(size: f64, radius: f64) -> f64 {
     if size.is_finite() {
         (size / (2.0 * radius + 2.5) * (1.0 - 1e-6) - 1e-9).clamp(0.0, 0.4)
     } else {
-        // The body does not reach this slab: it may come closer by its whole distance, but look again soon.
+        // The body does not reach this slab: it may approach by its whole distance, but is checked again soon.
         0.4
     }
 }
 
-/// Whether a disc or sphere that has moved by its slack holds the same cells as when it was looked at. If so, it has a new slack.
+/// Returns `true` if a disc or sphere that has moved by its slack holds the same cells as at the last check. If so, it
+/// has a new slack.
 fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
@@ -236,7 +238,7 @@ fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
 }
 
 /// Finds the cells of a body, and its slack.
-fn look(
+fn find_cells(
     slab: &Slab,
     rigid: &Rigid,
     block: Option<&Turned>,
@@ -332,7 +334,8 @@ fn look_in<const D: usize>(
     slack(size.min(nearest.others), rigid.radius)
 }
 
-/// As [`look_in`], of a polyhedron: the distance from its surface is at least that from the nearest plane.
+/// Finds the rows of a polyhedron, like [`look_in`]: the distance from its surface is at least that from the nearest
+/// plane.
 fn look_in_block(
     slab: &Slab,
     rigid: &Rigid,
@@ -373,7 +376,8 @@ mod tests {
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
     use lbm::populations::Populations;
 
-    /// No cell centre is nearer to the surface than the slack, and none but those watched nearer than the reach.
+    /// Checks that no cell centre is nearer to the surface than the slack, and none but those watched nearer than the
+    /// reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();
         let grid = Grid {
@@ -397,7 +401,7 @@ mod tests {
                 let at = (cells[a] as f64 + 4.0) * draw.uniform() - 2.0;
                 rigid.position[a] = if draw.uniform() < 0.2 { at.round() } else { at };
             }
-            let slack = look(&slab, &rigid, None, [0; 3], &mut rows, &mut nearest);
+            let slack = find_cells(&slab, &rigid, None, [0; 3], &mut rows, &mut nearest);
             let size = |a: usize| -GHOSTS..slab.cells[a] + GHOSTS;
             for z in if D == 3 { size(2) } else { 0..1 } {
                 for (y, x) in size(1).flat_map(|y| size(0).map(move |x| (y, x))) {

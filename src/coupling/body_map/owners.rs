@@ -24,7 +24,7 @@ struct Sharing {
     there: Vec<u32>,
 }
 
-/// What a thread has found in its layers.
+/// Results of a thread in its layers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Settled {
     changes: Vec<Change>,
@@ -34,7 +34,7 @@ pub(super) struct Settled {
 /// Layers of cells along the last axis, which one thread changes.
 struct Layers<'a> {
     slab: &'a Slab,
-    /// Of the cells of these layers.
+    /// Owners of the cells of these layers.
     owner: &'a mut [u32],
     layers: Range<usize>,
     changes: &'a mut Vec<Change>,
@@ -92,7 +92,7 @@ impl BodyMap {
         }
     }
 
-    /// Maps again what looks have found and what shares cells.
+    /// Maps again the bodies found by the search and those that share cells.
     pub(super) fn settle(&mut self) {
         for one in &self.again {
             let body = &mut self.bodies[one.body];
@@ -164,7 +164,7 @@ impl BodyMap {
                 own.each(rows, |own, row| own.occupy(row, one.body, tag(*id)));
             }
             for change in &*own.changes {
-                if let Some(owner) = own.place(change.cell) {
+                if let Some(owner) = own.index(change.cell) {
                     own.owner[owner] &= !NOTED;
                 }
             }
@@ -190,17 +190,17 @@ impl BodyMap {
 }
 
 impl Layers<'_> {
-    /// Place of a cell among those of these layers.
-    fn place(&self, cell: [i32; 3]) -> Option<usize> {
+    /// Returns the index of a cell among those of these layers.
+    fn index(&self, cell: [i32; 3]) -> Option<usize> {
         let first = self.layers.start * self.slab.cells_of_a_layer();
         let place = self.slab.at(cell).wrapping_sub(first);
         (place < self.owner.len()).then_some(place)
     }
 
-    /// The owners of the cells of a row, with the first of the cells; none of other layers.
+    /// Returns the owners of the cells of a row, with the first of the cells; none of other layers.
     fn row(&self, row: Row) -> Range<usize> {
         let first = [row.span[0], row.y, row.z];
-        let first = self.place(first).filter(|_| row.length() > 0);
+        let first = self.index(first).filter(|_| row.length() > 0);
         first.map_or(0..0, |first| first..first + row.length())
     }
 

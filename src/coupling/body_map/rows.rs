@@ -31,8 +31,8 @@ impl Row {
 }
 
 impl Rows {
-    /// Takes new rows, from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are left out, so that the same cells
-    /// in two dimensions are the same rows.
+    /// Takes new rows, from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are left out, so
+    /// that the same cells in two dimensions are the same rows.
     pub(super) fn take(
         &mut self,
         low: [i32; 2],
@@ -73,7 +73,7 @@ impl Rows {
         self.count[axis] -= before;
     }
 
-    /// Makes room for so many rows.
+    /// Reserves capacity for a number of rows.
     pub(super) fn reserve(&mut self, rows: usize) {
         self.spans.reserve(rows.saturating_sub(self.spans.len()));
     }
@@ -83,7 +83,7 @@ impl Rows {
         self.count = [0; 2];
     }
 
-    /// The span of a row; an empty one where there is none.
+    /// Returns the span of a row; an empty one where there is none.
     pub(super) fn span(&self, y: i32, z: i32) -> [i32; 2] {
         let at = [y - self.low[0], z - self.low[1]];
         if (0..2).all(|a| (0..self.count[a]).contains(&at[a])) {
@@ -94,7 +94,7 @@ impl Rows {
         }
     }
 
-    /// Every row that holds cells.
+    /// Returns every row that holds cells.
     pub(super) fn rows(&self) -> impl Iterator<Item = Row> {
         let width = usize::try_from(self.count[0]).unwrap_or(0).max(1);
         let place = |n: usize| i32::try_from(n).unwrap_or(i32::MAX);
@@ -107,7 +107,7 @@ impl Rows {
         all.filter(|row| row.span[0] < row.span[1])
     }
 
-    /// The parts of a row that are not in these rows.
+    /// Returns the parts of a row that are not in these rows.
     pub(super) fn lack(&self, row: Row) -> [Row; 2] {
         let here = self.span(row.y, row.z);
         let part = |from: i32, to: i32| Row {
@@ -121,7 +121,7 @@ impl Rows {
         [part(from, to.min(here[0])), part(from.max(here[1]), to)]
     }
 
-    /// The ends of a row whose cells have a neighbour outside the body, among the cells beside it (3 or 9 rows).
+    /// Returns the ends of a row whose cells have a neighbour outside the body, among the adjacent cells (3 or 9 rows).
     pub(super) fn ends(&self, row: Row, deep: bool) -> [Row; 2] {
         let deep = i32::from(deep);
         // What all rows around hold, without the first and the last cell.
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use base::random::Stream;
 
-    /// Cells whose centres lie in an ellipsoid of random place and shape, in a window that cuts some.
+    /// Returns the cells whose centres lie in an ellipsoid of random place and shape, in a window that cuts some.
     fn body(draw: &mut Stream, deep: bool) -> Rows {
         let mut uniform = |low: f64, high: f64| low + (high - low) * draw.uniform();
         let centre = [uniform(-1.0, 1.0), uniform(-1.0, 1.0), uniform(-1.0, 1.0)];

@@ -6,7 +6,7 @@ use base::number::{floor_i32, to_i32};
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
 
-/// Where the cells of a slab lie; all coordinates are local.
+/// Positions of the cells of a slab; all coordinates are local.
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
     pub(super) grid: Grid,
@@ -29,7 +29,8 @@ impl Slab {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// One value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain, one outside.
+    /// Returns one value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain,
+    /// one outside.
     pub(super) fn layout(&self, inside: u32, outside: u32) -> Vec<u32> {
         let range = |a: usize| -self.ghosts(a)..self.cells[a] + self.ghosts(a);
         let mut values = Vec::with_capacity((0..3).map(|a| range(a).len()).product());
@@ -53,27 +54,27 @@ impl Slab {
         usize::try_from(self.cells[axis] + 2 * self.ghosts(axis)).unwrap_or(0)
     }
 
-    /// Cells of a layer: they follow each other in a [`Self::layout`].
+    /// Returns the cells of a layer: they follow each other in a [`Self::layout`].
     pub(super) fn cells_of_a_layer(&self) -> usize {
         let all = (0..self.dimension - 1).map(|a| self.cells[a] + 2 * self.ghosts(a));
         usize::try_from(all.product::<i32>()).unwrap_or(0)
     }
 
-    /// The layer of a row.
+    /// Returns the layer of a row.
     pub(super) fn layer(&self, row: Row) -> usize {
         let axis = self.dimension - 1;
         let at = if axis == 1 { row.y } else { row.z };
         usize::try_from(at + self.ghosts(axis)).unwrap_or(0)
     }
 
-    /// Place of a cell in a [`Self::layout`].
+    /// Returns the index of a cell in a [`Self::layout`].
     pub(super) fn at(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.cells[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
     }
 
-    /// Distance between the places of a cell and of its neighbour along a direction.
+    /// Returns the distance between the places of a cell and of its neighbour along a direction.
     pub(super) fn step(&self, c: [i8; 3]) -> isize {
         let size = |a: usize| (self.cells[a] + 2 * self.ghosts(a)) as isize;
         (isize::from(c[2]) * size(1) + isize::from(c[1])) * size(0) + isize::from(c[0])
@@ -86,7 +87,7 @@ impl Slab {
         })
     }
 
-    /// Within the slab and its ghosts.
+    /// Returns `true` if a cell is within the slab and its ghosts.
     pub(super) fn held(&self, local: [i32; 3]) -> bool {
         (0..3).all(|a| {
             let ghosts = self.ghosts(a);
@@ -98,17 +99,17 @@ impl Slab {
         (0..3).all(|a| (0..self.cells[a]).contains(&local[a]))
     }
 
-    /// At least two cells from the edge of the slab.
+    /// Returns `true` if a cell is at least two cells from the edge of the slab.
     pub(super) fn deep(&self, local: [i32; 3]) -> bool {
         (0..self.dimension).all(|a| (2..self.cells[a] - 2).contains(&local[a]))
     }
 
-    /// As [`Grid::frame`].
+    /// Returns the offset between frames: see [`Grid::frame`].
     pub(super) fn frame(&self, shift: [i32; 3]) -> [i32; 3] {
         self.grid.frame(self.dimension, shift)
     }
 
-    /// The cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
+    /// Returns the cells of this slab within `reach` of a body, both ends inclusive, in the raw frame.
     pub(super) fn window(&self, position: [f64; 3], frame: [i32; 3], reach: f64) -> [[i32; 3]; 2] {
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for a in 0..self.dimension {

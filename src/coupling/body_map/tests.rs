@@ -37,7 +37,8 @@ fn follow<Sp: Space>(
     loads
 }
 
-/// Every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is one that was made anew.
+/// Checks that every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is
+/// one that was made anew.
 fn is_true<Sp: Space>(
     map: &BodyMap,
     particles: &Particles<Sp>,
@@ -161,7 +162,8 @@ fn balls_and_blocks_hold_the_cells_of_their_places() {
     }
 }
 
-/// What water loses to a body that covers it, the body gains; what it uncovers it gives back.
+/// Covers and uncovers cells: a body gains the momentum that the fluid in covered cells loses, and returns it when it
+/// uncovers them.
 #[test]
 fn covering_and_uncovering_gives_back_what_it_took() {
     let mut populations = Populations::new(Velocities::of::<D2Q9, 9>(), [30, 30, 1], 1).unwrap();

@@ -1,9 +1,9 @@
-//! Which bodies stand apart from all others and from the walls.
+//! Bodies that are apart from all others and from the walls.
 //!
-//! Full cells of two bodies are neighbours only where the bodies nearly touch: each reaches to the corner that the cells share. A body whose
-//! bounding sphere keeps a distance from those of all others and from the walls therefore has no such cells, and the lattice need not look
-//! at their neighbours ([`lbm::saturation::Solid::alone`]). What is found holds until a body has moved by half of what it was found
-//! with to spare.
+//! Full cells of two bodies are neighbours only if the bodies nearly touch: each reaches the corner that the cells
+//! share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has no
+//! such cells, and the lattice need not check their neighbours ([`lbm::saturation::Solid::alone`]). A result is
+//! valid until a body has moved by half of the margin with which it was found.
 
 use super::super::body_map::Grid;
 use super::super::solid_fraction::Method;
@@ -21,7 +21,7 @@ pub(super) struct Sphere {
     pub(super) radius: f64,
 }
 
-/// What was found last.
+/// Results of the last search.
 #[derive(Debug, Default)]
 pub(super) struct Alone {
     found_for: Vec<Sphere>,
@@ -31,12 +31,13 @@ pub(super) struct Alone {
     sorted: Sorted,
 }
 
-/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in one instruction.
+/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in
+/// one instruction.
 #[derive(Debug, Default)]
 struct Sorted {
     centre: [Vec<f64>; 3],
     radius: Vec<f64>,
-    /// Where each begins along the axis.
+    /// Start of each sphere along the axis.
     low: Vec<f64>,
     /// 0 or 1: whether it is near another.
     near: Vec<u64>,
@@ -90,13 +91,13 @@ impl Work for Pairs<'_> {
 }
 
 impl Alone {
-    /// Whether a sphere of the last update stands apart.
+    /// Returns `true` if a sphere of the last update is apart from all others.
     #[must_use]
     pub(super) fn is(&self, k: usize) -> bool {
         self.alone[k]
     }
 
-    /// Looks at the spheres again if one of them moved far enough.
+    /// Checks the spheres again if one of them moved far enough.
     pub(super) fn update(
         &mut self,
         spheres: impl ExactSizeIterator<Item = Sphere> + Clone,
@@ -118,7 +119,8 @@ impl Alone {
         }
         self.found_for.clear();
         self.found_for.extend(spheres);
-        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a cell at each of two bodies.
+        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a
+        // cell at each of two bodies.
         let reach = match method {
             Method::Exact => 0.25,
             Method::Samples(_) | Method::Linear => 2.0,
@@ -165,7 +167,7 @@ impl Alone {
         } = &mut self.sorted;
         for (a, centre) in centre.iter_mut().enumerate() {
             centre.clear();
-            // What lies beyond the plane is of no account.
+            // Bodies beyond the plane do not matter.
             centre.extend(self.order.iter().map(|&k| {
                 if a < dimension {
                     spheres[k as usize].centre[a]
@@ -212,7 +214,7 @@ mod tests {
         (0..spheres.len()).map(|k| alone.is(k)).collect()
     }
 
-    fn at(x: f64, radius: f64) -> Sphere {
+    fn sphere(x: f64, radius: f64) -> Sphere {
         Sphere {
             centre: [x, 25.0, 20.0],
             radius,
@@ -221,10 +223,15 @@ mod tests {
 
     #[test]
     fn neighbours_and_walls_are_found() {
-        let spheres = [at(10.0, 4.0), at(19.0, 4.0), at(32.0, 4.0), at(54.5, 5.0)];
+        let spheres = [
+            sphere(10.0, 4.0),
+            sphere(19.0, 4.0),
+            sphere(32.0, 4.0),
+            sphere(54.5, 5.0),
+        ];
         assert_eq!(found(&spheres, true), [true, true, true, true]);
         assert_eq!(found(&spheres, false), [true, true, true, false]);
-        let close = [at(10.0, 4.0), at(18.4, 4.0), at(32.0, 4.0)];
+        let close = [sphere(10.0, 4.0), sphere(18.4, 4.0), sphere(32.0, 4.0)];
         assert_eq!(found(&close, true), [false, false, true]);
     }
 
@@ -254,7 +261,7 @@ mod tests {
         let mut alone = Alone::default();
         let mut x = 30.0;
         while x > 18.0 {
-            let spheres = [at(10.0, 4.0), at(x, 4.0)];
+            let spheres = [sphere(10.0, 4.0), sphere(x, 4.0)];
             alone.update(spheres.iter().copied(), &grid(true), Method::Exact, 3);
             // A gap below a quarter of a cell is never taken for none.
             assert!(x > 18.25 || !alone.is(0), "{x}");

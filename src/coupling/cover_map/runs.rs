@@ -13,9 +13,9 @@ use std::ops::Range;
 struct Run {
     /// Position in the lattice of cell 0 of the row.
     row: u32,
-    /// Its first cell.
+    /// First cell.
     first: i32,
-    /// Where its fractions end in [`Runs::parts`]; they begin where those of the run before it end.
+    /// End of its fractions in [`Runs::parts`]; they begin at the end of the run before it.
     end: u32,
 }
 
@@ -23,8 +23,8 @@ struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     runs: Vec<Run>,
-    /// How much of each cell the body fills: [`DEEP`] deep inside, 0 where it does not, and of a ghost cell the negative. What is beyond the end of
-    /// the last run is room.
+    /// Fraction of each cell that the body fills: [`DEEP`] deep inside, 0 if it does not, and for a ghost cell the
+    /// negative. Elements beyond the end of the last run are spare capacity.
     parts: Vec<f32>,
 }
 
@@ -36,7 +36,7 @@ impl Runs {
         self.runs.clear();
     }
 
-    /// Where the fractions of the last run end.
+    /// Returns the end of the fractions of the last run.
     fn end(&self) -> usize {
         self.runs.last().map_or(0, |run| run.end as usize)
     }
@@ -53,8 +53,8 @@ impl Runs {
         self.runs.extend(runs);
     }
 
-    /// Those from one to another.
-    fn some(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
+    /// Returns the pieces of the runs in this range.
+    fn pieces_in(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
         let mut start = self.end_before(runs.start);
         self.runs[runs].iter().map(move |run| {
             let parts = &self.parts[start..run.end as usize];
@@ -63,13 +63,13 @@ impl Runs {
         })
     }
 
-    /// Where the fractions of a run begin.
+    /// Returns the start of the fractions of a run.
     fn end_before(&self, run: usize) -> usize {
         let before = run.checked_sub(1);
         before.map_or(0, |before| self.runs[before].end as usize)
     }
 
-    /// The runs in rows whose positions are some of these.
+    /// Returns the runs in rows whose positions are some of these.
     fn within(&self, positions: &Range<usize>) -> Range<usize> {
         let lies =
             |run: Option<&Run>| run.is_some_and(|run| positions.contains(&(run.row as usize)));
@@ -90,7 +90,7 @@ impl Runs {
         threads: usize,
     ) -> impl Iterator<Item = (usize, f32)> {
         let [from, to] = [thread, thread + 1].map(|t| self.runs.len() * t / threads);
-        self.some(from..to).flat_map(|(run, parts)| {
+        self.pieces_in(from..to).flat_map(|(run, parts)| {
             let row = run.row as usize;
             let cells = (run.first..).zip(parts);
             cells.map(move |(k, part)| (row.wrapping_add_signed(k as isize), *part))
@@ -111,7 +111,8 @@ impl Runs {
         }
     }
 
-    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows lie in one part each.
+    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows
+    /// lie in one part each.
     pub(super) fn tell(&self, cover: &mut Part<'_>, slot: u32, before: &Self) {
         // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
         const AHEAD: usize = 16;
@@ -129,8 +130,8 @@ impl Runs {
         for k in here.start..here.start + AHEAD {
             ask(cover, k);
         }
-        let mut olds = before.some(olds).peekable();
-        for (k, (run, parts)) in here.clone().zip(self.some(here.clone())) {
+        let mut olds = before.pieces_in(olds).peekable();
+        for (k, (run, parts)) in here.clone().zip(self.pieces_in(here.clone())) {
             ask(cover, k + AHEAD);
             while let Some((old, gone)) = olds.next_if(|(old, _)| old.row < run.row) {
                 change(cover, slot, old.row, (old.first, gone), (old.first, &[]));
@@ -213,13 +214,14 @@ fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
 }
 
-/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with AVX2 and a call without.
+/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with
+/// AVX2 and a call without.
 pub(super) struct Walk<'a, 'f> {
     pub(super) rows: &'a Rows,
     pub(super) form: &'a Form<'f>,
-    /// From the raw frame of the body to the cells of the slab.
+    /// Offset from the raw frame of the body to the cells of the slab.
     pub(super) frame: [i32; 3],
-    /// Planes of the slab to look at; ghost planes are those before the first and behind the last.
+    /// Planes of the slab to search; ghost planes are those before the first and behind the last.
     pub(super) planes: Range<i32>,
     pub(super) method: Method,
     pub(super) scratch: &'a mut Scratch,
@@ -238,7 +240,7 @@ enum Exact<'a> {
 
 impl<'a> Exact<'a> {
     #[inline(always)]
-    fn of(form: &Form<'a>, method: Method, fast: usize) -> Self {
+    fn new(form: &Form<'a>, method: Method, fast: usize) -> Self {
         match (form, method) {
             (Form::Ball { .. }, Method::Exact) => Self::Ball,
             (Form::Disc { .. }, Method::Exact) if fast < 2 => Self::Disc,
@@ -289,7 +291,7 @@ impl Work for Walk<'_, '_> {
         let mut end = 0;
         for layer in area.low[slow]..area.high[slow] {
             area.layer(layer, scratch);
-            // Room for all cells of the layer.
+            // Capacity for all cells of the layer.
             let room = area.count(middle) * area.count(fast) + WIDEST;
             if found.parts.len() < end + room {
                 found.parts.resize(end + room, 0.0);
@@ -323,7 +325,7 @@ impl Work for Walk<'_, '_> {
 }
 
 impl<'a, 'f> Walk<'a, 'f> {
-    /// Returns the box of the body; none where the slab has no cell of it.
+    /// Returns the box of the body; none if the slab has no cell of it.
     #[inline(always)]
     fn area(&self) -> Option<Area<'a, 'f>> {
         let (rows, frame) = (self.rows, self.frame);
@@ -351,7 +353,7 @@ impl<'a, 'f> Walk<'a, 'f> {
             form: self.form,
             frame,
             method: self.method,
-            exact: Exact::of(self.form, self.method, axes[2]),
+            exact: Exact::new(self.form, self.method, axes[2]),
             low,
             high,
             axes,
@@ -430,7 +432,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Returns the cells of a row; none where the body does not meet it.
+    /// Returns the cells of a row; none if the body does not meet it.
     #[inline(always)]
     fn cells(&self, place: Place, scratch: &Scratch) -> Option<InRow> {
         let [_, middle, fast] = self.axes;
@@ -538,14 +540,14 @@ fn turn(part: &mut f32) {
     *part = 0.0 - *part;
 }
 
-/// What of the cells lies in a range; what is empty stays in it too.
+/// Returns the part of the cells within a range; an empty part also lies within it.
 #[inline(always)]
 fn clamped([start, end]: [i32; 2], range: &Range<i32>) -> Range<i32> {
     let start = start.clamp(range.start, range.end);
     start..end.clamp(start, range.end)
 }
 
-/// Lower corner of a cell.
+/// Returns the lower corner of a cell.
 #[inline(always)]
 fn corner(cell: [i32; 3]) -> [f64; 3] {
     [f64::from(cell[0]), f64::from(cell[1]), f64::from(cell[2])]

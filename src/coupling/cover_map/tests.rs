@@ -48,14 +48,14 @@ fn solid(populations: &Populations<f64>, cover: &Cover) -> f64 {
         .sum()
 }
 
-fn at(x: f64, y: f64, z: f64) -> Motion<Volume> {
+fn motion_at(x: f64, y: f64, z: f64) -> Motion<Volume> {
     Motion {
         position: Vector3::new(x, y, z),
         ..Motion::default()
     }
 }
 
-/// A ball and a turned block beside it, with the block's shape.
+/// Returns a ball and a rotated block next to it, with the block's shape.
 fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
     let mut particles = Particles::<Volume>::new();
     let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.25, 0.61)).unwrap();
@@ -64,12 +64,12 @@ fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
         .unwrap();
     particles.insert(
         Body::uniform::<Volume>(1, 0.37, 1000.0, 0),
-        at(0.71, 0.82, 0.55),
+        motion_at(0.71, 0.82, 0.55),
     );
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 0.4));
     let block = Body::of_block(2, &shape, 1000.0, 0);
     particles
-        .add_block(block, at(x, 0.77, 0.64), 0, turn)
+        .add_block(block, motion_at(x, 0.77, 0.64), 0, turn)
         .unwrap();
     (particles, shape)
 }
@@ -145,7 +145,7 @@ fn discs_cover_what_they_fill() {
     assert!(edges > 5000, "{edges}");
 }
 
-/// What covers a ghost cell is what covers that cell of the next slab, negative, wherever the slabs are cut.
+/// Covers ghost cells: their fractions are the negatives of those of the same cells in the next slab, for any cuts.
 #[test]
 fn ghost_cells_are_covered_as_in_the_next_slab() {
     let (particles, _) = ball_and_block(1.13);
@@ -199,8 +199,8 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
     }
 }
 
-/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several with planes of
-/// their own.
+/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several
+/// with planes of their own.
 #[test]
 fn workers_cover_what_one_covers() {
     let grains = |step: i32| {
@@ -208,7 +208,7 @@ fn workers_cover_what_one_covers() {
         for n in (0..40).filter(|n| n % 7 != step % 7) {
             let mix = |k: i32| f64::from(n.wrapping_mul(0x9e37_79b1_u32.cast_signed()) >> k & 63);
             let away = 0.004 * f64::from(step);
-            let motion = at(0.03 * mix(3) + away, 0.026 * mix(9), 0.02 * mix(15));
+            let motion = motion_at(0.03 * mix(3) + away, 0.026 * mix(9), 0.02 * mix(15));
             let body = Body::uniform::<Volume>(n.unsigned_abs().into(), 0.21, 1000.0, 0);
             particles.insert(body, motion);
         }
@@ -272,7 +272,8 @@ fn workers_cover_planes_of_a_block() {
     }
 }
 
-/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners, fractions and parts.
+/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners,
+/// fractions and parts.
 #[test]
 fn a_gpu_finds_the_same_cells() {
     let mut several = 0;
@@ -309,7 +310,7 @@ fn a_gpu_finds_the_same_cells() {
                 if (id + step) % 7 != 0 {
                     particles.insert(
                         Body::uniform::<Volume>((id * 7) % 41, radius, 1000.0, 0),
-                        at(x, y, z),
+                        motion_at(x, y, z),
                     );
                 }
             }

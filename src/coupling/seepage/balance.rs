@@ -73,7 +73,7 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Returns whether the cell holds grains whose forces are part of the balance.
+    /// Returns `true` if the cell holds grains whose forces are part of the balance.
     fn counts(&self, cell: usize) -> bool {
         self.pores.solid_volume(cell) > 0.0 && !self.is_body(cell)
     }

@@ -83,11 +83,11 @@ const MIDDLE: f64 = 0.5;
 
 /// Knowledge of a grain before a coupling.
 enum Start {
-    /// It has met no water yet, and contacts hold it.
+    /// First coupling; held by contacts.
     Held,
-    /// It has met no water yet, and nothing touches it.
+    /// First coupling; free of contacts.
     Free,
-    /// Its load and its velocity at the last coupling are known.
+    /// Later coupling: load and velocity at the last coupling are known.
     Known,
 }
 

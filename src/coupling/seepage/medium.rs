@@ -16,7 +16,7 @@ use dem::particles::View;
 use dem::space::Space;
 use std::sync::Arc;
 
-/// Relative change of a coefficient in a round from which the rounds go on in the next coupling, where
+/// Relative change of a coefficient in a round from which the rounds continue in the next coupling, where
 /// grains move meanwhile.
 const GOES_ON: f64 = 2e-3;
 /// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure,
@@ -52,7 +52,7 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
 }
 
 impl<Sp: Space> Seepage<Sp> {
-    /// Porosity, permeability and pressure for the grains where they are. Collective.
+    /// Computes porosity, permeability and pressure for the grains where they are. Collective.
     pub(super) fn seep(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
         self.parts.find(&self.pores, particles);
         self.pores.clear();
@@ -137,8 +137,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Friction of open water along each axis by the present speeds, for the next round; returns the largest
-    /// relative change, weighted.
+    /// Computes the friction of open water along each axis by the present speeds, for the next round; returns the
+    /// largest relative change, weighted.
     fn resist(&mut self) -> f64 {
         if !self.water.has_open {
             return 0.0;
@@ -177,7 +177,7 @@ impl<Sp: Space> Seepage<Sp> {
         change
     }
 
-    /// The laws that act on the grains.
+    /// Returns the laws that act on the grains.
     fn laws(&self) -> Laws<'_> {
         Laws {
             drag: self.settings.drag.model(),
@@ -254,7 +254,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Permeability of the cells whose resistance is not a sum over grains: those of zones, and all where
+    /// Computes the permeability of the cells whose resistance is not a sum over grains: those of zones, and all where
     /// the bed counts as at rest.
     fn permeate(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
@@ -413,7 +413,7 @@ impl<Sp: Space> Seepage<Sp> {
         Ok(iterations)
     }
 
-    /// The largest relative change of the permeabilities that depend on the gradient.
+    /// Computes the largest relative change of the permeabilities that depend on the gradient.
     fn permeability_change(&mut self) -> f64 {
         let (law, liquid) = (self.settings.permeability.law.model(), self.settings.liquid);
         let bed = BedOfCells {
@@ -433,7 +433,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Drag and motion of each part of a grain by the present flux.
+    /// Computes drag and motion of each part of a grain by the present flux.
     fn answer(&mut self, particles: &View<'_, Sp>) {
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (laws, ground) = (self.laws(), &self.water.ground);
@@ -454,9 +454,8 @@ impl<Sp: Space> Seepage<Sp> {
             .map_err(failed)
     }
 
-    /// Flux of the water at the pressure found, and the flux and speed to go on with; returns the largest
-    /// relative change of a coefficient,
-    /// weighted by the gradient or the speed of its cell over the largest.
+    /// Computes the flux of the water at the pressure found, and the flux and speed for the next iteration; returns the
+    /// largest relative change of a coefficient, weighted by the gradient or the speed of its cell over the largest.
     fn follow(&mut self) -> f64 {
         let dimension = self.openness.grid.dimension;
         for cell in 0..self.water.flow.len() {
@@ -491,7 +490,7 @@ impl<Sp: Space> Seepage<Sp> {
         change
     }
 
-    /// The flux to go on with in the drag of a cell; returns the relative change of its coefficient.
+    /// Computes the flux for the next iteration of the drag of a cell; returns the relative change of its coefficient.
     fn follow_grains(&self, cell: usize, ground: &mut Ground, found: [f64; 3]) -> f64 {
         if self.pores.solid_volume(cell) <= 0.0 || !self.settings.moves() {
             return 0.0;
@@ -546,7 +545,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 }
 
-/// The part of a cell inside the walls that water fills \[m3\].
+/// Returns the part of a cell inside the walls that water fills \[m3\].
 pub(super) fn pores_of(openness: &Openness, porosity: &[f64], cell: usize) -> f64 {
     openness.volume(cell) * porosity[cell].max(LEAST_PORES)
 }

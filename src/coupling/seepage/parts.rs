@@ -65,9 +65,9 @@ pub(super) struct GrainLoad {
 /// Parts of the grains of one thread.
 #[derive(Debug, Default)]
 pub(super) struct Share {
-    /// Its first grain.
+    /// First grain.
     first: usize,
-    /// Where the parts of each grain end.
+    /// End of the parts of each grain.
     ends: Vec<usize>,
     /// Cells that hold a part of a grain, each with the part.
     pub(super) parts: Vec<(usize, f64)>,

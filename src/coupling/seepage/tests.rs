@@ -51,7 +51,7 @@ impl Bench {
         self.shaft(false)
     }
 
-    /// A shaft between two pressures, or closed at its bottom.
+    /// Returns a shaft between two pressures, or closed at its bottom.
     fn shaft(&self, closed: bool) -> Seepage<Volume> {
         let grid = Grid {
             cells: CELLS,
@@ -105,7 +105,7 @@ impl Bench {
     }
 }
 
-/// A cubic array at rest, denser below, with two sizes.
+/// Returns a cubic array at rest, denser below, with two sizes.
 fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let step = 0.0025;
@@ -162,14 +162,15 @@ fn momentum_closes_with_the_consistent_drag() {
     }
 }
 
-/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values, the closure.
+/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values,
+/// the closure.
 #[test]
 fn extremes_of_all_couplings_are_kept() {
     let mut seepage = Bench::default().seepage();
     let mut particles = bed(&mut seepage);
     let first = seepage.extremes();
     assert_eq!((first.speed, first.first_speed), (0.0, 0.0));
-    // 300 Pa beside the weight of the water.
+    // 300 Pa in addition to the weight of the water.
     assert!((first.pressure / 300.0 - 1.0).abs() < 1e-12, "{first:?}");
     for speed in [3.0, 1.0] {
         particles.motion[5].velocity[2] = speed;
@@ -195,8 +196,8 @@ fn other_laws_say_by_how_much_they_miss() {
         bed(&mut seepage);
         seepage
     };
-    // The drag is the share eps of the whole force. Ergun has 150 where Kozeny and Carman have 180, and takes each grain's own
-    // diameter: sum V/d^2 over the two sizes (one to two) against that of Sauter's mean.
+    // The drag is the share eps of the whole force. Ergun has 150 where Kozeny and Carman have 180, and takes each
+    // grain's own diameter: sum V/d^2 over the two sizes (one to two) against that of Sauter's mean.
     let sizes = [(1.0, 2.5_f64), (2.0, 2.0)];
     let sum = |power: i32| -> f64 { sizes.iter().map(|(n, d)| n * d.powi(power)).sum() };
     let own = sum(1) * (sum(3) / sum(2)).powi(2) / sum(3);
@@ -265,8 +266,8 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     }
 }
 
-/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss, and the drag of
-/// the resistance closes the balance of momentum as it does without inertia.
+/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss,
+/// and the drag of the resistance closes the balance of momentum as it does without inertia.
 #[test]
 fn momentum_closes_with_the_resistance_of_ergun() {
     let mut seepage = Bench {
@@ -298,8 +299,8 @@ fn momentum_closes_with_the_resistance_of_ergun() {
     }
 }
 
-/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell: the load stays that
-/// of a bed at the cap.
+/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell:
+/// the load stays that of a bed at the cap.
 #[test]
 fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
     let mut seepage = Bench::default().seepage();
@@ -447,7 +448,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_happened() {
     assert!(two.restore(&[0.0; 5]).is_err());
 }
 
-/// A plug of grains that fills the section of a shaft between two faces at the same pressure.
+/// Returns a plug of grains that fills the section of a shaft between two faces at the same pressure.
 fn plug(seepage: &Seepage<Volume>, from: f64, to: f64, velocity: f64) -> Particles<Volume> {
     let grid = *seepage.grid();
     let step = 0.0025;
@@ -484,7 +485,7 @@ fn drift(particles: &mut Particles<Volume>, interval: f64, gravity: f64) {
     }
 }
 
-/// So slow that the velocity head of the water that leaves does not count.
+/// Velocity so low that the velocity head of the water that leaves does not count.
 const SLOW: f64 = 5e-4;
 
 /// Nothing stops a bed that moves with its water. In the frame of the laboratory, without `moves`, it stops.
@@ -520,8 +521,8 @@ fn a_plug_that_moves_between_equal_pressures_keeps_its_speed() {
     assert!(speed_after(false, 1e-3) < 0.25 * SLOW);
 }
 
-/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its grains: the
-/// pressure below rises as Darcy's law says for a flux v.
+/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its
+/// grains: the pressure below rises as Darcy's law says for a flux v.
 #[test]
 fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
     let (speed, interval) = (-1e-4, 1e-3);
@@ -629,7 +630,7 @@ fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
     assert!((0.9 * fine..1.01 * fine).contains(&speed), "{speed} {fine}");
 }
 
-/// Terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged
+/// Returns the terminal velocity of a lone sphere by L. Schiller and A. Naumann (1933): balance of drag and submerged
 /// weight, by bisection.
 fn schiller_naumann(diameter: f64, density: f64, liquid: Liquid) -> f64 {
     let weight = Volume::measure(0.5 * diameter) * (density - liquid.density) * 9.81;

@@ -11,8 +11,8 @@ const NOISE: f64 = 1e-7;
 pub(super) struct Ground {
     /// The water and the bed, with the porosity of the neighbourhood.
     pub(super) bed: Bed,
-    /// Factor of the velocity of a grain beside the flux of the water: this porosity, or 1 in the equations
-    /// as printed.
+    /// Factor of the velocity of a grain relative to the flux of the water: this porosity, or 1 in the equations as
+    /// printed.
     pub(super) measure: f64,
     /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
     pub(super) packing: (f64, f64),
@@ -24,8 +24,8 @@ pub(super) struct Ground {
     pub(super) counts: bool,
     /// Solid fraction of the neighbourhood; 0 without grains.
     pub(super) around: f64,
-    /// Part of the volume of the grains whose motion the water of other cells makes room for: what a lone
-    /// grain displaces returns beside it.
+    /// Part of the volume of the grains whose motion water of other cells replaces: the water that a lone grain
+    /// displaces returns next to it.
     pub(super) displaced: f64,
     /// Share of the law of a bed; the rest is that of dilute water.
     pub(super) dense: f64,
@@ -41,7 +41,7 @@ pub(super) struct Ground {
 
 /// The water of all cells.
 pub(super) struct Water {
-    /// Laws and porosities of the cells; none where a cell is outside the walls.
+    /// Laws and porosities of the cells; none if a cell is outside the walls.
     pub(super) ground: Vec<Option<Ground>>,
     /// Part of the reaction of the grains of a cell that moves its water, 0 to 1.
     pub(super) coupled: Vec<f64>,
@@ -67,7 +67,7 @@ pub(super) struct Water {
     pub(super) conductivity: Vec<f64>,
     pub(super) ratios: Vec<[f64; 3]>,
     pub(super) carried: Vec<[f64; 3]>,
-    /// Some cell conducts differently along its axes.
+    /// `true` if some cell conducts differently along its axes.
     pub(super) directed: bool,
     /// Channels of open water.
     pub(super) channels: OpenWater,
@@ -75,12 +75,12 @@ pub(super) struct Water {
     pub(super) open: Vec<[f64; 3]>,
     /// Height of the roughness of channels \[m\].
     pub(super) roughness: f64,
-    /// There is open water.
+    /// `true` if there is open water.
     pub(super) has_open: bool,
 }
 
 impl Water {
-    /// Water at rest.
+    /// Returns water at rest.
     pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
         let n = grid.count();
         let face =
@@ -133,7 +133,7 @@ pub(super) struct Secant {
 }
 
 impl Secant {
-    /// Returns the speed to go on with: that which is used and found, if the response stays. `slope`: d log
+    /// Returns the speed for the next iteration: that which is used and found, if the response stays. `slope`: d log
     /// R/d log u of the law.
     pub(super) fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
         if used <= 0.0 || found <= 0.0 {

@@ -1,17 +1,19 @@
-//! The exact solid fractions of a ball in the cells at its surface: the bits of [`sphere_box`](darcy::overlap::sphere_box) at a
-//! fraction of its cost.
+//! The exact solid fractions of a ball in the cells at its surface: the bits of
+//! [`sphere_box`](darcy::overlap::sphere_box) at a fraction of its cost.
 //!
-//! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the corner. This function
-//! consists of one function of each coordinate (cap) and one of each pair (edge, three arctangents). Cells share corners, and corners
-//! share coordinates. Edges are tabulated: 3 N² of them for a ball N cells across, whereas its surface alone needs 24 for each of some
-//! 3 N² cells. Corners and fractions are computed a layer at a time. The loops along a row have neither branches nor calls, and rows are
-//! padded to whole vectors ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
+//! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the
+//! corner. This function consists of one function of each coordinate (cap) and one of each pair (edge, three
+//! arctangents). Cells share corners, and corners share coordinates. Edges are tabulated: 3 N² of them for a ball N
+//! cells across, whereas its surface alone needs 24 for each of some 3 N² cells. Corners and fractions are computed a
+//! layer at a time. The loops along a row have neither branches nor calls, and rows are padded to whole vectors
+//! ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
 use base::ball::{Coordinate, edge_by, filled, less_cubed, meeting, octant_of};
 use base::number::real;
 use lbm::lanes::{Level, WIDEST, Work};
 
-/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the surface of the ball.
+/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the
+/// surface of the ball.
 #[derive(Debug, Default)]
 struct Coordinates {
     count: usize,
@@ -27,7 +29,7 @@ struct Coordinates {
 /// A plane of corners: the signed part of the ball between its centre and each corner, in units of the cubed radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Which plane along the slowest axis; none before the first.
+    /// Number of the plane along the slowest axis; none before the first.
     plane: Option<usize>,
     parts: Vec<f64>,
 }
@@ -49,16 +51,17 @@ pub struct BallInCells {
 
 /// The parts of the corners of some cells; buffers reused.
 ///
-/// [`Self::fill`] starts a ball, [`Self::layer`] a layer of cells, and [`Self::row`] gives the fractions of a row of the layer.
+/// [`Self::fill`] starts a ball, [`Self::layer`] a layer of cells, and [`Self::row`] gives the fractions of a row of
+/// the layer.
 #[derive(Debug)]
 pub struct BallTable {
     level: Level,
     coordinates: [Coordinates; 3],
-    /// Of axes a and a + 1, in rows along the fastest axis, or along axis a + 1 where neither is.
+    /// Edges along axes a and a + 1, in rows along the fastest axis, or along axis a + 1 if neither is.
     edges: [Vec<f64>; 3],
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// From the first corner to the centre, along each axis, and the radius, in cells.
+    /// Vector from the first corner to the centre, along each axis, and the radius, in cells.
     centre: [f64; 3],
     radius: f64,
     corners: [Corners; 2],
@@ -92,9 +95,10 @@ impl BallTable {
         self.level.run(Layer(self, layer));
     }
 
-    /// The filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the axis between the slowest and the
-    /// fastest. The value of a cell with all eight corners inside the ball has no meaning, nor has that of one which the ball does not reach, nor
-    /// what is beyond the row: up to [`WIDEST`] numbers.
+    /// Returns the filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the
+    /// axis between the slowest and the fastest. The value of a cell with all eight corners inside the ball has no
+    /// meaning, nor has that of one which the ball does not reach, nor what is beyond the row: up to [`WIDEST`]
+    /// numbers.
     #[must_use]
     pub fn row(&self, row: usize, first: usize, count: usize) -> &[f64] {
         let along = self.coordinates[self.order[2]].size.len();
@@ -202,7 +206,7 @@ impl BallTable {
         self.fractions = fractions;
     }
 
-    /// The corners of a plane.
+    /// Finds the corners of a plane.
     #[inline(always)]
     fn plane<const FAST: usize>(&self, plane: usize, parts: &mut [f64]) {
         let [slow, middle, _] = self.order;
@@ -220,7 +224,7 @@ impl BallTable {
         };
         let (out, all) = (near(slow, plane), self.radius * self.radius);
         for (j, parts) in parts.chunks_exact_mut(along).enumerate() {
-            // The ball reaches no cell beside these corners.
+            // The ball reaches no cell next to these corners.
             if out + near(middle, j) >= all * (1.0 + 1e-9) {
                 continue;
             }
@@ -246,7 +250,8 @@ impl BallTable {
     }
 }
 
-/// The edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of [`edge`](base::ball::edge).
+/// Tabulates the edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of
+/// [`edge`](crate::ball::edge).
 #[inline(always)]
 fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges: &mut Vec<f64>) {
     let width = along.size.len();
@@ -259,7 +264,8 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
             meeting(q, p)
         }) > 0.0
     };
-    // Where the planes of a row and those along it meet in the ball: an interval about the centre, in the next row about the same.
+    // Where the planes of a row and those along it meet in the ball: an interval about the centre, in the next row
+    // about the same.
     let (mut from, mut to) = (along.nearest, along.nearest + 1);
     for (row, edges) in edges.chunks_exact_mut(width).enumerate() {
         let (p, less) = (rows.size[row], rows.less[row]);
@@ -316,7 +322,8 @@ impl Work for Layer<'_> {
     }
 }
 
-/// The filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that along the middle one.
+/// Sums up the filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that
+/// along the middle one.
 #[inline(always)]
 fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     edges: [&[f64]; 4],
@@ -324,7 +331,8 @@ fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     fractions: &mut [f64],
 ) {
     let count = fractions.len();
-    // Corner c lies at the upper end of the axes whose bit it has. No closures over arrays here: they would stay calls in the loop.
+    // Corner c lies at the upper end of the axes whose bit it has. No closures over arrays here: they would stay calls
+    // in the loop.
     let corner = |c: usize| {
         let edge = edges[2 * (c >> SLOW & 1) + (c >> MIDDLE & 1)];
         &edge[c >> FAST & 1..][..count]
@@ -374,7 +382,8 @@ mod tests {
                             low[fast] = f64::from(lower[fast]) + real(k);
                             let exact = sphere_box(centre, radius, low, low.map(|x| x + 1.0));
                             volume += exact;
-                            // Cells inside by their corners, and those that no ball of this size reaches, are not asked for.
+                            // Cells inside by their corners, and those that no ball of this size reaches, are not asked
+                            // for.
                             let (mut near, mut far) = (0.0, 0.0);
                             for a in 0..3 {
                                 let (p, q) = (low[a] - centre[a], low[a] + 1.0 - centre[a]);

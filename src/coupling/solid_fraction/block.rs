@@ -4,12 +4,13 @@
 //!
 //! V_k = -Σ ∫ clamp(k + 1 - x, 0, 1) n_x dA
 //!
-//! over the part of the surface in the row's square column, x along the row and n the outward normal (the divergence theorem). A piece
-//! of a face within cell k adds its integral to that cell, and its projected area to each cell behind it. The faces are cut along the
-//! planes between layers, rows and cells, each piece from the one before. No plane of another face takes part, so that the cost is that
-//! of the surface: some 30 ns for each piece, whatever the number of faces.
+//! over the part of the surface in the row's square column, x along the row and n the outward normal (the divergence
+//! theorem). A piece of a face within cell k adds its integral to that cell, and its projected area to each cell behind
+//! it. The faces are cut along the planes between layers, rows and cells, each piece from the one before. No plane of
+//! another face takes part, so that the cost is that of the surface: some 30 ns for each piece, whatever the number of
+//! faces.
 //!
-//! Each layer is cut from the whole faces. Its fractions are the same bits whichever layers are computed beside it.
+//! Each layer is cut from the whole faces. Its fractions are the same bits whichever other layers are computed.
 
 use super::faces;
 use base::number::{floor_i32, to_i32};
@@ -58,13 +59,13 @@ impl Surface {
         }
     }
 
-    /// Its planes, in the order of the faces of the shape.
+    /// Returns its planes, in the order of the faces of the shape.
     #[must_use]
     pub fn planes(&self) -> &[Plane] {
         &self.planes
     }
 
-    /// Each face: its plane and corners.
+    /// Returns each face: its plane and corners.
     fn faces(&self) -> impl Iterator<Item = (&Plane, &[[f64; 3]])> {
         let mut start = 0;
         self.planes
@@ -81,18 +82,19 @@ impl Surface {
 /// A point: its coordinates along the slow, the middle and the fast axis.
 type Point = [f64; 3];
 
-/// The fractions of a layer of cells; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a layer, and [`Self::row`] gives the
-/// fractions of a row.
+/// The fractions of a layer of cells; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a layer,
+/// and [`Self::row`] gives the fractions of a row.
 #[derive(Debug, Default)]
 pub struct BlockTable {
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// Lowest cell and number of cells, by `order`. Rows begin where the body does, so that sums along them do not depend on the box.
+    /// Lowest cell and number of cells, by `order`. Rows begin where the body does, so that sums along them do not
+    /// depend on the box.
     lower: [i32; 3],
     cells: [usize; 3],
     /// Cells of a row before the box.
     before: usize,
-    /// For each cell of the layer, what begins in it, and what begins for all cells from it on.
+    /// Volume for each cell of the layer that begins in it, and volume that begins for all cells from it on.
     within: Vec<f64>,
     from: Vec<f64>,
     /// Filled parts of the cells of a row.
@@ -210,8 +212,8 @@ impl BlockTable {
         add(cell, &cut.row);
     }
 
-    /// The filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row has no meaning: up to
-    /// [`WIDEST`] numbers.
+    /// Computes the filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row
+    /// has no meaning: up to [`WIDEST`] numbers.
     pub fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         let length = self.cells[2] + 1;
         let within = &self.within[row * length..][..length];
@@ -226,7 +228,7 @@ impl BlockTable {
     }
 }
 
-/// The smallest and the largest of some coordinates.
+/// Returns the smallest and the largest of some coordinates.
 #[inline(always)]
 fn range(coordinates: impl Iterator<Item = f64>) -> (f64, f64) {
     coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| {
@@ -266,7 +268,8 @@ fn split<const AXIS: usize>(
     }
 }
 
-/// The area of a polygon projected along the fast axis, and that times the mean distance from it to the upper end of a cell.
+/// Returns the area of a polygon projected along the fast axis, and that times the mean distance from it to the upper
+/// end of a cell.
 #[inline(always)]
 fn integrals(polygon: &[Point], cell: f64) -> (f64, f64) {
     let [first, rest @ ..] = polygon else {

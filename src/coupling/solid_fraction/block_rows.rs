@@ -1,5 +1,5 @@
-//! The rows of a layer of cells in which a convex polyhedron covers some: where they begin and end, of all rows of the layer in one loop for each
-//! plane.
+//! The rows of a layer of cells in which a convex polyhedron covers some: where they begin and end, of all rows of the
+//! layer in one loop for each plane.
 //!
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! one row alone.
@@ -8,8 +8,8 @@ use super::{LEVEL, Row, RowCells};
 use base::ball::EMPTY;
 use lbm::links::Plane;
 
-/// The rows of the layers of a polyhedron; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a layer, and [`Self::row`]
-/// gives the cells of a row.
+/// The rows of the layers of a polyhedron; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a
+/// layer, and [`Self::row`] gives the cells of a row.
 #[derive(Debug, Default)]
 pub(crate) struct BlockRows {
     /// Axes from slowest to fastest.
@@ -82,7 +82,7 @@ impl BlockRows {
         }
     }
 
-    /// The cells of a row of the layer; `frame` from the raw frame of the body to the cells.
+    /// Returns the cells of a row of the layer; `frame` from the raw frame of the body to the cells.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, frame: i32) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];

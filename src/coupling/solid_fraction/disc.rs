@@ -1,15 +1,16 @@
-//! The exact solid fractions of a disc in the cells at its edge: the bits of [`disc_rectangle`](darcy::overlap::disc_rectangle) at a
-//! fraction of its cost.
+//! The exact solid fractions of a disc in the cells at its edge: the bits of
+//! [`disc_rectangle`](darcy::overlap::disc_rectangle) at a fraction of its cost.
 //!
-//! The area of a disc in a cell is the sum over its four corners, with alternating signs, of a function of the corner: a product of its
-//! coordinates inside the disc, else two segments, each of one coordinate. A segment costs a root and an arctangent. The coordinates of N
-//! cells in a row have N + 1 of them, whereas each cell would ask for eight.
+//! The area of a disc in a cell is the sum over its four corners, with alternating signs, of a function of the corner:
+//! a product of its coordinates inside the disc, else two segments, each of one coordinate. A segment costs a root and
+//! an arctangent. The coordinates of N cells in a row have N + 1 of them, whereas each cell would ask for eight.
 
 use darcy::overlap::{quadrant_of, segment};
 use lbm::lanes::WIDEST;
 use std::ops::Range;
 
-/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the edge of the disc.
+/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the edge
+/// of the disc.
 #[derive(Debug, Default)]
 struct Coordinates {
     size: Vec<f64>,
@@ -37,15 +38,17 @@ impl Coordinates {
     }
 }
 
-/// A line of corners along the fast axis: the signed part of the disc between its centre and each corner, in units of the squared radius.
+/// A line of corners along the fast axis: the signed part of the disc between its centre and each corner, in units of
+/// the squared radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Which line across the fast axis; none before the first.
+    /// Number of the line across the fast axis; none before the first.
     line: Option<usize>,
     parts: Vec<f64>,
 }
 
-/// The parts of the corners of some cells; buffers reused. [`Self::fill`] starts a disc, and [`Self::row`] gives the fractions of a row.
+/// The parts of the corners of some cells; buffers reused. [`Self::fill`] starts a disc, and [`Self::row`] gives the
+/// fractions of a row.
 #[derive(Debug, Default)]
 pub(crate) struct DiscTable {
     /// 0 or 1.
@@ -80,9 +83,9 @@ impl DiscTable {
         self.fractions.resize(self.along.size.len() + WIDEST, 0.0);
     }
 
-    /// The filled parts of `count` cells from number `first` on in a row, counted across the fast axis. Rows in rising order share their
-    /// corners. The value of a cell inside the disc and of one which it does not reach has no meaning, nor has what is beyond the row: up to
-    /// [`WIDEST`] numbers.
+    /// Computes the filled parts of `count` cells from number `first` on in a row, counted across the fast axis. Rows
+    /// in rising order share their corners. The value of a cell inside the disc and of one which it does not reach has
+    /// no meaning, nor has what is beyond the row: up to [`WIDEST`] numbers.
     #[inline(always)]
     pub(crate) fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         if self.fast == 0 {

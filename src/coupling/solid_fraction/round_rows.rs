@@ -1,4 +1,5 @@
-//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer in one loop.
+//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer
+//! in one loop.
 //!
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! one row alone.
@@ -9,16 +10,16 @@ use base::ball::{Beside, around, chord, within};
 /// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RowCells {
-    /// Those that the body reaches.
+    /// Cells that the body reaches.
     pub(crate) outer: [i32; 2],
-    /// Those that it fills.
+    /// Cells that it fills.
     pub(crate) full: [i32; 2],
-    /// Those that it fills with all cells around them.
+    /// Cells that it fills with all cells around them.
     pub(crate) deep: [i32; 2],
 }
 
 impl RowCells {
-    /// Of a row of any body; `frame` from its raw frame to the cells.
+    /// Returns the cells of a row of any body; `frame` is the offset from its raw frame to the cells.
     #[inline(always)]
     pub(crate) fn of(row: &Row, frame: i32) -> Self {
         Self {
@@ -36,7 +37,8 @@ impl RowCells {
 /// The rows of the layers of a ball or disc; buffers reused.
 #[derive(Debug, Default)]
 pub(crate) struct RoundRows {
-    /// How far each row lies beside the centre along the axis between the slowest and the fastest: nearest, farthest, beyond.
+    /// Distance of each row from the centre along the axis between the slowest and the fastest: nearest, farthest,
+    /// beyond.
     beside: [Vec<f64>; 3],
     /// Ends of the cells of each row: outer, full, deep.
     low: [Vec<i32>; 3],
@@ -44,7 +46,7 @@ pub(crate) struct RoundRows {
 }
 
 impl RoundRows {
-    /// Takes the rows of a body from coordinate `first` on: how far each lies beside the centre.
+    /// Stores the distances from the centre of the rows of a body, from coordinate `first` on.
     #[inline(always)]
     pub(crate) fn fill(&mut self, count: usize, beside: impl Fn(usize) -> Beside) {
         for n in 0..3 {
@@ -87,7 +89,7 @@ impl RoundRows {
         }
     }
 
-    /// The cells of a row of the layer.
+    /// Returns the cells of a row of the layer.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];

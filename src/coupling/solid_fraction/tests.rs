@@ -11,7 +11,7 @@ use rows::row;
 
 const PI: f64 = std::f64::consts::PI;
 
-/// The surface of a shape, turned about (1, 2, 3) by `angle`, round `centre`.
+/// Returns the surface of a shape, turned about (1, 2, 3) by `angle`, round `centre`.
 fn turned(shape: &Polyhedron, angle: f64, centre: [f64; 3]) -> Surface {
     let axis = Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0));
     let turn = Rotation3::from_axis_angle(&axis, angle);
@@ -20,13 +20,13 @@ fn turned(shape: &Polyhedron, angle: f64, centre: [f64; 3]) -> Surface {
     surface
 }
 
-/// A cuboid of these edges, turned about (1, 2, 3) by `angle`, round `centre`.
+/// Returns a cuboid of these edges, turned about (1, 2, 3) by `angle`, round `centre`.
 fn cuboid(edges: [f64; 3], angle: f64, centre: [f64; 3]) -> (Surface, f64) {
     let shape = Polyhedron::cuboid(Vector3::from(edges)).unwrap();
     (turned(&shape, angle, centre), shape.radius())
 }
 
-/// Sum of fractions over a box of cells that holds the body; rows must agree with the cells.
+/// Returns the sum of fractions over a box of cells that holds the body; rows must agree with the cells.
 fn sum(form: &Form<'_>, method: Method) -> f64 {
     let mut scratch = Scratch::default();
     let (centre, radius) = form.bounds();
@@ -229,7 +229,7 @@ fn rows_of_a_layer_end_where_each_row_does() {
     assert!(deep > 100, "{deep}");
 }
 
-/// What the cheaper methods cost in accuracy: the table of the module.
+/// Measures the error of the low-cost methods: the table of the module.
 #[test]
 fn the_error_of_samples_and_of_the_linear_estimate() {
     let mut scratch = Scratch::default();

@@ -28,7 +28,7 @@ impl Law for Dallavalle {
     }
 }
 
-/// The drag coefficient C_d.
+/// Returns the drag coefficient C_d.
 #[must_use]
 pub fn drag_coefficient(reynolds: f64) -> f64 {
     (0.63 + 4.8 / reynolds.sqrt()).powi(2)

@@ -4,9 +4,9 @@
 //! f = C_d rho A |U| U eps^-chi / 2,   chi = 3.7 - 0.65 exp[-(1.5 - log10 Re)^2/2],   Re = rho d |U|/mu
 //! ```
 //!
-//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water past the
-//! grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial velocity for U. As a
-//! resistance it is [`super::permeability`] of this drag.
+//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water
+//! past the grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial
+//! velocity for U. As a resistance it is [`super::permeability`] of this drag.
 
 use super::dallavalle::Dallavalle;
 use super::{Bed, Grain, Law};
@@ -16,7 +16,7 @@ use crate::{Equations, Liquid, permeability};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiFelice;
 
-/// The exponent chi.
+/// Returns the exponent chi.
 #[must_use]
 pub fn exponent(reynolds: f64) -> f64 {
     let x = 1.5 - reynolds.max(f64::MIN_POSITIVE).log10();
@@ -40,7 +40,8 @@ impl Law for DiFelice {
 
 impl permeability::Law for DiFelice {
     fn summary() -> &'static str {
-        "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected equations."
+        "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected \
+         equations."
     }
 
     fn description(&self) -> String {

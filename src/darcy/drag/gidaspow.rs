@@ -12,9 +12,10 @@
 //! 0.77 to 0.8 the force passes over from one to the other ([`dense_share`]), so that it is continuous in
 //! the porosity.
 //!
-//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and Fluidization, 1994.)
-//! The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of pressure. The same law as a
-//! resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen and Yu's drag above.
+//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and
+//! Fluidization, 1994.) The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of
+//! pressure. The same law as a resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen
+//! and Yu's drag above.
 
 use super::{Bed, Grain, Law};
 use crate::open_water::rise;
@@ -78,7 +79,8 @@ impl Law for Gidaspow {
 
 impl permeability::Law for Gidaspow {
     fn summary() -> &'static str {
-        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected equations."
+        "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected \
+         equations."
     }
 
     fn description(&self) -> String {

@@ -6,7 +6,8 @@
 //! |grad p - rho g| = A q + B q^2,   A = 150 (1 - eps)^2 mu/(eps^3 d^2),   B = 1.75 (1 - eps) rho/(eps^3 d)
 //! ```
 //!
-//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89.) The same loss in a bed with a permeability that decreases with the gradient:
+//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89.) The same loss in a bed with a permeability that decreases with the
+//! gradient:
 //!
 //! ```text
 //! K = mu q/|grad phi| = 2 mu/[A + sqrt(A^2 + 4 B |grad phi|)]
@@ -47,7 +48,7 @@ impl Law for Ergun {
         true
     }
 
-    /// The equations as printed have the resistance of Kozeny and Carman alone.
+    /// Returns `true` for the corrected equations: those as printed have the resistance of Kozeny and Carman alone.
     fn goes_with(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }

@@ -13,7 +13,7 @@ use crate::Liquid;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KozenyCarman;
 
-/// K \[m2\] of a bed of porosity `eps` and mean diameter `d` \[m\].
+/// Returns K \[m2\] of a bed of porosity `eps` and mean diameter `d` \[m\].
 #[must_use]
 pub fn kozeny_carman(eps: f64, d: f64) -> f64 {
     let solid = 1.0 - eps;

@@ -1,8 +1,8 @@
 //! Porosity by points: a grain is represented by 29 points (17 in 2-D) of equal weight.
 //!
-//! One point is the centre; 14 (8 in 2-D) lie on each of two shells, in the 6 + 8 directions of the axes and corners. Each shell
-//! represents 14/29 of the volume, the centre the innermost 1/29. A point lies at the mean radius of its shell. When a centre crosses a
-//! face, the porosity changes by 1/29 of the grain instead of the whole.
+//! One point is the centre; 14 (8 in 2-D) lie on each of two shells, in the 6 + 8 directions of the axes and corners.
+//! Each shell represents 14/29 of the volume, the centre the innermost 1/29. A point lies at the mean radius of its
+//! shell. When a centre crosses a face, the porosity changes by 1/29 of the grain instead of the whole.
 
 use super::Method;
 use crate::grid::Grid;
@@ -38,14 +38,14 @@ impl Method for Divided {
     }
 }
 
-/// Mean radius of a shell between two radii in a ball (or disc) of radius 1.
+/// Returns the mean radius of a shell between two radii in a ball (or disc) of radius 1.
 fn mean_radius(inner: f64, outer: f64, dimension: i32) -> f64 {
     let n = f64::from(dimension);
     n / (n + 1.0) * (outer.powi(dimension + 1) - inner.powi(dimension + 1))
         / (outer.powi(dimension) - inner.powi(dimension))
 }
 
-/// The points of the divided method, for a grain of radius 1.
+/// Returns the points of the divided method, for a grain of radius 1.
 fn satellites(dimension: usize) -> Vec<[f64; 3]> {
     let mut directions: Vec<[f64; 3]> = Vec::new();
     for axis in 0..dimension {

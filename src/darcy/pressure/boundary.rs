@@ -17,7 +17,7 @@ pub(super) struct Boundary {
     pub(super) upper: bool,
     /// Open area \[m2\].
     pub(super) area: f64,
-    /// Which patch.
+    /// Number of the patch.
     pub(super) patch: usize,
     /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
     pub(super) lift: f64,
@@ -27,7 +27,7 @@ pub(super) struct Boundary {
     pub(super) conductance: f64,
 }
 
-/// Reduced pressure of a head: rho g h \[Pa\].
+/// Returns the reduced pressure of a head: rho g h \[Pa\].
 pub(super) fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
     let g = settings.gravity;
     liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
@@ -47,7 +47,7 @@ pub(super) fn slabs(grid: &Grid, size: usize) -> Slabs {
     Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
 }
 
-/// The faces of the boundary that belong to a patch, by rising position of their cell.
+/// Returns the faces of the boundary that belong to a patch, by rising position of their cell.
 pub(super) fn boundary(
     openness: &Openness,
     layout: &Layout,

@@ -1,7 +1,7 @@
 //! The linear solver: conjugate gradients with a multigrid cycle, from the last pressure.
 //!
-//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed pressure, or the largest
-//! source.
+//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
+//! pressure, or the largest source.
 
 use super::Pressure;
 use crate::Error;
@@ -10,7 +10,7 @@ use crate::reproducible::{dot, power_above};
 use base::number::single;
 
 impl Pressure {
-    /// Conjugate gradients: iterations and relative residual.
+    /// Iterates conjugate gradients; returns the number of iterations and the relative residual.
     pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
         if self.fresh {
             // So that water that nothing drives is at rest exactly.
@@ -29,7 +29,7 @@ impl Pressure {
         let mut last = 0.0;
         loop {
             if largest <= self.settings.tolerance * scale {
-                // Beside free water the imbalance at uniform pressure is far larger than what flows in the end.
+                // Next to free water the imbalance at uniform pressure is far larger than the final flow.
                 let flowing = self.flowing().max(least);
                 if flowing >= scale || largest <= self.settings.tolerance * flowing {
                     break;
@@ -118,7 +118,8 @@ impl Pressure {
         Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
     }
 
-    /// The largest flow through an imposed pressure, or the largest source, at the pressure of the last iteration. Collective.
+    /// Returns the largest flow through an imposed pressure, or the largest source, at the pressure of the last
+    /// iteration. Collective.
     fn flowing(&self) -> f64 {
         let mut most = 0.0_f64;
         for face in &self.boundary {
@@ -137,16 +138,15 @@ impl Pressure {
         self.slab.communicator.all_reduce_max_f64(most)
     }
 
-    /// The largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
-    /// drives the flow. Over the whole
-    /// grid, so that no message is needed.
+    /// Returns the largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
+    /// drives the flow. Over the whole grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()
             .fold(0.0, |most, at| self.system.right[at].abs().max(most))
     }
 
-    /// The largest term of the left sides at the pressure where the iteration starts.
+    /// Returns the largest term of the left sides at the pressure where the iteration starts.
     fn largest_term(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten().fold(0.0, |most, at| {
@@ -160,7 +160,7 @@ impl Pressure {
         self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
     }
 
-    /// `residual = right - A phi`, and its largest size on any rank.
+    /// Computes `residual = right - A phi`, and its largest size on any rank.
     fn first_residual(&mut self) -> f64 {
         self.slab.halo.fill(&mut self.phi);
         let (layout, matrix, phi, right) = (

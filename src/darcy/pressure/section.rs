@@ -1,24 +1,24 @@
-//! What crosses a part of a plane between cells.
+//! Flow through a part of a plane between cells.
 
 use super::Pressure;
 use base::number::real;
 use decomposition::ExactSum;
 use std::ops::Range;
 
-/// What a section sees.
+/// Flow, area and pressures at a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Through {
     /// Water and grains that cross it along the axis in a second \[m3/s; m2/s in 2-D\].
     pub discharge: f64,
-    /// Its open area \[m2; m in 2-D\].
+    /// Open area \[m2; m in 2-D\].
     pub area: f64,
-    /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN where there are none.
+    /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN if there are none.
     pub reduced: [f64; 2],
 }
 
 impl Pressure {
-    /// What crosses the faces below the cells of a plane across `axis`, of the cells in these ranges along the other axes. The plane may
-    /// be one past the last.
+    /// Returns the flow through the faces below the cells of a plane across `axis`, of the cells in these ranges along
+    /// the other axes. The plane may be one past the last.
     #[must_use]
     pub fn through(&self, axis: usize, plane: usize, ranges: &[Range<usize>; 3]) -> Through {
         let mut discharge = ExactSum::new();
@@ -68,7 +68,7 @@ impl Pressure {
         }
     }
 
-    /// Hydraulic head of a reduced pressure \[m\]; NaN without gravity.
+    /// Returns the hydraulic head of a reduced pressure \[m\]; NaN without gravity.
     #[must_use]
     pub fn head(&self, reduced: f64) -> f64 {
         reduced / super::head_pressure(&self.liquid, &self.settings, 1.0)

@@ -28,7 +28,7 @@ fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> Zone {
     }
 }
 
-/// Permeability of each cell along each axis.
+/// Returns the permeability of each cell along each axis.
 fn permeabilities(grid: &Grid, zones: &[Zone]) -> Vec<[f64; 3]> {
     let n = grid.count();
     let zones = Zones::new(grid, zones);

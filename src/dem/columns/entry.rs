@@ -15,13 +15,13 @@ pub(crate) trait Entry<S: Space>: Copy {
     fn unpack(from: &mut Reader<'_>) -> Result<Self, Error>;
     /// Writes the columns of many entries.
     fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>);
-    /// The name of the first column: a table without it does not hold the array.
+    /// Returns the name of the first column: a table without it does not hold the array.
     fn first_column(name: &str) -> String;
     /// Reads the columns back.
     fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error>;
 }
 
-/// `prefix_field`, or the field alone without a prefix.
+/// Returns `prefix_field`, or the field alone without a prefix.
 pub(crate) fn joined(prefix: &str, field: &str) -> String {
     if prefix.is_empty() {
         field.to_owned()

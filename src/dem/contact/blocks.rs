@@ -1,8 +1,8 @@
 //! Springs and friction of blocks, with mass-proportional damping.
 //!
 //! The narrow phase of [`crate::polyhedron`] handles pairs of blocks, a block and a sphere, and a block at a wall;
-//! [`crate::polyhedron::force`] computes their force. This file contains the parameters, and the same law for two spheres and a sphere
-//! at a wall:
+//! [`crate::polyhedron::force`] computes their force. This file contains the parameters, and the same law for two
+//! spheres and a sphere at a wall:
 //!
 //! ```text
 //! F_n = k_n overlap - c_n d(gap)/dt, at least 0
@@ -10,7 +10,8 @@
 //! area = pi R overlap,   R = r1 r2/(r1 + r2), the radius at a wall
 //! ```
 //!
-//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for a block's patch.
+//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for
+//! a block's patch.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -34,7 +35,8 @@ use super::{
 use crate::dashpot::{over_step, part_of_step};
 use base::error::{Remedy, Report};
 
-/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking of faces in contact.
+/// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking
+/// of faces in contact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Blocks")]
@@ -57,7 +59,8 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Mass-proportional damping α of all free bodies [1/s]: the velocity of a body without contacts decays as exp(-α t).
+    /// Mass-proportional damping α of all free bodies [1/s]: the velocity of a body without contacts decays as exp(-α
+    /// t).
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass_damping: f64,
@@ -81,7 +84,7 @@ pub enum NormalStiffness {
 }
 
 impl NormalStiffness {
-    /// Normal and shear stiffness, with another number where one is given.
+    /// Returns the normal and shear stiffness, with another number where one is given.
     fn with(self, number: Option<f64>, ratio: f64) -> Stiffness {
         match self {
             Self::PerContact(own) => {
@@ -128,7 +131,7 @@ pub struct Pair {
 }
 
 impl Input {
-    /// A law for blocks that never touch: without friction and dashpots.
+    /// Returns a law for blocks that never touch: without friction and dashpots.
     #[must_use]
     pub fn without_use() -> Self {
         Self {
@@ -143,7 +146,7 @@ impl Input {
         }
     }
 
-    /// The springs of a pair; those of the law without one.
+    /// Returns the springs of a pair; those of the law without one.
     fn springs(&self, pair: Option<&Pair>) -> polyhedron::Law {
         let own =
             |get: fn(&Pair) -> Option<f64>, otherwise: f64| pair.and_then(get).unwrap_or(otherwise);
@@ -234,7 +237,7 @@ impl<F: From<Blocks>> ContactParameters<F> for Input {
     }
 }
 
-/// The law as an example in findings.
+/// Returns the law as an example in findings.
 #[must_use]
 pub fn example() -> Value {
     json!({"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}})
@@ -245,7 +248,7 @@ pub fn example() -> Value {
 pub struct Blocks {
     /// Per pair of materials.
     pub parameters: PairTable<polyhedron::Law>,
-    /// How contacts of blocks are condensed to a point.
+    /// Method by which contacts of blocks are condensed to a point.
     pub model: Model,
     /// Damping in proportion to mass [1/s] of all bodies, blocks and spheres; 0 for none.
     pub mass_damping: f64,
@@ -279,14 +282,15 @@ impl ContactModel for Blocks {
         self.parameters.get(a, b).friction
     }
 
-    /// For stiffness per area over the section of a sphere of that diameter: no patch of what is inside it is larger.
+    /// Returns the normal stiffness; if it is per area, that over the section of a sphere of that diameter: no patch
+    /// inside it is larger.
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
         let radius = 0.5 * diameter;
         let section = std::f64::consts::PI * radius * radius;
         self.parameters.get(a, b).stiffness(section)[0]
     }
 
-    /// The law of blocks prepares no grains but for their friction.
+    /// Changes the friction only: the law of blocks prepares no grains.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);
@@ -310,8 +314,8 @@ impl ContactModel for Blocks {
         TimeLimits::of_spring(mass, pairs.map(stiffest).fold(0.0, f64::max))
     }
 
-    /// All faces rest on others whole: with the stiffness K of all of them together in the stiffest direction, and neighbours that swing
-    /// against the block, no frequency is above sqrt(2 K/m).
+    /// All faces rest on others whole: with the stiffness K of all of them together in the stiffest direction, and
+    /// neighbours that swing against the block, no frequency is above sqrt(2 K/m).
     fn time_limits_of_block(
         &self,
         material: u32,
@@ -362,8 +366,9 @@ pub struct Constants {
 }
 
 impl Blocks {
-    /// `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls of `materials`
-    /// materials, for stiffness per area over the block's largest face. The explicit step must stay well below: 0.1 is usual.
+    /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls
+    /// of `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
+    /// below: 0.1 is usual.
     #[must_use]
     pub fn critical_time_step<'a>(
         &self,
@@ -457,7 +462,7 @@ impl<S: Space> ContactLaw<S> for Blocks {
         out_of_space(&history.spring())
     }
 
-    /// Over the section of the sphere: no patch of what is inside it is larger.
+    /// Returns the stiffness over the section of the sphere: no patch inside it is larger.
     fn stiffness(constants: &Constants) -> [f64; 2] {
         let radius = constants.scale.radius;
         constants

@@ -5,11 +5,12 @@
 //! F_s = F_s' - k_s slip dt,                 |F_s| <= F_n tan(phi) + C while bonded, else F_n tan(phi)
 //! ```
 //!
-//! A bond fails in tension above the force C, and the contact ends. A bond that is sheared beyond its limit permanently loses both
-//! cohesions. The shear force drops at once to the friction limit, or to zero if the contact was in tension. Bonds are made once, at the
-//! existing contacts with their present forces; broken bonds do not heal. With k_n and C proportional to the pair's mean diameter d, the bond
-//! opens by C/k_n for any d. Optional dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do
-//! not contribute to failure; without a bond they never pull.
+//! A bond fails in tension above the force C, and the contact ends. A bond that is sheared beyond its limit permanently
+//! loses both cohesions. The shear force drops at once to the friction limit, or to zero if the contact was in tension.
+//! Bonds are made once, at the existing contacts with their present forces; broken bonds do not heal. With k_n and C
+//! proportional to the pair's mean diameter d, the bond opens by C/k_n for any d. Optional dashpots, fractions of
+//! critical damping as in [`super::linear`], add to the springs' forces and do not contribute to failure; without a
+//! bond they never pull.
 //!
 //! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
 //! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
@@ -59,7 +60,8 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -125,7 +127,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// These parameters with the numbers of a pair.
+    /// Returns these parameters with the numbers of a pair.
     fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
@@ -204,8 +206,8 @@ impl ContactModel for CohesiveFrictional {
     }
 }
 
-/// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the root of
-/// mass times stiffness.
+/// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the
+/// root of mass times stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     normal: [f64; 2],
@@ -217,7 +219,7 @@ pub struct Row {
 }
 
 #[inline(always)]
-fn at([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
+fn scaled([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
     constant + per_diameter * diameter
 }
 
@@ -270,26 +272,27 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             ratio: p.stiffness_ratio,
             normal_dashpot: 2.0 * p.normal_damping,
             shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
-            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs go on to the same bits.
+            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs continue to the
+            // same bits.
             friction: coefficient(p.friction.atan().to_degrees()),
             cohesion: p.cohesion.parts(),
         })
     }
 
     fn scale(row: &Row, pair: &PairProperties) -> f64 {
-        (pair.mass * at(row.normal, pair.diameter)).sqrt()
+        (pair.mass * scaled(row.normal, pair.diameter)).sqrt()
     }
 
     #[inline(always)]
     fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
-        let normal = at(row.normal, diameter);
+        let normal = scaled(row.normal, diameter);
         Constants {
             normal,
             shear: normal * row.ratio,
             normal_dashpot: row.normal_dashpot * root,
             shear_dashpot: row.shear_dashpot * root,
             friction: row.friction,
-            cohesion: at(row.cohesion, diameter),
+            cohesion: scaled(row.cohesion, diameter),
             square: root * root,
         }
     }

@@ -6,17 +6,20 @@
 //! unbonded:  the linear law with Coulomb friction, pushing only
 //! ```
 //!
-//! A bond acts at a point: it transmits no moment and does not slip, independently of friction. It fails in tension if its normal spring
-//! pulls with more than the tensile strength T, otherwise in shear if its shear spring exceeds the shear strength S. A failed bond does not
-//! heal. From the same step on the contact is unbonded: its shear force is reduced to the friction limit, and to zero across a gap.
-//! Strengths are forces and apply to the springs alone, not to the dashpots, which are fractions of critical damping as in [`super::linear`].
+//! A bond acts at a point: it transmits no moment and does not slip, independently of friction. It fails in tension if
+//! its normal spring pulls with more than the tensile strength T, otherwise in shear if its shear spring exceeds the
+//! shear strength S. A failed bond does not heal. From the same step on the contact is unbonded: its shear force is
+//! reduced to the friction limit, and to zero across a gap. Strengths are forces and apply to the springs alone, not to
+//! the dashpots, which are fractions of critical damping as in [`super::linear`].
 //!
-//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` is the reference of the normal
-//! spring of a bond across a gap. With 0 the spring pulls at once with k_n times the gap, and a gap beyond T/k_n fails in the first step.
-//! With `unstressed` it is the gap at which the bond was made, so that the bond starts without a force. After failure overlaps count from
-//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
+//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` is the
+//! reference of the normal spring of a bond across a gap. With 0 the spring pulls at once with k_n times the gap, and a
+//! gap beyond T/k_n fails in the first step. With `unstressed` it is the gap at which the bond was made, so that the
+//! bond starts without a force. After failure overlaps count from contact again. Before failure a bond opens by T/k_n
+//! and shears by S/k_s.
 //!
-//! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329, doi:10.1016/j.ijrmms.2004.09.011.
+//! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329,
+//! doi:10.1016/j.ijrmms.2004.09.011.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -63,8 +66,8 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub bonding_gap: f64,
-    /// Whether a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the gap, and fails in
-    /// the first step if this exceeds its strength.
+    /// `true` if a bond across a gap starts without a force. Otherwise it starts with a tensile force of k_n times the
+    /// gap, and fails in the first step if this exceeds its strength.
     #[serde(default)]
     pub unstressed: bool,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
@@ -78,7 +81,8 @@ pub struct Input {
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -151,7 +155,7 @@ pub struct Parameters {
     pub shear_strength: f64,
     /// Surfaces at most so far apart [m] are bonded.
     pub bonding_gap: f64,
-    /// Whether a bond made across a gap starts without a force.
+    /// `true` if a bond made across a gap starts without a force.
     pub unstressed: bool,
 }
 

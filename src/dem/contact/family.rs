@@ -1,4 +1,5 @@
-//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to the concrete law.
+//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to
+//! the concrete law.
 
 use super::{ContactLaw, PairProperties};
 use crate::engine::bodies::Bodies;
@@ -7,9 +8,9 @@ use crate::space::Space;
 
 /// Makes the two enums of a family of contact laws from a list.
 ///
-/// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case, `parameters` implements
-/// [`ContactParameters`](super::ContactParameters), and each `law` that can come of them implements
-/// [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
+/// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case,
+/// `parameters` implements [`ContactParameters`](super::ContactParameters), and each `law` that can come of them
+/// implements [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
 macro_rules! contact_laws {
     (
         $(#[$about:meta])* $vis:vis $Contact:ident,
@@ -48,7 +49,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Whether the case states the friction, be it none, and does not just leave it out.
+            /// Returns `true` if the case states the friction, zero included, instead of leaving it out.
             #[must_use]
             $vis fn states_friction(&self) -> bool {
                 match self {
@@ -58,7 +59,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Whether polyhedra can have the law.
+            /// Returns `true` if polyhedra can have the law.
             #[must_use]
             $vis fn of_polyhedra(&self) -> bool {
                 match self {
@@ -88,7 +89,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// The same, to be changed.
+            /// Returns the model for changes.
             $vis fn model_mut(&mut self) -> &mut dyn $crate::contact::ContactModel {
                 match self {
                     $($( Self::$Variant(law) => law, )+)+
@@ -127,7 +128,7 @@ pub(crate) trait Family {
 
 /// Something to do with a law whose type is known.
 pub(crate) trait Visitor<S: Space> {
-    /// What comes of it.
+    /// Result of the visit.
     type Output;
     /// Does it.
     fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output;

@@ -1,5 +1,5 @@
-//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb friction, for spheres of
-//! elastic material.
+//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb
+//! friction, for spheres of elastic material.
 //!
 //! ```text
 //! F_n = 4/3 E* sqrt(R*) overlap^(3/2) - c_n d(gap)/dt                 pushing; pulling only with `attraction`
@@ -10,21 +10,23 @@
 //! 1/E* = (1 - nu1²)/E1 + (1 - nu2²)/E2,    1/G* = 2 (2 - nu1)(1 + nu1)/E1 + 2 (2 - nu2)(1 + nu2)/E2
 //! ```
 //!
-//! The variant is the incremental one with the tangent stiffness of Mindlin's contact without slip (H-MDns of Di Renzo and Di Maio): the
-//! partial slip of Mindlin and Deresiewicz at the edge of the contact is neglected. `F_s'` is the spring's force of the last step, rotated
-//! with the contact. If the contact has shrunk from radius a' to a, the force is reduced in proportion. Without this reduction a spring that
-//! is loaded at large overlaps and unloaded at small ones would return more work than it received (Thornton et al.).
+//! The variant is the incremental one with the tangent stiffness of Mindlin's contact without slip (H-MDns of Di Renzo
+//! and Di Maio): the partial slip of Mindlin and Deresiewicz at the edge of the contact is neglected. `F_s'` is the
+//! spring's force of the last step, rotated with the contact. If the contact has shrunk from radius a' to a, the force
+//! is reduced in proportion. Without this reduction a spring that is loaded at large overlaps and unloaded at small
+//! ones would return more work than it received (Thornton et al.).
 //!
-//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that of the linear spring
-//! with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed. With attraction
-//! `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing linear one (Schwager and Pöschel).
-//! [`damping`] finds the zeta of either.
+//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that
+//! of the linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed.
+//! With attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing
+//! linear one (Schwager and Pöschel). [`damping`] finds the zeta of either.
 //!
-//! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder Technology 71
-//! (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004) 525,
-//! doi:10.1016/j.ces.2003.09.037 and 60 (2005) 1303, doi:10.1016/j.ces.2004.10.004; T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465,
-//! doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004, doi:10.1209/0295-5075/94/50004;
-//! C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30, doi:10.1016/j.powtec.2012.08.012.
+//! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder
+//! Technology 71 (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004)
+//! 525, doi:10.1016/j.ces.2003.09.037 and 60 (2005) 1303, doi:10.1016/j.ces.2004.10.004; T. Schwager, T. Pöschel,
+//! Granular Matter 9 (2007) 465, doi:10.1007/s10035-007-0065-z; D. Antypov, J. A. Elliott, EPL 94 (2011) 50004,
+//! doi:10.1209/0295-5075/94/50004; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30,
+//! doi:10.1016/j.powtec.2012.08.012.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -47,8 +49,9 @@ use super::{
 use crate::dashpot::over_step;
 use base::error::{Remedy, Report};
 
-/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed; incremental shear
-/// of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and `poisson_ratio` of the materials.
+/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed;
+/// incremental shear of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and
+/// `poisson_ratio` of the materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "HertzMindlin")]
@@ -61,15 +64,16 @@ pub struct Input {
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
-    /// Whether the dashpot may pull while the grains separate. The restitution is the same with and without it.
+    /// `true` if the dashpot may pull while the grains separate. The restitution is equal with and without it.
     #[serde(default)]
     pub attraction: bool,
-    /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step. Default: the sum of
-    /// the two largest initial speeds and the speed of a fall through the domain.
+    /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step.
+    /// Default: the sum of the two largest initial speeds and the speed of a fall through the domain.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub impact_speed: Option<f64>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -102,7 +106,7 @@ pub struct Pair {
 const PATH: &str = "contact.hertz_mindlin";
 
 impl Input {
-    /// The moduli of every material; fewer where some are missing, which are findings.
+    /// Returns the moduli of every material; fewer where some are missing, which are findings.
     fn moduli(scene: &SceneFacts<'_>, report: &mut dyn Report) -> Vec<Elastic> {
         let mut elastic = Vec::new();
         for material in scene.materials {
@@ -136,7 +140,8 @@ impl Input {
             report.error(
                 "grains.initial.deposition.falling_stiffness",
                 "hertz_mindlin has no spring to soften".into(),
-                "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved sample".into(),
+                "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved \
+                 sample".into(),
             );
         }
         if scene.bond_at_start {
@@ -161,7 +166,8 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
         if scene.dimension == 2 {
             report.error(
                 PATH,
-                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap alone".into(),
+                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap \
+                 alone".into(),
                 Remedy::from("use linear, or a domain of three dimensions").set("contact", linear::example()),
             );
             return None;
@@ -226,7 +232,7 @@ pub struct Elastic {
 }
 
 impl Elastic {
-    /// The effective moduli E* and G* [Pa] of a contact of two materials.
+    /// Returns the effective moduli E* and G* [Pa] of a contact of two materials.
     #[must_use]
     pub fn effective(self, other: Self) -> [f64; 2] {
         let part = |m: Self| {
@@ -237,8 +243,8 @@ impl Elastic {
         [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
     }
 
-    /// The time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density [kg/m³]:
-    /// `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
+    /// Returns the time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density
+    /// [kg/m³]: `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
     #[must_use]
     pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
         let shear_modulus = 0.5 * self.young_modulus / (1.0 + self.poisson_ratio);
@@ -246,7 +252,7 @@ impl Elastic {
     }
 }
 
-/// Restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
+/// Returns the restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
 #[must_use]
 pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     if zeta <= 0.0 {
@@ -259,7 +265,8 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
             0.0
         };
     }
-    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a logarithm.
+    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a
+    // logarithm.
     let phase_over_root = if (zeta - 1.0).abs() < 1e-9 {
         2.0
     } else if zeta < 1.0 {
@@ -271,7 +278,7 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     (-zeta * phase_over_root).exp()
 }
 
-/// The fraction of critical damping that restitutes `e`, above 0 to 1.
+/// Returns the fraction of critical damping that restitutes `e`, above 0 to 1.
 #[must_use]
 pub fn damping(e: f64, attraction: bool) -> f64 {
     if e >= 1.0 {
@@ -306,7 +313,7 @@ pub struct Parameters {
     pub friction: f64,
     /// Dashpots as a fraction zeta of critical damping: [`damping`].
     pub damping: f64,
-    /// Whether the normal dashpot may pull.
+    /// `true` if the normal dashpot may pull.
     pub attraction: bool,
     /// Fastest approach [m/s] that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
     pub impact_speed: f64,
@@ -343,14 +350,14 @@ impl ContactModel for HertzMindlin {
         1e-2 * self.parameters.get(material, material).moduli[0]
     }
 
-    /// The springs of elastic spheres have no stiffness of their own: friction alone is changed.
+    /// Changes the friction only: the springs of elastic spheres have no stiffness of their own.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);
         }
     }
 
-    /// Tangent stiffnesses, and the dashpots that go with them.
+    /// Returns the tangent stiffnesses, and the dashpots that go with them.
     fn springs(&self, contact: &StaticContact) -> Springs {
         let [a, b] = contact.materials;
         let pair = self.parameters.get(a, b);
@@ -525,7 +532,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         c.normal * overlap * overlap.sqrt()
     }
 
-    /// Tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
+    /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
     /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
     fn shear_spring(history: &History<S>) -> S::Tangent {
         history.shear
@@ -555,8 +562,8 @@ impl<S: Space> Bodies<S> for HertzMindlin {
     type Scratch = ();
 }
 
-/// Overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over overlap^(3/2)
-/// [N m^-3/2].
+/// Returns the overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over
+/// overlap^(3/2) [N m^-3/2].
 #[must_use]
 pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {
     (1.25 * mass * speed * speed / normal).powf(0.4)

@@ -1,5 +1,5 @@
-//! What all contact laws share in a case: quantities that scale with the diameter, overrides for pairs of materials, and the facts of
-//! the scene that a law is resolved against.
+//! Input shared by all contact laws: quantities that scale with the diameter, overrides for pairs of materials, and the
+//! facts of the scene that a law is resolved against.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -15,27 +15,27 @@ use base::error::{Remedy, Report};
 
 /// The parameters of a law as they stand in a case. `F` is the family of resolved laws that the result belongs to.
 pub trait ContactParameters<F> {
-    /// The law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes back where no law can
-    /// be made.
+    /// Returns the law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes
+    /// back where no law can be made.
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
 
-    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    /// Returns the local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
     fn local_damping(&self) -> f64 {
         0.0
     }
 
-    /// Whether polyhedra can have the law.
+    /// Returns `true` if polyhedra can have the law.
     fn of_polyhedra(&self) -> bool {
         false
     }
 
-    /// Whether the case states the friction, be it none, and does not just leave it out.
+    /// Returns `true` if the case states the friction, zero included, instead of leaving it out.
     fn states_friction(&self) -> bool {
         true
     }
 }
 
-/// Whether a friction angle is stated, for all materials or for each of the pairs that are listed.
+/// Returns `true` if a friction angle is stated, for all materials or for each of the pairs that are listed.
 pub(super) fn states_friction(
     angle: Option<f64>,
     mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
@@ -50,20 +50,20 @@ pub struct SceneFacts<'a> {
     pub dimension: usize,
     /// The materials; pairs in laws name them.
     pub materials: &'a [MaterialFacts],
-    /// Whether there are polyhedra.
+    /// `true` if there are polyhedra.
     pub polyhedra: bool,
-    /// How the grains come about.
+    /// Method by which the grains are created.
     pub grains: Preparation,
-    /// Whether contacts are bonded at the start.
+    /// `true` if contacts are bonded at the start.
     pub bond_at_start: bool,
     /// Upper bound of the speed at which two bodies approach each other [m/s].
     pub fastest_approach: f64,
 }
 
-/// What a law may need of a material.
+/// Properties of a material that a law may need.
 #[derive(Clone, Debug, Default)]
 pub struct MaterialFacts {
-    /// Its name in the case.
+    /// Name in the case.
     pub name: String,
     /// Young's modulus [Pa].
     pub young_modulus: Option<f64>,
@@ -71,28 +71,28 @@ pub struct MaterialFacts {
     pub poisson_ratio: Option<f64>,
 }
 
-/// How the grains of a scene come about.
+/// Method by which the grains of a scene are created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
-    /// They are listed, or there are none.
+    /// Listed grains, or none.
     Listed,
-    /// Their radii grow.
+    /// Grains whose radii grow.
     Growth,
-    /// They are deposited.
+    /// Grains that are deposited.
     Deposition {
-        /// Whether the normal stiffness is lower during the deposition.
+        /// `true` if the normal stiffness is lower during the deposition.
         softened: bool,
     },
 }
 
 impl SceneFacts<'_> {
-    /// The number of materials, at least one.
+    /// Returns the number of materials, at least one.
     #[must_use]
     pub fn material_count(&self) -> u32 {
         u32::try_from(self.materials.len().max(1)).unwrap_or(u32::MAX)
     }
 
-    /// The index of a material, or a finding.
+    /// Returns the index of a material, or a finding.
     fn material(&self, name: &str, path: &str, report: &mut dyn Report) -> Option<u32> {
         let index = self.materials.iter().position(|known| known.name == name);
         if index.is_none() {
@@ -103,8 +103,8 @@ impl SceneFacts<'_> {
     }
 }
 
-/// The table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row of an override at
-/// its path. Duplicate pairs and unknown materials are findings.
+/// Returns the table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row
+/// of an override at its path. Duplicate pairs and unknown materials are findings.
 pub(super) fn pair_table<P: Clone, O>(
     (path, scene): (&str, &SceneFacts<'_>),
     base: PairTable<P>,
@@ -135,8 +135,8 @@ pub(super) fn pair_table<P: Clone, O>(
     table
 }
 
-/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter of the
-/// grain), as in k_n/d = 150e6 N/m2.
+/// A quantity of a contact, constant or proportional to the mean diameter d of the two grains (at a wall: the diameter
+/// of the grain), as in k_n/d = 150e6 N/m2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaled {
@@ -150,7 +150,7 @@ impl Scaled {
     /// Zero for every pair.
     pub const ZERO: Self = Self::Absolute(0.0);
 
-    /// The value for a pair of mean diameter `diameter` [m].
+    /// Returns the value for a pair of mean diameter `diameter` [m].
     #[must_use]
     pub fn at(self, diameter: f64) -> f64 {
         match self {
@@ -159,7 +159,7 @@ impl Scaled {
         }
     }
 
-    /// The number as written.
+    /// Returns the number as written.
     #[must_use]
     pub fn number(self) -> f64 {
         match self {
@@ -167,7 +167,7 @@ impl Scaled {
         }
     }
 
-    /// The constant part and the part per diameter; one of them is zero.
+    /// Returns the constant part and the part per diameter; one of them is zero.
     #[must_use]
     pub fn parts(self) -> [f64; 2] {
         match self {
@@ -271,12 +271,12 @@ impl Pair {
     }
 }
 
-/// The coefficient of friction of a friction angle [degrees].
+/// Returns the coefficient of friction of a friction angle [degrees].
 pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
     friction_angle_degrees.to_radians().tan()
 }
 
-/// Default of k_s/k_n.
+/// Returns the default of k_s/k_n.
 pub(super) fn default_ratio() -> f64 {
     0.4
 }

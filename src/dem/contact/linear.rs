@@ -5,10 +5,11 @@
 //! F_s = cut(F_s' - k_s slip dt - c_s slip)       cut to length mu max(F_n, 0)
 //! ```
 //!
-//! `F_s'` is the spring's force of the last step, rotated with the contact. The dashpots are given as fractions of critical damping of the
-//! pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with attraction has the restitution
-//! `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`. Without attraction it is shorter, and the
-//! restitution is larger. While the contact slides, the spring keeps the limit force and the shear dashpot does not act.
+//! `F_s'` is the spring's force of the last step, rotated with the contact. The dashpots are given as fractions of
+//! critical damping of the pair: `c = 2 zeta sqrt(m* k)` with the pair's effective mass `m*`. A head-on collision with
+//! attraction has the restitution `e = exp(-pi zeta / sqrt(1 - zeta^2))` and lasts `pi sqrt(m*/k) / sqrt(1 - zeta^2)`.
+//! Without attraction it is shorter, and the restitution is larger. While the contact slides, the spring keeps the
+//! limit force and the shear dashpot does not act.
 //!
 //! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
 
@@ -38,8 +39,8 @@ use base::error::Report;
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Linear")]
 pub struct Input {
-    /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the weight of what lies
-    /// above; in seepage with `accuracy`, from the load on the bed.
+    /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the
+    /// weight of what lies above; in seepage with `accuracy`, from the load on the bed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_stiffness: Option<Scaled>,
     /// Shear to normal stiffness k_s/k_n [1].
@@ -58,15 +59,17 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Whether the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the rebound is slightly
-    /// faster than the damping ratio implies. A dashpot that pulls ends within a step: at a time step dt the restitution of one impact is off
-    /// its mean by up to 0.4 c dt/m, 3 % for a damping ratio of 0.2 and 12 % for 0.5 at the default step; pushing only, by 1 %.
+    /// `true` if the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the
+    /// rebound is slightly faster than the damping ratio implies. A dashpot that pulls ends within a step: at a time
+    /// step dt the restitution of one impact is off its mean by up to 0.4 c dt/m, 3 % for a damping ratio of 0.2 and 12
+    /// % for 0.5 at the default step; pushing only, by 1 %.
     #[serde(default)]
     pub attraction: bool,
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::Parameters>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0 turns it off.
+    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: f64,
@@ -119,7 +122,7 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
     }
 }
 
-/// The law as an example in findings.
+/// Returns the law as an example in findings.
 #[must_use]
 pub fn example() -> Value {
     json!({"linear": {"normal_stiffness": {"per_diameter": 1e8}}})
@@ -138,7 +141,7 @@ pub struct Parameters {
     pub normal_damping: f64,
     /// Shear dashpot as a fraction of critical damping.
     pub shear_damping: f64,
-    /// Whether the dashpot may pull.
+    /// `true` if the dashpot may pull.
     pub attraction: bool,
 }
 
@@ -158,7 +161,7 @@ impl Parameters {
         self.normal_stiffness.check_stiffness(&path, report);
     }
 
-    /// These parameters with the numbers of a pair.
+    /// Returns these parameters with the numbers of a pair.
     pub(super) fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
@@ -185,12 +188,12 @@ impl Parameters {
         )
     }
 
-    /// The larger of both stiffnesses [N/m] at a mean diameter [m].
+    /// Returns the larger of both stiffnesses [N/m] at a mean diameter [m].
     pub(super) fn stiffest(&self, diameter: f64) -> f64 {
         self.normal_stiffness.at(diameter) * self.stiffness_ratio.max(1.0)
     }
 
-    /// Other springs and friction for the preparation of grains.
+    /// Sets other springs and friction for the preparation of grains.
     pub(super) fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         if let Some(stiffness) = normal_stiffness {
             self.normal_stiffness = Scaled::Absolute(stiffness);
@@ -254,7 +257,8 @@ pub struct Constants {
     square: f64,
 }
 
-/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times stiffness.
+/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times
+/// stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     normal: f64,
@@ -291,7 +295,7 @@ impl Row {
         self.normal + self.per_diameter * diameter
     }
 
-    /// The root of mass times normal stiffness [N s/m].
+    /// Returns the root of mass times normal stiffness [N s/m].
     pub(super) fn scale(&self, pair: &PairProperties) -> f64 {
         (pair.mass * self.normal(pair.diameter)).sqrt()
     }
@@ -326,7 +330,7 @@ impl Constants {
             * part_of_step(kinematics.overlap, rate, step)
     }
 
-    /// The force of an unbonded contact; `shear` is the force of the shear spring [N].
+    /// Returns the force of an unbonded contact; `shear` is the force of the shear spring [N].
     #[inline(always)]
     pub(super) fn slide<S: Space>(
         &self,

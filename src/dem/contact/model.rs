@@ -8,82 +8,86 @@ use crate::polyhedron::Polyhedron;
 
 /// A resolved contact law as plan, preparation and outputs see it. Materials are indices in the order of the case.
 pub trait ContactModel {
-    /// One line for the plan.
+    /// Returns one line for the plan.
     fn describe(&self) -> String;
 
-    /// The number of materials of the law.
+    /// Returns the number of materials of the law.
     fn materials(&self) -> u32;
 
-    /// Coefficient of friction of a pair of materials.
+    /// Returns the coefficient of friction of a pair of materials.
     fn friction(&self, materials: [u32; 2]) -> f64;
 
-    /// Normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an overlap of 1e-4 of the diameter.
+    /// Returns the normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an
+    /// overlap of 1e-4 of the diameter.
     fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
 
-    /// Normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
+    /// Returns the normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
     fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
         self.normal_stiffness([material; 2], diameter) / diameter
     }
 
-    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction. Grains are bonded
-    /// once they are prepared. A law with another stiffness therefore has no bonds: bonds of full strength on soft springs would open so
-    /// wide that lists of neighbours held hundreds of pairs for each grain.
+    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction.
+    /// Grains are bonded once they are prepared. A law with another stiffness therefore has no bonds: bonds of full
+    /// strength on soft springs would open so wide that lists of neighbours held hundreds of pairs for each grain.
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>);
 
     /// Springs and dashpots of a contact, for stability.
     fn springs(&self, contact: &StaticContact) -> Springs;
 
-    /// What bounds the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] against anything.
+    /// Returns the limits of the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] in
+    /// contact with any body.
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
 
-    /// What bounds the time step of a block of this material and mass \[kg\]; none where the law is not one of blocks.
+    /// Returns the limits of the time step of a block of this material and mass \[kg\]; none if the law is not one of
+    /// blocks.
     fn time_limits_of_block(&self, _: u32, _: &Polyhedron, _mass: f64) -> Option<TimeLimits> {
         None
     }
 
-    /// The fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a case that sets it.
+    /// Returns the fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a
+    /// case that sets it.
     fn impact_speed(&self) -> Option<(f64, &'static str)> {
         None
     }
 
-    /// Whether contacts can be bonded.
+    /// Returns `true` if contacts can be bonded.
     fn bonds(&self) -> bool {
         false
     }
 
-    /// The widest gap \[m\] across which pairs are bonded.
+    /// Returns the widest gap \[m\] across which pairs are bonded.
     fn bonding_gap(&self) -> f64 {
         0.0
     }
 
-    /// How far a bond of given strength opens before it breaks.
+    /// Returns the opening at which a bond of given strength breaks.
     fn bond_opening(&self, _materials: [u32; 2], _diameter: f64) -> Option<BondOpening> {
         None
     }
 
-    /// Cohesion of bonded contacts \[N\].
+    /// Returns the cohesion of bonded contacts \[N\].
     fn cohesion(&self, _materials: [u32; 2]) -> Scaled {
         Scaled::ZERO
     }
 
-    /// The law itself where it is that of blocks.
+    /// Returns the law itself where it is that of blocks.
     fn blocks(&self) -> Option<&Blocks> {
         None
     }
 }
 
-/// What bounds the solid time step of a body.
+/// Limits of the solid time step of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLimits {
-    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is expected, shortened
-    /// by the dashpot.
+    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is
+    /// expected, shortened by the dashpot.
     pub spring: f64,
     /// Rayleigh's time \[s\] of an elastic sphere.
     pub rayleigh: Option<f64>,
 }
 
 impl TimeLimits {
-    /// 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
+    /// Returns 2 sqrt(m/k) for a mass \[kg\] and the stiffest spring [N/m].
     #[must_use]
     pub fn of_spring(mass: f64, stiffness: f64) -> Self {
         Self {
@@ -92,7 +96,7 @@ impl TimeLimits {
         }
     }
 
-    /// The shorter one \[s\].
+    /// Returns the shorter one \[s\].
     #[must_use]
     pub fn shorter(&self) -> f64 {
         self.rayleigh
@@ -113,16 +117,16 @@ pub struct StaticContact {
     pub mass: f64,
     /// Overlap \[m\]; none for the deepest that is expected.
     pub overlap: Option<f64>,
-    /// Which overlap decides.
+    /// Overlap that decides.
     pub depth: Depth,
-    /// Whether it is bonded.
+    /// `true` if it is bonded.
     pub bonded: bool,
 }
 
-/// Which overlap decides the stiffness of a contact whose springs harden.
+/// Overlap that decides the stiffness of a contact whose springs harden.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Depth {
-    /// That of the start.
+    /// Overlap at the start.
     Start,
     /// The deepest that is expected, if that is deeper.
     Expected,
@@ -138,8 +142,8 @@ pub struct Springs {
 }
 
 impl Springs {
-    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that has neither
-    /// friction nor a bond does not stick: it has no shear spring.
+    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that
+    /// has neither friction nor a bond does not stick: it has no shear spring.
     pub(crate) fn damped(
         stiffness: [f64; 2],
         sticks: bool,
@@ -154,7 +158,7 @@ impl Springs {
     }
 }
 
-/// How far a bond opens before it breaks.
+/// Opening at which a bond breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BondOpening {
     /// The gap \[m\] across which it was made at most.
@@ -168,7 +172,7 @@ pub struct BondOpening {
 }
 
 impl BondOpening {
-    /// The gap \[m\] at which it breaks.
+    /// Returns the gap \[m\] at which it breaks.
     #[must_use]
     pub fn widest(&self) -> f64 {
         self.gap + self.strength / self.stiffness

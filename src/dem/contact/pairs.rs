@@ -12,7 +12,7 @@ pub struct PairTable<P> {
 }
 
 impl<P: Clone> PairTable<P> {
-    /// The same parameters for every pair of `materials` materials.
+    /// Returns a table with equal parameters for every pair of `materials` materials.
     #[must_use]
     pub fn uniform(materials: u32, parameters: P) -> Self {
         let materials = materials.max(1);
@@ -31,34 +31,34 @@ impl<P: Clone> PairTable<P> {
 }
 
 impl<P> PairTable<P> {
-    /// The number of materials.
+    /// Returns the number of materials.
     #[must_use]
     pub fn materials(&self) -> u32 {
         self.materials
     }
 
-    /// The parameters of one pair; materials beyond the table use its last row.
+    /// Returns the parameters of one pair; materials beyond the table use its last row.
     #[must_use]
     pub fn get(&self, a: u32, b: u32) -> &P {
         &self.rows[self.row(a, b)]
     }
 
-    /// Every row, each pair twice.
+    /// Returns every row, each pair twice.
     pub fn rows(&self) -> impl Iterator<Item = &P> {
         self.rows.iter()
     }
 
-    /// Every row, each pair twice, to be changed.
+    /// Returns every row, each pair twice, for changes.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut P> {
         self.rows.iter_mut()
     }
 
-    /// The rows of a material with every material.
+    /// Returns the rows of a material with every material.
     pub fn rows_of(&self, material: u32) -> impl Iterator<Item = &P> {
         (0..self.materials).map(move |other| self.get(material, other))
     }
 
-    /// A table of values made from the rows.
+    /// Returns a table of values made from the rows.
     #[must_use]
     pub fn map<Q>(&self, make: impl FnMut(&P) -> Q) -> PairTable<Q> {
         PairTable {
@@ -76,13 +76,13 @@ impl<P> PairTable<P> {
         }
     }
 
-    /// The place of a pair in the table, for [`Self::at`].
+    /// Returns the index of a pair in the table, for [`Self::at`].
     #[expect(clippy::cast_possible_truncation, reason = "a few materials, squared")]
     pub(crate) fn place(&self, a: u32, b: u32) -> u32 {
         self.row(a, b) as u32
     }
 
-    /// The parameters at a place.
+    /// Returns the parameters at a place.
     #[inline(always)]
     pub(crate) fn at(&self, place: u32) -> &P {
         &self.rows[place as usize]

@@ -6,12 +6,13 @@
 //! k_r = 2.25 k_n mu_r² R_r²,             c_r = eta 2 sqrt(I_r k_r)
 //! ```
 //!
-//! `roll` is the spin of the second body relative to the first without its part along the normal, `R_r = r1 r2/(r1 + r2)`, and
-//! `I_r = (1/I1 + 1/I2)^-1` with the moments of inertia about the contact point. Against a wall `R_r` and `I_r` are the grain's.
-//! `M_k'` is the spring's moment of the last step, rotated with the contact. Equal and opposite moments act on both bodies, so that
-//! angular momentum is conserved.
+//! `roll` is the spin of the second body relative to the first without its part along the normal,
+//! `R_r = r1 r2/(r1 + r2)`, and `I_r = (1/I1 + 1/I2)^-1` with the moments of inertia about the contact point. Against a
+//! wall `R_r` and `I_r` are the grain's. `M_k'` is the spring's moment of the last step, rotated with the contact.
+//! Equal and opposite moments act on both bodies, so that angular momentum is conserved.
 //!
-//! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269, doi:10.1016/j.powtec.2010.09.030.
+//! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269,
+//! doi:10.1016/j.powtec.2010.09.030.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -33,8 +34,8 @@ use super::{
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Rolling")]
 pub struct Parameters {
-    /// Coefficient of rolling friction [1]: the moment is at most this times the rolling radius times the normal force. It is the
-    /// tangent of the slope on which a grain begins to roll.
+    /// Coefficient of rolling friction [1]: the moment is at most this times the rolling radius times the normal force.
+    /// It is the tangent of the slope on which a grain begins to roll.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
     /// Dashpot in parallel with the rolling spring, as a fraction of critical damping.
@@ -53,7 +54,7 @@ pub struct Rolling<L> {
 }
 
 impl<L: ContactModel> Rolling<L> {
-    /// A law with the same resistance to rolling for all pairs.
+    /// Returns a law with the same resistance to rolling for all pairs.
     #[must_use]
     pub fn everywhere(law: L, parameters: Parameters) -> Self {
         Self {

@@ -1,4 +1,5 @@
-//! A contact law takes one file and one line: a list with the linear law and a toy, from the text of a case to two spheres that collide.
+//! A contact law takes one file and one line: a list with the linear law and a toy, from the text of a case to two
+//! spheres that collide.
 
 mod toy;
 
@@ -15,7 +16,7 @@ use base::error::{Remedy, Report};
 contact_laws! {
     /// The linear law and a toy.
     Contact,
-    /// What comes of them.
+    /// Laws that the choices resolve to.
     Law:
     /// Linear springs with friction, no tension.
     Linear(linear::Input) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
@@ -122,7 +123,10 @@ fn a_toy_is_described_limited_and_stepped() {
 #[test]
 fn overrides_of_pairs_are_checked() {
     let pair = json!({"materials": ["glass", "glass"], "friction_angle_degrees": 45});
-    let law = |pairs: Vec<serde_json::Value>| json!({"linear": {"normal_stiffness": {"absolute": 1e5}, "rolling": {"friction": 0.1}, "pairs": pairs}});
+    let law = |pairs: Vec<serde_json::Value>| {
+        json!({"linear": {"normal_stiffness": {"absolute": 1e5},
+        "rolling": {"friction": 0.1}, "pairs": pairs}})
+    };
     let rolling = resolved(law(vec![pair.clone()]));
     assert!(matches!(rolling, Law::RollingLinear(_)));
     assert_relative_eq!(rolling.model().friction([0, 0]), 1.0, max_relative = 1e-12);

@@ -8,48 +8,48 @@ use super::*;
 
 /// An [`Engine`] of any contact law.
 pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
-    /// Solid steps with the loads of the fluid held.
+    /// Makes solid steps with the loads of the fluid held.
     fn advance(
         &mut self,
         particles: &mut Particles<S>,
         domain: &Domain,
         steps: u64,
     ) -> Result<(), Error>;
-    /// Migration, ghosts, lists and loads for grains that changed.
+    /// Updates migration, ghosts, lists and loads for grains that changed.
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
     /// Bonds every contact that exists now; how many this rank reports.
     fn bond_all(&mut self, particles: &Particles<S>) -> u64;
     /// Takes every bond away.
     fn unbond(&mut self);
-    /// The bonds that failed since the last call.
+    /// Returns the bonds that failed since the last call.
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact this rank reports.
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
-    /// The present counts of this rank.
+    /// Returns the present counts of this rank.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
-    /// The deepest contact so far, on this rank.
+    /// Returns the deepest contact so far, on this rank.
     fn deepest(&self) -> Deepest;
     /// Counts the deepest contact anew.
     fn forget_deepest(&mut self);
-    /// Solid steps done.
+    /// Returns the solid steps done.
     fn steps(&self) -> u64;
-    /// Solid steps done times the time step \[s\].
+    /// Returns the solid steps done times the time step \[s\].
     fn time(&self) -> f64;
-    /// The settings.
+    /// Returns the settings.
     fn settings(&self) -> &Settings<S>;
-    /// The settings, to be changed.
+    /// Returns the settings for changes.
     fn settings_mut(&mut self) -> &mut Settings<S>;
-    /// The walls.
+    /// Returns the walls.
     fn walls(&self) -> &[Wall<S>];
-    /// The walls, to be moved.
+    /// Returns the walls, to be moved.
     fn walls_mut(&mut self) -> &mut [Wall<S>];
-    /// Takes the walls of these indices out of the way.
+    /// Deactivates the walls of these indices.
     fn open_walls(&mut self, walls: &[usize]);
     /// Puts the walls of these indices back.
     fn close_walls(&mut self, walls: &[usize]);
-    /// The contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts this rank reports, the walls, and the steps done.
     fn save(&self) -> Contacts;
-    /// Each contact this rank reports, with the numbers of its history.
+    /// Visits each contact this rank reports, with the numbers of its history.
     fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),

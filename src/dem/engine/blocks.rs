@@ -1,8 +1,10 @@
-//! Blocks in the engine: a pose for each body and step, then narrow phase and force of each active pair whose boxes meet.
+//! Blocks in the engine: a pose for each body and step, then narrow phase and force of each active pair whose boxes
+//! meet.
 //!
-//! The history of a pair is reset whenever the spheres or the axis-parallel boxes about both bodies are apart at the end of a
-//! step. This depends on the motion only: the start of the narrow phase does not depend on when lists were made. Each piece of
-//! parallel work has its own buffers. Actions are added up as for spheres: in the order of the other body's id, planes last.
+//! The history of a pair is reset whenever the spheres or the axis-parallel boxes about both bodies are apart at the
+//! end of a step. This depends on the motion only: the start of the narrow phase does not depend on when lists were
+//! made. Each piece of parallel work has its own buffers. Actions are added up as for spheres: in the order of the
+//! other body's id, planes last.
 
 mod act;
 mod pose;

@@ -1,5 +1,6 @@
-//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies defines here how they
-//! move, which pairs of near spheres may touch, and how forces are computed. The defaults are those of spheres.
+//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies
+//! defines here how they move, which pairs of near spheres may touch, and how forces are computed. The defaults are
+//! those of spheres.
 
 use super::super::Contact;
 use super::super::particles::SPHERE;
@@ -14,10 +15,10 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Own bodies per thread from which threads pay.
     const PER_THREAD: usize = 300;
 
-    /// Whether forces are computed by parts ([`super::parts`]).
+    /// `true` if forces are computed by parts ([`super::parts`]).
     const IN_PARTS: bool = true;
 
-    /// The engine of the law.
+    /// Returns the engine of the law.
     ///
     /// # Errors
     /// Where the law has no such dimension.
@@ -55,10 +56,11 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         integrate::advance(particles, kick, phase, parallel)
     }
 
-    /// What [`Self::near`] and the forces need to know of every entry as it stands now.
+    /// Computes the data of every entry at its present position that [`Self::near`] and the forces need.
     fn pose(_: &mut Self::Scratch, _: &Particles<S>, _parallel: bool) {}
 
-    /// Whether a pair, the second centre `between` (m) from the first's, may be within `gap` (m); only where their spheres are.
+    /// Returns `true` if a pair, the second centre `between` (m) from the first's, may be within `gap` (m); called only
+    /// if their spheres are.
     #[inline(always)]
     fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
         true
@@ -69,7 +71,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.cut_into_parts(particles);
     }
 
-    /// Contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
+    /// Returns the contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
     fn forces(
         engine: &mut Engine<S, Self>,
         particles: &mut Particles<S>,
@@ -79,7 +81,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_forces(particles, dt, phase)
     }
 
-    /// A listed pair as a contact, where it is one.
+    /// Returns a listed pair as a contact, where it is one.
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
@@ -89,7 +91,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_contact(particles, pair)
     }
 
-    /// A listed pair of a body and a plane as a contact, where it is one.
+    /// Returns a listed pair of a body and a plane as a contact, where it is one.
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,

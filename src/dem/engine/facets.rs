@@ -1,8 +1,8 @@
 //! Contacts of grains with walls of facets.
 //!
-//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step, and each
-//! takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear survives an
-//! interior edge.
+//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step,
+//! and each takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear
+//! survives an interior edge.
 
 use super::*;
 
@@ -31,22 +31,23 @@ pub(crate) struct Held<M> {
     pub(super) history: M,
 }
 
-/// Contacts with facets. A grain touches a surface at any number of places, so that contacts are listed anew in each step, and
-/// take over the history of the same facet, or else of a facet beside it: shear survives an interior edge.
+/// Contacts with facets. A grain touches a surface at any number of points, so that contacts are listed anew in each
+/// step. A contact takes over the history of the same facet, or else of an adjacent facet: shear survives an interior
+/// edge.
 #[derive(Debug)]
 pub(crate) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
     pub(super) near: Vec<u32>,
     pub(super) held: Vec<Held<M>>,
     pub(super) next: Vec<Held<M>>,
-    /// Pairs to look at until the next look at all gaps.
+    /// Pairs to test until all gaps are checked again.
     pub(super) active: Vec<u32>,
     pub(super) found: Vec<Nearest>,
     pub(super) taken: Vec<bool>,
     pub(super) close: Vec<[u32; 3]>,
     /// Contacts of one grain with several walls, by pair.
     pub(super) together: Vec<(u32, Nearest)>,
-    /// Those of them that another wall has as well, by pair and facet.
+    /// Contacts that another wall has as well, by pair and facet.
     pub(super) doubled: Vec<[u32; 2]>,
 }
 
@@ -68,8 +69,8 @@ impl<C, M> Default for Facets<C, M> {
 }
 
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
-    /// The contacts of the sphere of pair `k` with its surface, added to its load; they are held for the next step. The loads are those from grain
-    /// `first` on.
+    /// Computes the contacts of the sphere of pair `k` with its surface and adds them to its load; they are held for
+    /// the next step. The loads are those from grain `first` on.
     #[inline(always)]
     pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -141,7 +142,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         pair.held = (start, ghosts::index(self.next.len()));
     }
 
-    /// The contacts of all active pairs of spheres: found anew, each with the history it had. The loads are those from grain `first` on.
+    /// Computes the contacts of all active pairs of spheres: found anew, each with the history it had. The loads are
+    /// those from grain `first` on.
     #[inline(always)]
     pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -179,8 +181,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         to
     }
 
-    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall replaces: where two walls
-    /// touch or lie in one plane, a sphere is pushed once.
+    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall
+    /// replaces: where two walls touch or lie in one plane, a sphere is pushed once.
     pub(super) fn find_doubled<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         (from, to): (usize, usize),
@@ -205,8 +207,9 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         (self.together, self.doubled, self.found) = (together, doubled, found);
     }
 
-    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a nearer one, of two as
-    /// near that with the first wall, in the same direction, or one with a facet on which the contact with an edge or a vertex stands.
+    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a
+    /// nearer one, of two as near that with the first wall, in the same direction, or one with a facet on which the
+    /// contact with an edge or a vertex stands.
     pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &self,
         pairs: impl Iterator<Item = u32>,
@@ -284,13 +287,14 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         &self.near[pair.near.0 as usize..pair.near.1 as usize]
     }
 
-    /// The contacts of a pair.
+    /// Returns the contacts of a pair.
     pub(super) fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
         &self.held[pair.held.0 as usize..pair.held.1 as usize]
     }
 }
 
-/// The history among `held` of a contact with `facet`: its own, else that of a facet beside it which no contact in `found` has.
+/// Returns the history among `held` of a contact with `facet`: its own, else that of an adjacent facet which no contact
+/// in `found` has.
 pub(super) fn history_of<M: Copy + Default>(
     surface: &Surface,
     held: &[Held<M>],
@@ -312,8 +316,8 @@ pub(super) fn history_of<M: Copy + Default>(
     })
 }
 
-/// How far the facets of a wall stand from where they were made \[m\]: once, or in a periodic domain for a wall that has moved at all
-/// places from which a facet may be near a body of the domain.
+/// Returns the displacements of a wall's facets from where they were made \[m\]: one, or in a periodic domain for a
+/// wall that has moved all those for which a facet may be near a body of the domain.
 fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
     let lengths = region.periodic_lengths();
     let mut places = vec![wall.point];
@@ -423,7 +427,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.solids.facets[0].close = close;
     }
 
-    /// How many pairs of a grain and a wall of facets are listed.
+    /// Returns the number of listed pairs of a grain and a wall of facets.
     pub(super) fn facet_pairs(&self) -> usize {
         self.solids.facets.iter().map(|part| part.pairs.len()).sum()
     }

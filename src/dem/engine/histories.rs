@@ -1,5 +1,5 @@
-//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their bytes in
-//! messages.
+//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their
+//! bytes in messages.
 //!
 //! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
 
@@ -7,10 +7,10 @@ use super::*;
 use crate::neighbors::threads_for;
 use std::ops::Range;
 
-/// Which contact at a wall: id of the grain, wall, facet (0 for a plane).
+/// Key of a contact at a wall: id of the grain, wall, facet (0 for a plane).
 pub(crate) type WallKey = (u64, u32, u32);
 
-/// Which contact: ids, and how many box lengths further the second's raw position stands than the first's.
+/// Key of a contact: ids, and the offset in box lengths of the second's raw position from the first's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
     pub(crate) first: u64,
@@ -27,7 +27,7 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// The history of a pair among those of rising key, if it has one.
+    /// Returns the history of a pair among those of rising key, if it has one.
     #[inline]
     pub(super) fn find<H: Copy>(&mut self, histories: &[(Key, H)], key: &Key) -> Option<H> {
         if self.first != Some(key.first) {
@@ -116,7 +116,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
-    /// Key and history of each contact this rank reports, in no order: with grains, then with walls.
+    /// Visits key and history of each contact this rank reports, in no order: with grains, then with walls.
     pub(crate) fn each_history(
         &self,
         mut grains: impl FnMut(Key, &L::History),
@@ -152,7 +152,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// The same as lists by rising key.
+    /// Returns all histories as lists by rising key.
     #[expect(clippy::type_complexity, reason = "two lists of key and history")]
     pub(crate) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
         let (mut grains, mut walls) = (Vec::new(), Vec::new());

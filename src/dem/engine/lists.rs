@@ -1,9 +1,9 @@
 //! Lists of pairs: which pairs are near, and which of them a step tests.
 //!
-//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half the
-//! skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps are looked
-//! at next. The distance between two such looks adapts to the motion. In a bed nearly at rest the active pairs are
-//! the contacts.
+//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half
+//! the skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps
+//! are checked next. The distance between two such checks adapts to the motion. In a bed nearly at rest the active
+//! pairs are the contacts.
 
 use super::*;
 use crate::neighbors::threads_for;
@@ -58,8 +58,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         );
         self.lists.named_owned = particles.owned();
         self.list_offsets(particles);
-        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes, which gets
-        // no more room than needed: it is most of the memory of a grain.
+        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes,
+        // which gets no more capacity than needed: it is most of the memory of a grain.
         let mut search = Search::default();
         let candidates = search.look(particles, gap);
         self.list_facets(particles, gap, &search);
@@ -159,7 +159,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.solids.planes_found = found;
     }
 
-    /// What periodic axes may add to separations: all differences of the images that there are.
+    /// Lists the offsets that periodic axes may add to separations: all differences of the images that there are.
     fn list_offsets(&mut self, particles: &Particles<S>) {
         let mut shifts = vec![[0; 3]];
         for shift in particles.shift.iter().filter(|shift| **shift != [0; 3]) {
@@ -191,7 +191,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }));
     }
 
-    /// Place of a shift among the offsets.
+    /// Returns the index of a shift among the offsets.
     #[inline]
     fn place_of(&self, shift: [i32; 3]) -> usize {
         // Most pairs are no images.
@@ -208,7 +208,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         L::between(self.rows.get(wall, grain), partners)
     }
 
-    /// Chooses the pairs to test until grains have moved by another look's distance.
+    /// Chooses the pairs to test until grains have moved by the distance between two checks of all gaps.
     pub(super) fn activate(&mut self, particles: &Particles<S>) {
         let skin = self.settings.skin;
         let since = self.steps - self.validity.activated_at;

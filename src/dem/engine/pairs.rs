@@ -19,7 +19,7 @@ pub(super) fn effective_mass<S: Space>(particles: &View<'_, S>, i: usize, j: usi
     }
 }
 
-/// `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+/// Returns `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
 pub(super) fn rolling_inertia<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
     let about = [i, j].map(|k| rolled(&particles.body[k]));
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
@@ -29,12 +29,12 @@ pub(super) fn rolling_inertia<S: Space>(particles: &View<'_, S>, i: usize, j: us
     }
 }
 
-/// Moment of inertia about a point of the surface (kg m²).
+/// Returns the moment of inertia about a point of the surface (kg m²).
 pub(super) fn rolled(body: &Body) -> f64 {
     body.inertia + body.mass * body.radius * body.radius
 }
 
-/// A grain at a wall.
+/// Returns a grain at a wall.
 pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
     PairProperties {
         materials: [material, body.material],
@@ -45,7 +45,7 @@ pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
     }
 }
 
-/// The contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
+/// Returns the contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     (constants, history): (&L::Constants, &mut L::History),
@@ -74,7 +74,7 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     force.failure
 }
 
-/// The contact of a listed grain with its plane, added to its load; a bond that failed.
+/// Returns the contact of a listed grain with its plane, added to its load; a bond that failed.
 #[inline(always)]
 pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     pair: &mut WallPair<L::Constants, L::History>,
@@ -110,7 +110,8 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     })
 }
 
-/// From the first centre to the second, and the square of its length: the one place where it is computed.
+/// Returns the vector from the first centre to the second, and the square of its length: the one place where it is
+/// computed.
 #[inline(always)]
 pub(super) fn separation<S: Space>(
     motion: &[Motion<S>],
@@ -182,7 +183,7 @@ impl<S: Space> Spans<S> {
     }
 }
 
-/// The action of one pair, or none where it neither touches nor is bonded.
+/// Returns the action of one pair, or none if it neither touches nor is bonded.
 #[inline(always)]
 pub(super) fn act<S: Space, L: ContactLaw<S>>(
     rows: &PairTable<L::Row>,

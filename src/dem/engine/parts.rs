@@ -1,24 +1,24 @@
 //! Forces between spheres, and their motion, by parts of the grains: one for each thread.
 //!
-//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part computes every active
-//! pair that one of its grains is in:
+//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part
+//! computes every active pair that one of its grains is in:
 //!
 //! 1. Pairs that come in from earlier parts, whose second is in the part. It has copies of them.
 //! 2. Its own pairs, whose first is in the part. They are contiguous in the list.
 //! 3. Its pairs with planes and its contacts with facets.
 //!
-//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts. A pair
-//! between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids follow space (the
-//! module `preparation::numbering` of the library).
+//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts.
+//! A pair between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids
+//! follow space (the module `preparation::numbering` of the library).
 //!
-//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts still read where
-//! the grains were. A solid step therefore has one meeting of the threads.
+//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts
+//! still read where the grains were. A solid step therefore has one meeting of the threads.
 
 use super::*;
 use integrate::{Loads, Phase};
 use std::ops::Range;
 
-/// Where a part starts.
+/// First indices of a part.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cut {
     grains: usize,
@@ -26,10 +26,10 @@ struct Cut {
     planes: usize,
 }
 
-/// What a step makes of a part.
+/// Results of a part in a step.
 #[derive(Debug)]
 struct Part<S: Space> {
-    /// Its active pairs: places among all.
+    /// Range of active pairs among all.
     active: Range<usize>,
     /// The places of the pairs that come in: all of them.
     places: Vec<u32>,
@@ -61,11 +61,11 @@ pub(super) struct Parts<S: Space, C, M> {
     /// One more than there are parts.
     cuts: Vec<Cut>,
     parts: Vec<Part<S>>,
-    /// Of each part, the active pairs whose second is in a later part.
+    /// Active pairs whose second is in a later part, for each part.
     going: Vec<Vec<u32>>,
-    /// Of each part, copies of the active pairs that come in from earlier parts, in the order of the list.
+    /// Copies of the active pairs that come in from earlier parts, for each part, in the order of the list.
     coming: Vec<Vec<Pair<C, M>>>,
-    /// Where grains move to.
+    /// New positions and velocities of the grains.
     moved: Vec<Motion<S>>,
 }
 
@@ -82,8 +82,8 @@ impl<S: Space, C, M> Default for Parts<S, C, M> {
 }
 
 impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
-    /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains, how many
-    /// listed pairs have a first of lower id, and how many listed planes a grain before it.
+    /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains,
+    /// how many listed pairs have a first of lower id, and how many listed planes a grain before it.
     fn cut(
         &mut self,
         count: usize,
@@ -153,7 +153,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
     }
 }
 
-/// What the pairs of a step read.
+/// Input data of the pairs in a step.
 struct World<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
@@ -168,7 +168,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
 /// Pairs, the places of those to compute, and the place of the first.
 type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
 
-/// What one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of its grains.
+/// Data that one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of
+/// its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     coming: &'a mut [Pair<L::Scale, L::History>],
@@ -178,7 +179,8 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
 }
 
 impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
-    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first` on.
+    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first`
+    /// on.
     #[inline(always)]
     fn act_on<const PERIODIC: bool>(
         &self,
@@ -214,7 +216,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         }
     }
 
-    /// The loads of the grains of a part.
+    /// Computes the loads of the grains of a part.
     fn load<const PERIODIC: bool>(&self, from: &Cut, part: &mut Part<S>, share: Share<'_, S, L>) {
         let Share {
             pairs,
@@ -284,8 +286,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.lists.parts.moved.resize(entries, Motion::default());
     }
 
-    /// Contact loads of all own grains; histories advance by `dt` \[s\]. Of several parts, each then moves its grains in `phase`: whether this
-    /// was done, and the fastest.
+    /// Computes the contact loads of all own grains; histories advance by `dt` \[s\]. If there are several parts, each
+    /// then also moves its grains in `phase`; in that case returns the fastest.
     pub(super) fn forces_by_parts<const PERIODIC: bool>(
         &mut self,
         particles: &mut Particles<S>,

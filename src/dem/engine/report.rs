@@ -14,7 +14,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         steps * self.settings.time_step
     }
 
-    /// Two spheres as a contact.
+    /// Returns two spheres as a contact.
     pub(super) fn sphere_contact(
         &self,
         particles: &Particles<S>,
@@ -45,7 +45,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         })
     }
 
-    /// A sphere at a plane as a contact.
+    /// Returns a sphere at a plane as a contact.
     pub(super) fn sphere_plane_contact(
         &self,
         particles: &Particles<S>,
@@ -71,7 +71,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         })
     }
 
-    /// Every contact this rank reports: those of pairs whose first it owns, and those with walls.
+    /// Visits every contact this rank reports: those of pairs whose first it owns, and those with walls.
     pub(crate) fn for_each_contact(
         &self,
         particles: &Particles<S>,
@@ -96,7 +96,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// A sphere at facets as contacts.
+    /// Visits a sphere at facets as contacts.
     pub(super) fn sphere_facet_contacts(
         &self,
         particles: &Particles<S>,
@@ -146,7 +146,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// The present counts of this rank.
+    /// Returns the present counts of this rank.
     pub(crate) fn statistics(&self, particles: &Particles<S>) -> Statistics {
         let mut now = Statistics {
             owned: particles.owned() as u64,

@@ -4,9 +4,9 @@
 //! x'' + alpha x' = F/m + g,     dL/dt + alpha L = M,     w = R I^-1 R^T L
 //! ```
 //!
-//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::polyhedron::rotation`]. Mass-proportional
-//! damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of force and moment in
-//! the axes of space, as for grains. Driven blocks turn with their prescribed spin.
+//! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::polyhedron::rotation`].
+//! Mass-proportional damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of
+//! force and moment in the axes of space, as for grains. Driven blocks turn with their prescribed spin.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -17,24 +17,24 @@ use super::super::polyhedron::{Damping, Polyhedron, RotationState};
 use super::super::space::Space;
 use super::{Fastest, Kick, Phase, SPEED_LIMIT, damped};
 
-/// What moves a body.
+/// Properties and loads that determine the motion of a body.
 #[derive(Clone, Copy)]
 struct Moved<'a, S: Space> {
     body: &'a Body,
     shape: Option<&'a Polyhedron>,
     contact: &'a Load<S>,
-    /// Of the fluid; 0 in a dry scene.
+    /// Load by the fluid; 0 in a dry scene.
     fluid: Load<S>,
 }
 
-/// How velocities change, with damping by mass.
+/// Parameters of the change of velocities, with damping by mass.
 #[derive(Clone, Copy)]
 struct How<'a, S: Space> {
     kick: &'a Kick<S>,
     damping: Damping,
 }
 
-/// A half kick of a free body.
+/// Makes a half kick of a free body.
 fn kick<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
@@ -64,7 +64,7 @@ fn kick<S: Space>(
     motion.spin = out_of_space(&spin);
 }
 
-/// Free turn over a step; returns how far \[m\] any point of the block may have gone about its centre.
+/// Makes a free turn over a step; returns how far \[m\] any point of the block may have gone about its centre.
 fn turn<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
@@ -90,7 +90,7 @@ fn turn<S: Space>(
     2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()
 }
 
-/// One body in a phase of the step: the path of its fastest point over dt, squared.
+/// Moves one body in a phase of the step; returns the path of its fastest point over dt, squared.
 fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,

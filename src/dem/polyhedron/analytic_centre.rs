@@ -4,14 +4,14 @@
 //! minimise  f(x) = -sum ln t_i,   t_i = d_i - a_i . x
 //! ```
 //!
-//! Newton's method with the damping for self-concordant functions solves it: steps are scaled by `1/(1 + decrement)` far from
-//! the centre and full near it. The iterates stay inside without a line search. Overlaps may be flat by a factor of 1e6 and more;
-//! the Hessian `sum a a^T / t²` then exceeds double precision. The step is therefore the least-squares solution of
-//! `(a_i / t_i) . y = -1`, by Householder reflections with rows sorted by size and column pivoting: row-wise stable, and as
-//! accurate for a thin overlap as for a round one (A. J. Cox, N. J. Higham, 1998).
+//! Newton's method with the damping for self-concordant functions solves it: steps are scaled by `1/(1 + decrement)`
+//! far from the centre and full near it. The iterates stay inside without a line search. Overlaps may be flat by a
+//! factor of 1e6 and more; the Hessian `sum a a^T / t²` then exceeds double precision. The step is therefore the
+//! least-squares solution of `(a_i / t_i) . y = -1`, by Householder reflections with rows sorted by size and column
+//! pivoting: row-wise stable, and as accurate for a thin overlap as for a round one (A. J. Cox, N. J. Higham, 1998).
 //!
-//! Sources: the analytic centre as contact point, C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73; the
-//! damping, S. Boyd, L. Vandenberghe, Convex Optimization (2004), section 9.6.
+//! Sources: the analytic centre as contact point, C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44
+//! (2012) 73; the damping, S. Boyd, L. Vandenberghe, Convex Optimization (2004), section 9.6.
 
 use nalgebra::Vector3;
 
@@ -20,7 +20,7 @@ use super::HalfSpace;
 /// Newton steps at most; ten from the deepest point and two or three from the last step's centre are usual.
 const STEPS: usize = 60;
 
-/// The centre from a point strictly inside, and whether it was reached. Whatever happens the answer is inside.
+/// Returns the centre from a point strictly inside, and whether it was reached. Whatever happens the answer is inside.
 pub(super) fn find(
     planes: &[HalfSpace],
     start: &Vector3<f64>,
@@ -56,7 +56,8 @@ pub(super) fn find(
             return (x, false);
         }
         x = next;
-        // Distances from planes are known to rounding of the blocks' size, and so is the centre of what is hardly thicker.
+        // Distances from planes are known to rounding of the blocks' size, and so is the centre of what is hardly
+        // thicker.
         if decrement < 1e-7_f64.max(32.0 * f64::EPSILON * scale / least) {
             return (x, true);
         }
@@ -68,7 +69,7 @@ fn squared(row: &[f64; 4]) -> f64 {
     row[0] * row[0] + row[1] * row[1] + row[2] * row[2]
 }
 
-/// A step length near the minimum along `step`, by Newton's method in one dimension from a safe one.
+/// Returns a step length near the minimum along `step`, by Newton's method in one dimension from a safe one.
 fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64) -> f64 {
     let mut length = safe;
     for _ in 0..3 {
@@ -90,8 +91,8 @@ fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64)
     }
 }
 
-/// Least squares `row . y = right side` for rows in falling order of size; the solution, and the length of the right side's part
-/// in the range: the Newton decrement.
+/// Solves the least squares `row . y = right side` for rows in falling order of size; the solution, and the length of
+/// the right side's part in the range: the Newton decrement.
 fn least_squares(rows: &mut [[f64; 4]]) -> Option<(Vector3<f64>, f64)> {
     let mut order = [0, 1, 2];
     for step in 0..3 {

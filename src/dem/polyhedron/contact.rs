@@ -1,39 +1,40 @@
 //! The narrow phase: whether two blocks touch, where, in which direction, how deep and over which area.
 //!
 //! 1. The plane that separated the pair in the last step is tried first: two passes over the vertices.
-//! 2. The linear program (`linear_program.rs`) decides, starting from its last basis. A separating plane that it finds is
-//!    confirmed by the vertices and kept. All separating axes decide the cases that rounding leaves open. No contact is
-//!    missed and none is invented.
+//! 2. The linear program (`linear_program.rs`) decides, starting from its last basis. A separating plane that it finds
+//!    is confirmed by the vertices and kept. All separating axes decide the cases that rounding leaves open. No contact
+//!    is missed and none is invented.
 //! 3. The contact is reduced to one point, normal and depth by one of three models.
 //!
-//! [`Model::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of the overlap. The normal
-//! is the direction between the gradients of both "potential particles" at this point. With the planes moved inwards by the
-//! rounding `r`,
+//! [`Model::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of the overlap.
+//! The normal is the direction between the gradients of both "potential particles" at this point. With the planes moved
+//! inwards by the rounding `r`,
 //!
 //! ```text
 //! g = sum_i <a_i . x - d_i + r> a_i,     n = g_1/|g_1| - g_2/|g_2|, normalised     <z> = max(z, 0)
 //! ```
 //!
-//! Where all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both surfaces
-//! along `n` through the point. The area is the area of the section of the overlap across `n`.
+//! Where all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both
+//! surfaces along `n` through the point. The area is the area of the section of the overlap across `n`.
 //!
-//! [`Model::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area `S` of the first's
-//! surface inside the second,
+//! [`Model::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area `S` of the
+//! first's surface inside the second,
 //!
 //! ```text
 //! n = S/|S|,   area = |S|,   depth = V/|S|,   point = centroid of the overlap
 //! ```
 //!
-//! The force `k area depth = k V` is the sum over a bed of springs of `k` [Pa/m] on the patch, and acts where that sum acts: a
-//! tilted face is turned back by exactly the moment of the bed. Against a plane this is Winkler's foundation, and it conserves
-//! energy; of two blocks it conserves energy nearly. All quantities are continuous in the pose, also where a vertex contact becomes a contact of an edge or a face: V
-//! grows from zero as the third power, the square, or linearly. There is no rounding to choose. Sources: volume as the measure
-//! of contact, S. Hasegawa, M. Sato, Computer Graphics Forum 23 (2004) 529; vector area as normal, Y. T. Feng, K. Han,
-//! D. R. J. Owen, Comput. Methods Appl. Mech. Engrg. 205-208 (2012) 169.
+//! The force `k area depth = k V` is the sum over a bed of springs of `k` [Pa/m] on the patch, and acts where that sum
+//! acts: a tilted face is turned back by exactly the moment of the bed. Against a plane this is Winkler's foundation,
+//! and it conserves energy; of two blocks it conserves energy nearly. All quantities are continuous in the pose, also
+//! where a vertex contact becomes a contact of an edge or a face: V grows from zero as the third power, the square, or
+//! linearly. There is no rounding to choose. Sources: volume as the measure of contact, S. Hasegawa, M. Sato, Computer
+//! Graphics Forum 23 (2004) 529; vector area as normal, Y. T. Feng, K. Han, D. R. J. Owen, Comput. Methods Appl. Mech.
+//! Engrg. 205-208 (2012) 169.
 //!
-//! [`Model::Pressure`], the default, has an energy for all shapes: each surface feels half the pressure k d of its depth d in the other
-//! block (`contact/pressure.rs`). Faces on faces are the same bed of springs. Against a plane it is the patch. Relative energy errors in
-//! frictionless elastic collisions of boxes:
+//! [`Model::Pressure`], the default, has an energy for all shapes: each surface feels half the pressure k d of its
+//! depth d in the other block (`contact/pressure.rs`). Faces on faces are the same bed of springs. Against a plane it
+//! is the patch. Relative energy errors in frictionless elastic collisions of boxes:
 //!
 //! | collision | pressure | patch | point |
 //! |---|---|---|---|
@@ -41,19 +42,20 @@
 //! | corner on face | 3e-12 | 2e-12 | 4e-2 |
 //! | edge on edge | 2e-12 | 3e-5 | 3e-2 |
 //!
-//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient beside an edge
-//! then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks stands for a million
-//! steps, at rest to 1e-12 m/s, with patch and point. A patch costs less than a point: it needs no Newton iteration.
+//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient next
+//! to an edge then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks
+//! stands for a million steps, at rest to 1e-12 m/s, with patch and point. A patch costs less than a point: it needs no
+//! Newton iteration.
 //!
-//! **Facets.** Each facet of a surface takes the points of the block that it hides from the block's centroid: the part behind its
-//! plane inside the cone of sight through it, with the facet's own normal. The cones of adjacent facets fill space without gap or
-//! overlap: a plane of triangles acts as a plane, an edge within the plane pushes nothing, and a convex edge is touched from both
-//! sides in proportion. Two limits: beyond a convex edge a face also hides a sliver from a centroid that stands over the other face,
-//! of the order of the depth over the size of the block; and a rim that meets a block edge on is not felt, because facets
-//! push across themselves.
+//! **Facets.** Each facet of a surface takes the points of the block that it hides from the block's centroid: the part
+//! behind its plane inside the cone of sight through it, with the facet's own normal. The cones of adjacent facets fill
+//! space without gap or overlap: a plane of triangles acts as a plane, an edge within the plane pushes nothing, and a
+//! convex edge is touched from both sides in proportion. Two limits: beyond a convex edge a face also hides a sliver
+//! from a centroid that stands over the other face, of the order of the depth over the size of the block; and a rim
+//! that meets a block edge on is not felt, because facets push across themselves.
 //!
-//! All computations use the frame of the first block: positions far from the origin lose no digits. Nothing is allocated once
-//! the buffers of [`Narrow`] have grown.
+//! All computations use the frame of the first block: positions far from the origin lose no digits. Nothing is
+//! allocated once the buffers of [`Narrow`] have grown.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -81,18 +83,19 @@ pub use history::History;
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// Its shape.
+    /// Shape.
     pub shape: &'a Polyhedron,
     /// Turns its body frame into space.
     pub rotation: Matrix3<f64>,
 }
 
-/// How a contact of blocks is condensed.
+/// Method by which a contact of blocks is condensed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "BlockModel")]
 pub enum Model {
-    /// Pressure in proportion to the depth of each surface inside the other block. With a stiffness per area it conserves energy.
+    /// Pressure in proportion to the depth of each surface inside the other block. With a stiffness per area it
+    /// conserves energy.
     #[default]
     Pressure,
     /// Volume and vector area of the overlap: faces that rest on faces.
@@ -108,7 +111,7 @@ pub enum Model {
 /// A contact now, in the axes of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// From the first's centre to the contact [m].
+    /// Vector from the first's centre to the contact [m].
     pub arm: Vector3<f64>,
     /// Unit normal from the first to the second.
     pub normal: Vector3<f64>,
@@ -116,7 +119,8 @@ pub struct Geometry {
     pub depth: f64,
     /// Area of contact [m²].
     pub area: f64,
-    /// Second moments [m⁴] of the area about the contact point: the sum of `a a^T` over its arms `a` across the normal.
+    /// Second moments [m⁴] of the area about the contact point: the sum of `a a^T` over its arms `a` across the
+    /// normal.
     pub second: Matrix3<f64>,
     /// Moment of the normal pressure about the contact point on the second, over the normal force \[m\].
     pub couple: Vector3<f64>,
@@ -125,14 +129,14 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Polar second moment [m⁴] of the area: what resists twisting.
+    /// Returns the polar second moment [m⁴] of the area: what resists twisting.
     #[must_use]
     pub fn polar(&self) -> f64 {
         self.second.trace().max(0.0)
     }
 }
 
-/// How often which way was gone: for benches and tests.
+/// Counts of the methods used, for benches and tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ways {
     /// Linear programs solved.
@@ -163,11 +167,11 @@ pub struct Narrow {
     /// Triangles of the first's surface inside the second.
     triangles: Vec<[Vector3<f64>; 3]>,
     rows: Vec<[f64; 4]>,
-    /// How often which way was gone.
+    /// Counts of the methods used.
     pub ways: Ways,
 }
 
-/// What a block meets, as the block sees it.
+/// Partner of a block, in the frame of the block.
 enum Other<'a> {
     Block {
         shape: &'a Polyhedron,
@@ -178,7 +182,8 @@ enum Other<'a> {
 }
 
 impl Narrow {
-    /// Two blocks: the lower id first. `separation` [m] leads from the first's centre to the second's.
+    /// Finds the contact of two blocks: the lower id first. `separation` [m] leads from the first's centre to the
+    /// second's.
     pub fn blocks(
         &mut self,
         first: &Placed,
@@ -238,8 +243,8 @@ impl Narrow {
         finish(found, first, history)
     }
 
-    /// A block (the first) and what fills the space behind a plane (the second): `normal` points out of that, and the block's
-    /// centre stands `height` [m] above it.
+    /// Finds the contact of a block (the first) and the solid that fills the space behind a plane (the second):
+    /// `normal` points out of that, and the block's centre stands `height` [m] above it.
     pub fn plane(
         &mut self,
         block: &Placed,
@@ -288,7 +293,7 @@ impl Narrow {
         finish(found, block, history)
     }
 
-    /// The contact of an overlap whose deepest point is known.
+    /// Condenses the contact of an overlap whose deepest point is known.
     fn condense(
         &mut self,
         first: &Polyhedron,
@@ -345,7 +350,8 @@ impl Narrow {
         }
     }
 
-    /// What the exhaustive test makes of a pair: nothing where an axis separates it, else the shortest way out.
+    /// Returns the result of the exhaustive test of a pair: nothing if an axis separates it, else the shortest
+    /// separation.
     fn exhaust(
         &mut self,
         first: &Polyhedron,
@@ -411,7 +417,7 @@ impl Narrow {
         Some(geometry)
     }
 
-    /// What the exhaustive test alone makes of two blocks.
+    /// Returns the result of the exhaustive test alone of two blocks.
     #[cfg(test)]
     pub(super) fn last_resort(
         &mut self,
@@ -431,7 +437,7 @@ impl Narrow {
     }
 }
 
-/// The contact in space, and what the pair remembers of it.
+/// Returns the contact in space, and what the pair remembers of it.
 fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Option<Geometry> {
     if found.is_none() {
         history.release();
@@ -445,7 +451,7 @@ fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Opt
     })
 }
 
-/// A contact of a point.
+/// Returns a contact of a point.
 fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     Geometry {
         arm: *arm,
@@ -458,7 +464,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     }
 }
 
-/// The unit gradient of a potential particle at a point, or the nearest plane's normal.
+/// Returns the unit gradient of a potential particle at a point, or the nearest plane's normal.
 fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     let mut nearest = (f64::NEG_INFINITY, Vector3::zeros());
@@ -472,7 +478,7 @@ fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector
     sum.try_normalize(0.0).unwrap_or(nearest.1)
 }
 
-/// The distance [m] from a point inside to the surface, along a unit direction.
+/// Returns the distance [m] from a point inside to the surface, along a unit direction.
 fn exit(planes: &[HalfSpace], point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     planes
         .iter()

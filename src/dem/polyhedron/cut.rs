@@ -1,9 +1,9 @@
 //! Vertices and faces of a set of half-spaces: a cube, cut by one plane after another.
 //!
-//! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else from this
-//! classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are sorted by angle,
-//! because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are repeated from a smaller cube:
-//! corners then do not lie on edges far longer than the solid.
+//! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else
+//! from this classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are
+//! sorted by angle, because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are
+//! repeated from a smaller cube: corners then do not lie on edges far longer than the solid.
 
 use nalgebra::Vector3;
 
@@ -17,12 +17,12 @@ const ON: f64 = 1e-10;
 pub(super) struct Cut {
     /// Corners \[m\].
     pub(super) vertices: Vec<Vector3<f64>>,
-    /// Which half-space, and its corners counter-clockwise seen from outside.
+    /// Number of the half-space, and the face's corners counter-clockwise seen from outside.
     pub(super) faces: Vec<(usize, Vec<u32>)>,
 }
 
 impl Cut {
-    /// A cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
+    /// Returns a cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
     fn cube(half: f64) -> Self {
         let vertices = (0..8_u32)
             .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
@@ -44,7 +44,7 @@ impl Cut {
         }
     }
 
-    /// What is left inside half-space number `name`; false where nothing is.
+    /// Cuts by half-space number `name`; returns `true` if any part is left inside.
     pub(super) fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.height(v)).collect();
         let side = |v: u32| {
@@ -123,7 +123,7 @@ impl Cut {
         order.into_iter().map(|(_, v)| v).collect()
     }
 
-    /// The largest coordinate of a corner of a face \[m\].
+    /// Returns the largest coordinate of a corner of a face \[m\].
     fn extent(&self) -> f64 {
         self.faces
             .iter()
@@ -132,8 +132,8 @@ impl Cut {
             .fold(0.0, f64::max)
     }
 
-    /// The solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the axes; none where
-    /// nothing of it is left, or it is not closed.
+    /// Returns the solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the
+    /// axes; none if nothing of it is left, or it is not closed.
     pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;
         for _ in 0..6 {
@@ -153,7 +153,7 @@ impl Cut {
         None
     }
 
-    /// Without the corners that no face has.
+    /// Returns the piece without the corners that no face has.
     pub(super) fn compact(mut self) -> Self {
         let mut new = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();
@@ -172,7 +172,7 @@ impl Cut {
     }
 }
 
-/// Two unit vectors across a unit normal, right-handed with it.
+/// Returns two unit vectors across a unit normal, right-handed with it.
 #[inline]
 pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     // J. R. Duff et al., JCGT 6 (2017) 1: no branch but the sign.
@@ -189,12 +189,12 @@ pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     )
 }
 
-/// A place in a list as the number that faces hold.
+/// Returns a place in a list as the number that faces hold.
 pub(super) fn number(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// A count as a number.
+/// Returns a count as a number.
 #[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
 pub(super) fn count_f64(k: usize) -> f64 {
     k as f64

@@ -8,24 +8,25 @@
 //! M_r = cut(-c_r Q (spin across n))             cut to F_n times the patch's radius of gyration about M_r
 //! ```
 //!
-//! Slip and spin share the friction of a patch: a face that slides resists a twist less, and a face that spins slides more easily. The
-//! limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15 (1996) 557.
+//! Slip and spin share the friction of a patch: a face that slides resists a twist less, and a face that spins slides
+//! more easily. The limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15 (1996) 557.
 //!
-//! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then `k = (stiffness
-//! per area) * area`, and with [`super::Model::Patch`] the normal force is the sum over a bed of springs. `F_s'` is the force of
-//! the shear spring in the last step, carried along with the contact: it is turned as the normal turned and by the mean spin of
-//! both blocks about the normal, and keeps its length.
+//! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then
+//! `k = (stiffness per area) * area`, and with [`super::Model::Patch`] the normal force is the sum over a bed of
+//! springs. `F_s'` is the force of the shear spring in the last step, carried along with the contact: it is turned as
+//! the normal turned and by the mean spin of both blocks about the normal, and keeps its length.
 //!
-//! `M_t` resists the twist of a face on a face, with the polar moment J of the patch: `k_t = k_s J/area`. `R` is exact for a disc
-//! under uniform pressure. Without `M_t` a single contact point would let a block spin freely on another.
+//! `M_t` resists the twist of a face on a face, with the polar moment J of the patch: `k_t = k_s J/area`. `R` is exact
+//! for a disc under uniform pressure. Without `M_t` a single contact point would let a block spin freely on another.
 //!
-//! The dashpots are distributed over the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the second moments
-//! `Q` of the area about the axes across the normal. The rocking of a face is damped, while a block turns freely about an edge. A
-//! dashpot at one point would leave rocking undamped. The patch of a sphere moves over its surface as it rolls: nothing rocks, and
-//! `M_r` is zero ([`Geometry::rocks`]).
+//! The dashpots are distributed over the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the
+//! second moments `Q` of the area about the axes across the normal. The rocking of a face is damped, while a block
+//! turns freely about an edge. A dashpot at one point would leave rocking undamped. The patch of a sphere moves over
+//! its surface as it rolls: nothing rocks, and `M_r` is zero ([`Geometry::rocks`]).
 //!
-//! The contacts of a block with the facets of one plane, also of several walls, are one patch in parts ([`Approach::part`]): springs add
-//! up, and each part has its share of the dashpots of the whole. The dashpots act over a step ([`over_step`]).
+//! The contacts of a block with the facets of one plane, also of several walls, are one patch in parts
+//! ([`Approach::part`]): springs add up, and each part has its share of the dashpots of the whole. The dashpots act
+//! over a step ([`over_step`]).
 //!
 //! Force and moment are equal and opposite at one point: momentum and angular momentum are conserved.
 //!
@@ -42,14 +43,14 @@ use crate::dashpot::{over_step, part_of_step};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stiffness {
-    /// The same for every contact.
+    /// Stiffness equal for every contact.
     PerContact {
         /// Along the normal [N/m].
         normal: f64,
         /// Across it [N/m].
         shear: f64,
     },
-    /// In proportion to the area of contact.
+    /// Stiffness in proportion to the area of contact.
     PerArea {
         /// Along the normal [Pa/m].
         normal: f64,
@@ -71,14 +72,14 @@ pub struct Law {
     pub shear_damping: f64,
 }
 
-/// How the second moves relative to the first.
+/// Relative motion of the second body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Velocity [m/s] of the second's centre less that of the first's.
     pub velocity: Vector3<f64>,
     /// Spins (rad/s, in space).
     pub spins: [Vector3<f64>; 2],
-    /// From the first's centre to the second's \[m\].
+    /// Vector from the first's centre to the second's \[m\].
     pub separation: Vector3<f64>,
     /// Effective mass \[kg\]: `m1 m2/(m1 + m2)`, the block's own against what does not move.
     pub mass: f64,
@@ -86,11 +87,12 @@ pub struct Approach {
     pub time_step: f64,
     /// Part of the patch that this contact is, by area; 1 where it is the whole patch.
     pub part: f64,
-    /// Part of the normal dashpot that acts, from 0 to 1; below 1 where a face touches only the rim of a block that rests on another face.
+    /// Part of the normal dashpot that acts, from 0 to 1; below 1 where a face touches only the rim of a block that
+    /// rests on another face.
     pub damped: f64,
 }
 
-/// What a contact does.
+/// Force, moment and state of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Action {
     /// Force \[N\] on the second; the first feels the opposite.
@@ -102,7 +104,8 @@ pub struct Action {
 }
 
 impl Law {
-    /// Normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step, `0.1 sqrt(m/k)` or less.
+    /// Returns the normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step,
+    /// `0.1 sqrt(m/k)` or less.
     #[must_use]
     pub fn stiffness(&self, area: f64) -> [f64; 2] {
         match self.stiffness {
@@ -184,7 +187,7 @@ impl Law {
 /// Returns the moment [N m] on the second of the normal dashpots where the patch turns at the rate `across` its normal.
 fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -> Vector3<f64> {
     let polar = touch.polar();
-    // A turn about an axis moves the points beside it: by the arms turned a right angle, Q = J - second moments.
+    // A rotation about an axis moves the points off it: by the arms turned a right angle, Q = J - second moments.
     let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
     let rocking = about_axis(across) * (-dashpot / touch.area);
     let size = rocking.norm();
@@ -196,7 +199,7 @@ fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -
     axis * size.min(normal * gyration)
 }
 
-/// A tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
+/// Returns a tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
 fn carry(
     tangent: &Vector3<f64>,
     old: &Vector3<f64>,

@@ -1,8 +1,8 @@
 //! Half-spaces of the convex hull of points.
 //!
-//! Every plane through three points with no point outside is a face. All triples are tried, except those within a face that is
-//! already known. The cost is n³ at worst, once for each block. Incremental algorithms suffer from rounding where many points lie
-//! on one plane or line; this one does not. For a few dozen corners it takes microseconds.
+//! Every plane through three points with no point outside is a face. All triples are tried, except those within a face
+//! that is already known. The cost is n³ at worst, once for each block. Incremental algorithms suffer from rounding
+//! where many points lie on one plane or line; this one does not. For a few dozen corners it takes microseconds.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,7 @@ use super::shape_error::ShapeError;
 /// The most points of a hull.
 pub(super) const MOST: usize = 1000;
 
-/// The hull's half-spaces; points within `tolerance` \[m\] of a plane are on it.
+/// Returns the hull's half-spaces; points within `tolerance` \[m\] of a plane are on it.
 pub(super) fn half_spaces(
     points: &[Vector3<f64>],
     tolerance: f64,
@@ -63,7 +63,8 @@ fn subset(a: &[bool], b: &[bool]) -> bool {
     a.iter().zip(b).all(|(a, b)| !a || *b)
 }
 
-/// The plane of all points on a face: its normal from the widest triangle, so that no short edge decides it; no point outside.
+/// Returns the plane of all points on a face: its normal from the widest triangle, so that no short edge decides it; no
+/// point outside.
 fn fit(points: &[Vector3<f64>], normal: &Vector3<f64>, offset: f64, tolerance: f64) -> HalfSpace {
     let on: Vec<&Vector3<f64>> = points
         .iter()

@@ -1,20 +1,23 @@
-//! Whether two sets of half-spaces meet: the linear program of Boon, Houlsby and Utili,
+//! Test if two sets of half-spaces intersect: the linear program of Boon, Houlsby and Utili,
 //!
 //! ```text
 //! minimise s   subject to   a_i . x - s <= d_i   for the half-spaces i of both blocks
 //! ```
 //!
-//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method solves the dual,
+//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method
+//! solves the dual,
 //!
 //! ```text
 //! maximise -sum l_i d_i   subject to   sum l_i a_i = 0,  sum l_i = 1,  l_i >= 0
 //! ```
 //!
-//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero. The blocks
-//! are then apart, and the multipliers of the first block's planes sum up to the normal of a separating plane. Otherwise
-//! the search ends with the point that is deepest inside both blocks. The last basis of a pair is a good start for the next step.
+//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero.
+//! The blocks are then apart, and the multipliers of the first block's planes sum up to the normal of a separating
+//! plane. Otherwise the search ends with the point that is deepest inside both blocks. The last basis of a pair is a
+//! good start for the next step.
 //!
-//! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73, doi:10.1016/j.compgeo.2012.03.012.
+//! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73,
+//! doi:10.1016/j.compgeo.2012.03.012.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -28,8 +31,8 @@ pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
 pub(super) enum Verdict {
     /// The deepest common point, and how deep it is \[m\].
     Overlap { point: Vector3<f64>, depth: f64 },
-    /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far outside one
-    /// of the half-spaces every point is at least \[m\].
+    /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far
+    /// outside one of the half-spaces every point is at least \[m\].
     Apart { axis: Vector3<f64>, gap: f64 },
     /// Undecided because of rounding: another test is needed.
     Open,
@@ -50,8 +53,8 @@ struct Basis {
 }
 
 impl Basis {
-    /// Of four planes, the first as origin: rows `a_i - a_0`.
-    fn of(planes: &[HalfSpace; 4]) -> Option<Self> {
+    /// Returns the basis of four planes, the first as origin: rows `a_i - a_0`.
+    fn new(planes: &[HalfSpace; 4]) -> Option<Self> {
         let origin = planes[0].normal;
         let [r, s, t] = [1, 2, 3].map(|k| planes[k].normal - origin);
         let (st, tr, rs) = (s.cross(&t), t.cross(&r), r.cross(&s));
@@ -63,7 +66,7 @@ impl Basis {
         })
     }
 
-    /// Where the four planes moved out by `s` meet, and `s`.
+    /// Returns the point where the four planes moved out by `s` meet, and `s`.
     fn point(&self, planes: &[HalfSpace; 4]) -> (Vector3<f64>, f64) {
         let first = planes[0].offset;
         let rises = Vector3::new(
@@ -75,15 +78,15 @@ impl Basis {
         (point, self.origin.dot(&point) - first)
     }
 
-    /// The numbers `m` with `sum m_i a_i = a`, `sum m_i = 1`.
+    /// Returns the numbers `m` with `sum m_i a_i = a`, `sum m_i = 1`.
     fn parts(&self, a: &Vector3<f64>) -> [f64; 4] {
         let rest = self.inverse.tr_mul(&(a - self.origin));
         [1.0 - rest.x - rest.y - rest.z, rest.x, rest.y, rest.z]
     }
 }
 
-/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and of the
-/// second. `basis` is where to start and where it ended.
+/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and
+/// of the second. `basis` is where to start and where it ended.
 pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u16; 4]) -> Verdict {
     let far = |k: usize| {
         let normal = Vector3::from(TETRAHEDRON[k]) / 3_f64.sqrt();
@@ -108,7 +111,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
     let mut names = *basis;
     let valid = names.iter().all(|&name| name < count + 4);
     let mut current = names.map(get);
-    let mut solved = if valid { Basis::of(&current) } else { None };
+    let mut solved = if valid { Basis::new(&current) } else { None };
     if let Some(warm) = &solved
         && warm
             .parts(&Vector3::zeros())
@@ -122,7 +125,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
         None => {
             names = afresh;
             current = names.map(get);
-            match Basis::of(&current) {
+            match Basis::new(&current) {
                 Some(first) => first,
                 None => return Verdict::Open,
             }
@@ -173,7 +176,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
         };
         names[out] = name;
         current[out] = *plane;
-        match Basis::of(&current) {
+        match Basis::new(&current) {
             Some(next) => system = next,
             None => break,
         }

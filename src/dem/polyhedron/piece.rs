@@ -1,7 +1,7 @@
 //! A convex solid in its place, cut in two by one plane after another: how joints divide a rock mass into blocks.
 //!
-//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records which of its faces
-//! are cuts. After the last cut, [`Piece::solid`] makes a block of it.
+//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records
+//! which of its faces are cuts. After the last cut, [`Piece::solid`] makes a block of it.
 
 use nalgebra::Vector3;
 
@@ -26,12 +26,12 @@ pub struct Piece {
 #[derive(Clone, Copy, Debug)]
 struct Side {
     plane: HalfSpace,
-    /// Whether a cut made it.
+    /// `true` if a cut made it.
     split: bool,
 }
 
 impl Piece {
-    /// The whole, with no cut yet.
+    /// Returns the whole, with no cut yet.
     #[must_use]
     pub fn of(solid: &Solid) -> Self {
         let planes = solid.half_spaces();
@@ -50,7 +50,7 @@ impl Piece {
         }
     }
 
-    /// The parts on both sides of a plane, the one inside the half-space first; none where the plane passes by.
+    /// Returns the parts on both sides of a plane, the one inside the half-space first; none if the plane passes by.
     #[must_use]
     pub fn split(&self, plane: &HalfSpace) -> Option<[Self; 2]> {
         let (low, high) = self.extent(&plane.normal);
@@ -64,7 +64,7 @@ impl Piece {
         Some([self.part(plane), self.part(&turned)])
     }
 
-    /// What is left of it inside a half-space that cuts it.
+    /// Returns the part inside a half-space that cuts it.
     fn part(&self, plane: &HalfSpace) -> Self {
         let mut cut = self.cut.clone();
         cut.by(plane, self.sides.len(), self.tolerance);
@@ -85,7 +85,7 @@ impl Piece {
         }
     }
 
-    /// How far it reaches along a direction (m, times the length of the direction): the least and the most.
+    /// Returns the minimum and the maximum of its extent along a direction (m, times the length of the direction).
     #[must_use]
     pub fn extent(&self, direction: &Vector3<f64>) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
@@ -95,13 +95,13 @@ impl Piece {
         })
     }
 
-    /// Volume \[m³\].
+    /// Returns the volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         moments(&self.cut, &self.middle()).0
     }
 
-    /// Diameter \[m\] of the largest sphere in it.
+    /// Returns the diameter \[m\] of the largest sphere in it.
     #[must_use]
     pub fn thickness(&self) -> f64 {
         let middle = self.middle();
@@ -121,7 +121,7 @@ impl Piece {
         }
     }
 
-    /// The block, its cut faces moved inwards by `back` \[m\].
+    /// Returns the block, its cut faces moved inwards by `back` \[m\].
     ///
     /// # Errors
     /// Where nothing of it is left.
@@ -137,7 +137,7 @@ impl Piece {
         Polyhedron::from_half_spaces(&planes)
     }
 
-    /// A point inside.
+    /// Returns a point inside.
     fn middle(&self) -> Vector3<f64> {
         self.cut.vertices.iter().sum::<Vector3<f64>>() / count_f64(self.cut.vertices.len())
     }

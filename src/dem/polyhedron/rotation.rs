@@ -6,14 +6,15 @@
 //!
 //! The full inertia tensor `I` replaces the scalar of the published equation, which holds for spheres and cubes only.
 //!
-//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed in space, by
-//! five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is exact: a torque-free body
-//! keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of second order: the energy
-//! oscillates by O(dt²) and does not drift.
+//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed
+//! in space, by five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is
+//! exact: a torque-free body keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of
+//! second order: the energy oscillates by O(dt²) and does not drift.
 //!
-//! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys. 107 (1997)
-//! 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the integrator of S. M.
-//! Johnson, J. R. Williams, B. K. Cook (2008); tests compare order, energy and angular momentum with its properties.
+//! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys.
+//! 107 (1997) 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the
+//! integrator of S. M. Johnson, J. R. Williams, B. K. Cook (2008); tests compare order, energy and angular momentum
+//! with its properties.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
@@ -43,7 +44,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
+    /// Returns damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
     #[must_use]
     pub fn new(rate: f64, time: f64) -> Self {
         let decay = (-rate * time).exp();
@@ -55,7 +56,7 @@ impl Damping {
         Self { decay, gain }
     }
 
-    /// Velocity or momentum after a kick by an acceleration or force.
+    /// Returns the velocity or momentum after a kick by an acceleration or force.
     #[inline(always)]
     #[must_use]
     pub fn kick(&self, value: &Vector3<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
@@ -64,7 +65,7 @@ impl Damping {
 }
 
 impl RotationState {
-    /// A body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
+    /// Returns a body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
     #[must_use]
     pub fn new(
         orientation: UnitQuaternion<f64>,
@@ -78,7 +79,7 @@ impl RotationState {
         }
     }
 
-    /// Angular velocity [rad/s] in space.
+    /// Returns the angular velocity [rad/s] in space.
     #[inline]
     #[must_use]
     pub fn spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
@@ -86,20 +87,20 @@ impl RotationState {
         self.orientation * body.component_div(inertia)
     }
 
-    /// Angular velocity [rad/s] along the principal axes.
+    /// Returns the angular velocity [rad/s] along the principal axes.
     #[must_use]
     pub fn body_spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
         (self.orientation.inverse() * self.angular_momentum).component_div(inertia)
     }
 
-    /// Energy of rotation \[J\].
+    /// Returns the energy of rotation \[J\].
     #[must_use]
     pub fn energy(&self, inertia: &Vector3<f64>) -> f64 {
         let body = self.orientation.inverse() * self.angular_momentum;
         0.5 * body.dot(&body.component_div(inertia))
     }
 
-    /// The matrix that turns the body frame into space.
+    /// Returns the matrix that turns the body frame into space.
     #[inline]
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
@@ -125,7 +126,7 @@ impl RotationState {
     }
 }
 
-/// A turn of the body about one of its axes: q times the turn, and the momentum as the turned body sees it.
+/// Turns the body about one of its axes: q times the turn, and the momentum in the turned body frame.
 #[inline(always)]
 fn turn(q: &mut Quaternion<f64>, momentum: &mut Vector3<f64>, axis: usize, angle: f64) {
     let (sin, cos) = (0.5 * angle).sin_cos();

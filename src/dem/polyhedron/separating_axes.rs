@@ -1,18 +1,20 @@
 //! The exhaustive test of two convex polyhedra: the widest gap over all face normals and all cross products of edges.
 //!
-//! If two convex polyhedra are apart, one of these directions separates them (S. Gottschalk, M. C. Lin, D. Manocha, SIGGRAPH 1996).
-//! Otherwise the direction of least overlap is the shortest way out. The cost is the product of both numbers of edges. There
-//! is no iteration that could fail: the test decides the pairs that the linear program leaves open.
+//! If two convex polyhedra are apart, one of these directions separates them (S. Gottschalk, M. C. Lin, D. Manocha,
+//! SIGGRAPH 1996). Otherwise the direction of least overlap is the shortest way out. The cost is the product of both
+//! numbers of edges. There is no iteration that could fail: the test decides the pairs that the linear program leaves
+//! open.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::shape::Polyhedron;
 
-/// Of two edges this parallel (sine) the product is no direction of its own.
+/// Sine of the angle between two edges below which their product is no direction of its own.
 const PARALLEL: f64 = 1e-10;
 
-/// The unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the gap \[m\] along
-/// it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the first sees it.
+/// Returns the unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the
+/// gap \[m\] along it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the
+/// first sees it.
 pub(super) fn widest_gap(
     first: &Polyhedron,
     second: &Polyhedron,
@@ -50,7 +52,7 @@ pub(super) fn widest_gap(
     best
 }
 
-/// The gap \[m\] along a unit axis of the first's frame that points to the second.
+/// Returns the gap \[m\] along a unit axis of the first's frame that points to the second.
 #[inline]
 pub(super) fn gap(
     first: &Polyhedron,

@@ -1,8 +1,9 @@
-//! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the principal axes.
+//! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the
+//! principal axes.
 //!
-//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be anywhere
-//! in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor are exact sums over
-//! tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
+//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be
+//! anywhere in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor
+//! are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -14,7 +15,8 @@ use super::shape_error::ShapeError;
 
 /// Thinner than this over its width, a solid is flat.
 const FLAT: f64 = 1e-9;
-/// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single precision.
+/// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single
+/// precision.
 const STL_PLANE: f64 = 2e-6;
 
 /// An edge between two faces.
@@ -51,7 +53,7 @@ pub struct Solid {
 }
 
 impl Polyhedron {
-    /// A box of these edge lengths \[m\], axes along the edges.
+    /// Returns a box of these edge lengths \[m\], axes along the edges.
     ///
     /// # Errors
     /// Where a length is not positive, or one is a billionth of another.
@@ -81,7 +83,7 @@ impl Polyhedron {
         Ok(Self::between(&planes, edges.max())?.shape)
     }
 
-    /// The convex hull of `points` \[m\]. The work grows with the cube of their number.
+    /// Returns the convex hull of `points` \[m\]. The work grows with the cube of their number.
     ///
     /// # Errors
     /// Where there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
@@ -102,7 +104,8 @@ impl Polyhedron {
         Ok(Self::between(&planes, 2.0 * width)?.moved(&middle))
     }
 
-    /// The solid in all `planes`; normals need not be unit vectors: `normal . x <= offset`. Redundant planes are left out.
+    /// Returns the solid in all `planes`; normals need not be unit vectors: `normal . x <= offset`. Redundant planes
+    /// are left out.
     ///
     /// # Errors
     /// Where they leave no volume, or do not close.
@@ -150,7 +153,7 @@ impl Polyhedron {
                     direction: plane.normal.into(),
                 });
             }
-            // All normals in a plane: open along it, or across it where it passes beside the origin.
+            // All normals in a plane: open along it, or across it where it does not contain the origin.
             None => {
                 return Err(ShapeError::Unbounded {
                     direction: common_normal(&normals).into(),
@@ -198,8 +201,8 @@ impl Polyhedron {
         Ok(Self::between(&unit, far(&unit))?.moved(&middle))
     }
 
-    /// A closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all clockwise.
-    /// Triangles of one plane become one face.
+    /// Returns a closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all
+    /// clockwise. Triangles of one plane become one face.
     ///
     /// # Errors
     /// Where the surface is not convex, not closed or flat.
@@ -259,7 +262,7 @@ impl Polyhedron {
         Ok(solid.moved(&middle))
     }
 
-    /// The solid in `planes`, which hold the origin and reach no further than `reach` \[m\] from it.
+    /// Returns the solid in `planes`, which hold the origin and reach no further than `reach` \[m\] from it.
     fn between(planes: &[HalfSpace], reach: f64) -> Result<Solid, ShapeError> {
         let flat = |thickness, width| ShapeError::Flat { thickness, width };
         let cut = Cut::of(planes, reach).ok_or(flat(0.0, reach))?;
@@ -314,26 +317,26 @@ impl Polyhedron {
         })
     }
 
-    /// Its half-spaces \[m\], one for each face, in the order of the faces.
+    /// Returns its half-spaces \[m\], one for each face, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> &[HalfSpace] {
         &self.half_spaces
     }
 
-    /// Its vertices \[m\].
+    /// Returns its vertices \[m\].
     #[must_use]
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
     }
 
-    /// The vertices of a face, counter-clockwise seen from outside.
+    /// Returns the vertices of a face, counter-clockwise seen from outside.
     #[must_use]
     #[inline]
     pub fn face(&self, face: usize) -> &[u32] {
         &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
-    /// Area \[m²\] of a face.
+    /// Returns the area \[m²\] of a face.
     #[must_use]
     pub fn face_area(&self, face: usize) -> f64 {
         let corners = self.face(face);
@@ -342,19 +345,19 @@ impl Polyhedron {
         0.5 * twice.sum::<Vector3<f64>>().norm()
     }
 
-    /// Its edges.
+    /// Returns its edges.
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
-    /// Volume \[m³\].
+    /// Returns the volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.volume
     }
 
-    /// Principal moments of inertia [kg m²] at a density [kg/m³].
+    /// Returns the principal moments of inertia [kg m²] at a density [kg/m³].
     #[must_use]
     pub fn inertia(&self, density: f64) -> Vector3<f64> {
         self.inertia * density
@@ -366,21 +369,22 @@ impl Polyhedron {
         self.radius
     }
 
-    /// Area \[m²\] of its surface.
+    /// Returns the area \[m²\] of its surface.
     #[must_use]
     pub fn area(&self) -> f64 {
         let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
         areas.sum()
     }
 
-    /// Area \[m²\] of its largest face.
+    /// Returns the area \[m²\] of its largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {
         let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
         areas.fold(0.0, f64::max)
     }
 
-    /// The vertex farthest along a direction of the body frame, and how far (m, times the length of the direction).
+    /// Returns the vertex farthest along a direction of the body frame, and how far (m, times the length of the
+    /// direction).
     #[must_use]
     #[inline]
     pub fn support(&self, direction: &Vector3<f64>) -> (usize, f64) {
@@ -396,7 +400,7 @@ impl Polyhedron {
 }
 
 impl Solid {
-    /// Its half-spaces \[m\] where it stood, in the order of the faces.
+    /// Returns its half-spaces \[m\] where it stood, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> Vec<HalfSpace> {
         let standing = |plane: &HalfSpace| {
@@ -409,7 +413,7 @@ impl Solid {
         self.shape.half_spaces().iter().map(standing).collect()
     }
 
-    /// Its vertices \[m\] where it stood.
+    /// Returns its vertices \[m\] where it stood.
     #[must_use]
     pub fn vertices(&self) -> Vec<Vector3<f64>> {
         let standing = |v: &Vector3<f64>| self.position + self.orientation * v;
@@ -422,7 +426,8 @@ impl Solid {
     }
 }
 
-/// Points about their middle, the middle, their width, and what rounding makes of them \[m\]; refuses those in a plane.
+/// Returns points about their middle, the middle, their width, and what rounding makes of them \[m\]; refuses those in
+/// a plane.
 #[expect(clippy::type_complexity, reason = "named at the two calls")]
 fn centred(
     what: &'static str,
@@ -474,7 +479,8 @@ fn centred(
     Ok((local, middle + inside, width, noise))
 }
 
-/// A direction across all of `normals`, which lie in a plane: that plane's normal, on the side it is away from the origin.
+/// Returns a direction across all of `normals`, which lie in a plane: that plane's normal, on the side it is away from
+/// the origin.
 fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let first = normals[0];
     let far = |of: &dyn Fn(&Vector3<f64>) -> f64| {
@@ -491,7 +497,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let normal = cross
         .try_normalize(1e-12)
         .unwrap_or_else(|| super::cut::across(&first).0);
-    // All normals on one side of the origin: the solid goes on to the other.
+    // All normals on one side of the origin: the solid is unbounded towards the other.
     if normal.dot(&first) > 0.0 {
         -normal
     } else {
@@ -499,7 +505,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     }
 }
 
-/// Volume, centroid, and second moments of the coordinates about `origin`.
+/// Returns the volume, centroid, and second moments of the coordinates about `origin`.
 pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (_, corners) in &cut.faces {
@@ -518,7 +524,8 @@ pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, M
     (volume, origin + first / volume, second)
 }
 
-/// Principal moments in rising order and a right-handed frame of their axes; the given frame where it is one already.
+/// Returns the principal moments in rising order and a right-handed frame of their axes; the given frame where it is
+/// one already.
 fn principal_axes(inertia: &Matrix3<f64>) -> (Vector3<f64>, Rotation3<f64>) {
     let off = inertia[(0, 1)]
         .abs()
@@ -539,7 +546,7 @@ fn principal_axes(inertia: &Matrix3<f64>) -> (Vector3<f64>, Rotation3<f64>) {
     (turned.diagonal(), Rotation3::from_matrix_unchecked(axes))
 }
 
-/// The edges; none where an edge does not have a face on each side.
+/// Returns the edges; none if an edge does not have a face on each side.
 fn edges(cut: &Cut) -> Option<Vec<Edge>> {
     let mut halves: Vec<([u32; 2], u32, bool)> = Vec::new();
     for (face, (_, corners)) in (0..).zip(&cut.faces) {

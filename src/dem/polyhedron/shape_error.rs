@@ -1,6 +1,6 @@
-//! What can be wrong with the input of a block's shape.
+//! Errors in the input of a block's shape.
 
-/// Why vertices, half-spaces or triangles make no block.
+/// Reason why vertices, half-spaces or triangles make no block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// Too few of what it is made from.
@@ -8,9 +8,9 @@ pub enum ShapeError {
     Few {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many it takes.
+        /// Minimum number.
         least: usize,
     },
     /// Too many of what it is made from.
@@ -18,9 +18,9 @@ pub enum ShapeError {
     Many {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many may be.
+        /// Maximum number.
         most: usize,
     },
     /// A number that is none, or a normal or an edge of no length.
@@ -28,10 +28,10 @@ pub enum ShapeError {
     Unusable {
         /// Vertex, half-space, edge or triangle.
         what: &'static str,
-        /// Which one.
+        /// Index of the faulty item.
         index: usize,
     },
-    /// No volume.
+    /// Solid without a volume.
     #[error("the block is flat: {thickness:e} m thick over a width of {width:e} m")]
     Flat {
         /// Smallest extent \[m\].
@@ -44,13 +44,13 @@ pub enum ShapeError {
         "the half-spaces have no point in common: each point is outside one of them by {gap:e} m or more"
     )]
     Empty {
-        /// How far outside the best point is \[m\].
+        /// Distance of the best point outside \[m\].
         gap: f64,
     },
     /// The half-spaces leave a direction open.
     #[error("the half-spaces are not bounded towards ({}, {}, {})", .direction[0], .direction[1], .direction[2])]
     Unbounded {
-        /// Unit vector in which the solid goes on.
+        /// Unit vector along which the solid is unbounded.
         direction: [f64; 3],
     },
     /// A corner outside the plane of a facet.
@@ -58,9 +58,9 @@ pub enum ShapeError {
         "the surface is not convex: a corner stands {height:e} m outside the plane of triangle {triangle}"
     )]
     NotConvex {
-        /// Which triangle.
+        /// Number of the triangle.
         triangle: usize,
-        /// How far the corner stands out \[m\].
+        /// Height of the corner above the face \[m\].
         height: f64,
     },
     /// A surface with holes, or with triangles turned the wrong way.

@@ -1,4 +1,4 @@
-//! Tests that need more than one file of the room.
+//! Tests that need more than one file of the module.
 
 mod energy;
 mod motion;
@@ -12,12 +12,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::{Placed, Polyhedron};
 use base::random::Stream;
 
-/// A number in a range.
+/// Returns a number in a range.
 fn between(draw: &mut Stream, low: f64, high: f64) -> f64 {
     low + (high - low) * draw.uniform()
 }
 
-/// A direction, even over the sphere.
+/// Returns a direction, even over the sphere.
 fn direction(draw: &mut Stream) -> Vector3<f64> {
     loop {
         let v = Vector3::from_fn(|_, _| between(draw, -1.0, 1.0));
@@ -27,7 +27,7 @@ fn direction(draw: &mut Stream) -> Vector3<f64> {
     }
 }
 
-/// A random orientation.
+/// Returns a random orientation.
 fn random_orientation(draw: &mut Stream) -> UnitQuaternion<f64> {
     let axis = nalgebra::Unit::new_normalize(direction(draw));
     UnitQuaternion::from_axis_angle(&axis, between(draw, 0.0, 6.0))
@@ -40,7 +40,7 @@ fn placed<'a>(shape: &'a Polyhedron, orientation: &UnitQuaternion<f64>) -> Place
     }
 }
 
-/// The hull of random points on an ellipsoid.
+/// Returns the hull of random points on an ellipsoid.
 fn random_hull(draw: &mut Stream, count: usize) -> Polyhedron {
     let axes = Vector3::from_fn(|_, _| between(draw, 0.4, 1.0));
     let points: Vec<Vector3<f64>> = (0..count)

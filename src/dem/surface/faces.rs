@@ -1,17 +1,17 @@
 //! Plane faces of a surface, and what a block sees of them.
 //!
-//! Facets of one plane that share edges are one face. Where two faces meet at a convex edge, a block that rests on one of them touches
-//! the other one only with the rim of its thin overlap:
+//! Facets of one plane that share edges are one face. Where two faces meet at a convex edge, a block that rests on one
+//! of them touches the other one only with the rim of its thin overlap:
 //!
-//! - A face whose back the centroid of the block sees lies behind the face that it rests on. Both hide the same points of the block, and only
-//!   the front one acts.
-//! - A face whose front it sees acts with its springs, whose force is of the order of the square of the overlap. The root of a small
-//!   stiffness is not small, so that its dashpot acts in the proportion of both overlaps only.
+//! - A face whose back the centroid of the block sees lies behind the face that it rests on. Both hide the same points
+//!   of the block, and only the front one acts.
+//! - A face whose front it sees acts with its springs, whose force is of the order of the square of the overlap. The
+//!   root of a small stiffness is not small, so that its dashpot acts in the proportion of both overlaps only.
 
 use super::{ON, RIM, Surface, index};
 use nalgebra::{Matrix3, Vector3};
 
-/// No facet beside an edge.
+/// Mark of an edge without an adjacent facet.
 const NONE: u32 = u32::MAX;
 /// Sine of the angle to the directions found so far from which on a normal is a direction of its own.
 const DIRECTION: f64 = 1e-4;
@@ -21,11 +21,11 @@ const RATIO: f64 = 10.0;
 /// The plane faces of a surface.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Faces {
-    /// For each facet the first one of its face.
+    /// First facet of the face of each facet.
     first: Vec<u32>,
-    /// For each facet the first given one of its face and of the images of this face.
+    /// First given facet of the face of each facet and of the images of this face.
     name: Vec<u32>,
-    /// For each edge, in the order of the corners of all facets, the facet on its other side.
+    /// Facet on the other side of each edge, in the order of the corners of all facets.
     beside: Vec<u32>,
 }
 
@@ -90,7 +90,8 @@ impl Surface {
         }
     }
 
-    /// Notes two facets on both sides of an edge as neighbours, where they run along it in opposite directions and so have one front.
+    /// Notes two facets on both sides of an edge as neighbours, where they run along it in opposite directions and so
+    /// have one front.
     fn link(&self, edge: [u32; 2], facets: [u32; 2], beside: &mut [u32]) {
         let places = facets.map(|facet| {
             let numbers = self.numbers(facet as usize);
@@ -123,8 +124,8 @@ impl Surface {
         self.facets[facet].normal.dot(&(point - corner))
     }
 
-    /// Returns the facets on the other sides of the edges of a facet that falls away behind them, as seen from the side of a point: those
-    /// whose front the point sees at a convex edge.
+    /// Returns the facets on the other sides of the edges of a facet that falls away behind them, as seen from the side
+    /// of a point: those whose front the point sees at a convex edge.
     fn in_front<'a>(
         &'a self,
         faces: &'a Faces,
@@ -145,8 +146,8 @@ impl Surface {
         })
     }
 
-    /// Takes the faces out of `order`, pairs of a face and a facet by rising face, whose back a block at `centre` sees behind a face
-    /// that it is in front of.
+    /// Takes the faces out of `order`, pairs of a face and a facet by rising face, whose back a block at `centre` sees
+    /// behind a face that it is in front of.
     pub(crate) fn leave_seen(
         &self,
         faces: &Faces,
@@ -186,8 +187,8 @@ impl Surface {
         order.truncate(kept);
     }
 
-    /// Returns the part of the dashpot with which a face acts on a block at `centre`; `deepest` gives the distance \[m\] from there to the
-    /// farthest point of the block along a direction.
+    /// Returns the part of the dashpot with which a face acts on a block at `centre`; `deepest` gives the distance
+    /// \[m\] from there to the farthest point of the block along a direction.
     pub(crate) fn damped(
         &self,
         faces: &Faces,
@@ -232,7 +233,8 @@ impl Surface {
         Some(basis.iter().map(|axis| axis * axis.transpose()).sum())
     }
 
-    /// Returns the part of a velocity that moves the surface: the other part runs along all its facets, as that of a belt does.
+    /// Returns the part of a velocity that moves the surface: the other part runs along all its facets, as that of a
+    /// belt does.
     #[must_use]
     pub fn moving(&self, velocity: &Vector3<f64>) -> Vector3<f64> {
         self.across

@@ -1,13 +1,13 @@
 //! Surfaces in domains with periodic axes.
 //!
-//! A surface repeats with the domain. Its images are made once, as far as half a period beyond the domain, so that a sphere in the
-//! domain finds every facet that it can touch. Vertices that meet an image of another one are one vertex: an edge at the seam is an
-//! interior edge, and a surface that joins its own image has no rim there. Two facets that meet an image of each other back to back,
-//! as the ends of a box of one period, lie inside the solid and are left out.
+//! A surface repeats with the domain. Its images are made once, as far as half a period beyond the domain, so that a
+//! sphere in the domain finds every facet that it can touch. Vertices that meet an image of another one are one vertex:
+//! an edge at the seam is an interior edge, and a surface that joins its own image has no rim there. Two facets that
+//! meet an image of each other back to back, as the ends of a box of one period, lie inside the solid and are left out.
 //!
-//! The place of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the number of the
-//! facet that was given, and the place of its image beside the position of the sphere before it is brought into the domain. The
-//! name remains when the sphere passes a periodic face, and is the same on all ranks.
+//! The position of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the
+//! number of the facet that was given, and the offset in periods of its image from the position of the sphere before it
+//! is brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
 
 use super::super::ghosts::index;
 use super::super::region::wraps;
@@ -17,20 +17,20 @@ use base::number::{floor_i32, floor_i64, real};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Where a vertex stands: the number of its place in the domain, and by how many periods it stands beside it.
+/// Position of a vertex: its index in the domain, and its offset from there in periods.
 type Place = (u32, [i32; 3]);
 
-/// How a surface repeats.
+/// Repetition of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Repeated {
     lower: [f64; 3],
     /// Periods \[m\], 0 along axes that do not repeat.
     lengths: [f64; 3],
-    /// How many facets were given: they come first.
+    /// Number of given facets: they come first.
     given: u32,
-    /// For each facet the given one, and by how many periods it stands beside it.
+    /// Given facet of each facet, and its offset from there in periods.
     images: Vec<(u32, [i32; 3])>,
-    /// For each vertex a number that it shares with its images.
+    /// Number of each vertex that it shares with its images.
     vertices: Vec<u32>,
     /// The images of given facet k are `of_given[starts[k]..starts[k + 1]]`.
     starts: Vec<u32>,
@@ -49,7 +49,8 @@ const MEET: f64 = 1e-6;
 const MOST: f64 = 2e7;
 
 impl Surface {
-    /// The surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its corner `lower` \[m\].
+    /// Returns the surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its
+    /// corner `lower` \[m\].
     ///
     /// # Errors
     /// A sentence where there would be too many images.
@@ -147,7 +148,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// For each facet whether it meets an image of another facet back to back.
+    /// Returns `true` for each facet that meets an image of another facet back to back.
     fn inner(&self, places: &[Place]) -> Vec<bool> {
         let mut known: HashMap<Vec<Place>, Vec<(usize, [i32; 3])>> = HashMap::new();
         let mut inner = vec![false; self.len()];
@@ -173,7 +174,7 @@ impl Surface {
         inner
     }
 
-    /// Whether it repeats by these periods \[m\], 0 along axes without.
+    /// Returns `true` if it repeats by these periods \[m\], 0 along axes without.
     pub(crate) fn repeats_by(&self, lower: [f64; 3], lengths: [f64; 3]) -> bool {
         let none = lengths.iter().all(|&length| length <= 0.0);
         self.repeated.as_ref().map_or(none, |repeated| {
@@ -181,7 +182,7 @@ impl Surface {
         })
     }
 
-    /// The longest reach \[m\] of a body from its centre with which it finds all facets: half a period.
+    /// Returns the longest reach \[m\] of a body from its centre with which it finds all facets: half a period.
     #[must_use]
     pub fn longest_reach(&self) -> f64 {
         self.repeated.as_ref().map_or(f64::INFINITY, |repeated| {
@@ -190,21 +191,21 @@ impl Surface {
         })
     }
 
-    /// The given facet of which a facet is an image.
+    /// Returns the given facet of which a facet is an image.
     pub(super) fn given(&self, facet: u32) -> u32 {
         self.repeated
             .as_ref()
             .map_or(facet, |repeated| repeated.images[facet as usize].0)
     }
 
-    /// The given facet of a name.
+    /// Returns the given facet of a name.
     pub(super) fn named(&self, name: u32) -> u32 {
         self.repeated
             .as_ref()
             .map_or(name, |repeated| name % repeated.given)
     }
 
-    /// A point \[m\] in the domain, and by how many periods it was moved there.
+    /// Returns a point \[m\] in the domain, and by how many periods it was moved there.
     #[inline]
     pub(crate) fn in_domain(&self, point: &Vector3<f64>) -> (Vector3<f64>, [i32; 3]) {
         let (mut at, mut by) = (*point, [0; 3]);
@@ -235,8 +236,8 @@ impl Surface {
         }
     }
 
-    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face: it may pass
-    /// the face, and then has the other images beside it.
+    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
+    /// it may pass the face, and then the other images are near it.
     pub(crate) fn images_beyond(
         &self,
         facet: u32,
@@ -272,8 +273,8 @@ fn too_many() -> Error {
     ))
 }
 
-/// For each vertex the number of its place in the domain and by how many periods it stands beside it; then these places. Vertices
-/// of the same image are never joined.
+/// Returns for each vertex its index in the domain and its offset from there in periods; then the positions of these
+/// indices. Vertices of the same image are never joined.
 fn reduce(
     vertices: &[Vector3<f64>],
     (lower, lengths): ([f64; 3], [f64; 3]),

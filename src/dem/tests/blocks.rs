@@ -1,5 +1,5 @@
-//! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile that
-//! has the same bits however it is run.
+//! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile
+//! that has the same bits however it is run.
 
 use std::sync::{Arc, OnceLock};
 
@@ -38,7 +38,7 @@ fn cuboid(x: f64, y: f64, z: f64) -> Polyhedron {
     Polyhedron::cuboid(Vector3::new(x, y, z)).unwrap()
 }
 
-fn at(position: Vector3<f64>, velocity: Vector3<f64>, spin: Vector3<f64>) -> Motion<Volume> {
+fn motion_at(position: Vector3<f64>, velocity: Vector3<f64>, spin: Vector3<f64>) -> Motion<Volume> {
     Motion {
         position,
         velocity,
@@ -57,7 +57,7 @@ fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Partic
     particles.set_shapes(shapes.into()).unwrap();
     for (k, (shape, place, orientation)) in (0..).zip(blocks) {
         let body = Body::of_block(u64::from(k), shape, DENSITY, 0);
-        let motion = at(*place, Vector3::zeros(), Vector3::zeros());
+        let motion = motion_at(*place, Vector3::zeros(), Vector3::zeros());
         particles.add_block(body, motion, k, *orientation).unwrap();
     }
     particles
@@ -95,8 +95,8 @@ fn a_block_on_a_slope() {
     }
 }
 
-/// An asymmetric block that flies through a periodic face and nothing else: momentum and angular momentum stay to the last
-/// bit, energy to the second order of the step.
+/// An asymmetric block that flies through a periodic face and nothing else: momentum and angular momentum stay to the
+/// last bit, energy to the second order of the step.
 #[test]
 fn a_free_block_keeps_energy_and_angular_momentum() {
     let mut region = about_origin::<Volume>(1.0);
@@ -106,7 +106,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
         let body = Body::of_block(7, &shape, DENSITY, 0);
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(0.9, 0.0, 0.0),
             Vector3::new(2.0, 0.0, 0.0),
             Vector3::new(0.3, 12.0, 0.5),
@@ -155,7 +155,7 @@ fn a_collision_through_a_periodic_face() {
             let x = x - shift - if wrapped { 2.0 } else { 0.0 };
             let shape = u32::from(id == 4);
             let body = Body::of_block(id, &shapes[shape as usize], DENSITY, 0);
-            let motion = at(
+            let motion = motion_at(
                 Vector3::new(x, 0.0, z),
                 Vector3::new(speed, 0.0, 0.0),
                 Vector3::zeros(),
@@ -227,7 +227,7 @@ fn a_stack_of_ten_stands() {
     assert_eq!((now.contacts, now.bonds), (10, 0));
 }
 
-/// A sphere that rolls off a block: momentum is kept, and a sphere on a plane beside a block feels the same law.
+/// Rolls a sphere off a block: momentum is kept, and a sphere on a plane next to a block is subject to the same law.
 #[test]
 fn spheres_and_blocks_meet_either_way_round() {
     // The lower id comes first in a pair: both orders must give the mirrored outcome.
@@ -236,13 +236,13 @@ fn spheres_and_blocks_meet_either_way_round() {
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
         let still = Vector3::zeros();
-        let motion = at(Vector3::new(0.0, 0.0, 0.0), still, still);
+        let motion = motion_at(Vector3::new(0.0, 0.0, 0.0), still, still);
         let body = Body::of_block(ids[0], &shape, DENSITY, 0);
         let turn = UnitQuaternion::from_euler_angles(0.2, 0.3, 0.0);
         particles.add_block(body, motion, 0, turn).unwrap();
         particles.insert(
             Body::uniform::<Volume>(ids[1], 0.1, DENSITY, 0),
-            at(
+            motion_at(
                 Vector3::new(0.5, 0.05, 0.0),
                 Vector3::new(-2.0, 0.0, 0.0),
                 Vector3::new(0.0, 0.0, 30.0),
@@ -264,7 +264,8 @@ fn spheres_and_blocks_meet_either_way_round() {
     }
 }
 
-/// A square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing down.
+/// Returns a square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing
+/// down.
 fn mesh(half: f64, n: u32) -> Surface {
     let place = |k: u32| 2.0 * half * f64::from(k) / f64::from(n) - half;
     let vertices = (0..=n)
@@ -291,7 +292,7 @@ fn a_flat_mesh_is_a_plane() {
         let shape = cuboid(1.0, 0.8, 0.3);
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(-1.0, 0.1, 0.25),
             Vector3::new(3.0, 0.5, 0.0),
             Vector3::z() * 2.0,
@@ -362,7 +363,7 @@ fn a_block_overhangs_the_edge_of_a_box() {
     }
 }
 
-/// A box of facets between two corners.
+/// Returns a box of facets between two corners.
 fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
     Wall::of_surface(
         Arc::new(Surface::of_box(from.into(), to.into()).unwrap()),
@@ -370,7 +371,7 @@ fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
     )
 }
 
-/// A square of facets across z, 2 m wide, from `x` on.
+/// Returns a square of facets across z, 2 m wide, from `x` on.
 fn tile(x: f64) -> Wall<Volume> {
     let corners = [[0.0, -1.0], [2.0, -1.0], [2.0, 1.0], [0.0, 1.0]];
     let corners = corners.map(|[a, y]| Vector3::new(x + a, y, 0.0)).to_vec();
@@ -380,8 +381,8 @@ fn tile(x: f64) -> Wall<Volume> {
     )
 }
 
-/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than half of its base, and
-/// over seams between boxes, polygons and both.
+/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than
+/// half of its base, and over seams between boxes, polygons and both.
 #[test]
 fn a_block_slides_over_edges_and_seams() {
     let (speed, mu) = (1.0, 20.0_f64.to_radians().tan());
@@ -430,7 +431,8 @@ fn a_block_slides_over_edges_and_seams() {
     }
 }
 
-/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its edge.
+/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its
+/// edge.
 #[test]
 fn a_spinning_cube_is_braked_by_its_patch() {
     let (edge, mu) = (0.3, 8.0_f64.to_radians().tan());
@@ -441,7 +443,7 @@ fn a_spinning_cube_is_braked_by_its_patch() {
         let mut particles = Particles::new();
         particles.set_shapes(vec![cube.clone()].into()).unwrap();
         let body = Body::of_block(0, &cube, DENSITY, 0);
-        let motion = at(place, Vector3::x() * sideways, Vector3::z() * 2.0);
+        let motion = motion_at(place, Vector3::x() * sideways, Vector3::z() * 2.0);
         particles
             .add_block(body, motion, 0, UnitQuaternion::identity())
             .unwrap();
@@ -472,7 +474,7 @@ fn a_sphere_rolls_down_a_block() {
     particles.body[0].kind = Kind::Fixed;
     let sphere = Body::uniform::<Volume>(1, 0.05, DENSITY, 0);
     let place = Vector3::new(0.0, 0.0, 0.05);
-    particles.insert(sphere, at(place, Vector3::zeros(), Vector3::zeros()));
+    particles.insert(sphere, motion_at(place, Vector3::zeros(), Vector3::zeros()));
     let mut settings = Settings::new(about_origin(20.0), 4e-6, 0.02);
     settings.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * GRAVITY;
     let mut dem = Dem::new(law(1e11, 0.8, 0.3, 0.0), settings, vec![]).unwrap();
@@ -572,7 +574,7 @@ impl Pile {
     }
 }
 
-/// Random hulls, a plate, a rod, and a cube wider than a slab.
+/// Returns random hulls, a plate, a rod, and a cube wider than a slab.
 fn shapes() -> Arc<[Polyhedron]> {
     let hull = |n: u64| {
         let mut draw = Stream::new(11, n, 0);
@@ -607,11 +609,11 @@ fn fill(particles: &mut Particles<Volume>, mine: impl Fn(u64) -> bool) {
         }
     };
     let still = Vector3::zeros();
-    let giant = at(Vector3::new(0.12, 0.12, 0.08), still, still);
+    let giant = motion_at(Vector3::new(0.12, 0.12, 0.08), still, still);
     place(500_000, giant, 8, Kind::Free, Vector3::new(0.5, 0.4, 0.0));
-    let fixed = at(Vector3::new(0.03, 0.03, 0.01), still, still);
+    let fixed = motion_at(Vector3::new(0.03, 0.03, 0.01), still, still);
     place(400_000, fixed, 6, Kind::Fixed, Vector3::new(0.4, 0.0, 0.3));
-    let stirs = at(
+    let stirs = motion_at(
         Vector3::new(0.12, 0.12, 0.3),
         Vector3::new(0.3, 0.0, -0.6),
         Vector3::z() * 20.0,
@@ -627,7 +629,7 @@ fn fill(particles: &mut Particles<Volume>, mine: impl Fn(u64) -> bool) {
         let z = 0.05 + 0.042 * f64::from(u32::try_from(layer).unwrap());
         let random = |draw: &mut Stream| Vector3::from_fn(|_, _| 2.0 * draw.uniform() - 1.0);
         let velocity = random(&mut draw) * 0.4 - Vector3::z();
-        let motion = at(
+        let motion = motion_at(
             Vector3::new(step(cell % 5), step(cell / 5), z),
             velocity,
             random(&mut draw) * 10.0,
@@ -663,7 +665,7 @@ impl Saved {
     }
 }
 
-/// `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
+/// Makes `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
 fn run(
     pile: Pile,
     (axis, bounds, threads): (Axis, &[usize], usize),
@@ -730,7 +732,7 @@ const PERIODIC: Pile = Pile {
 };
 const ONE: (Axis, &[usize], usize) = (Axis::X, &[0, 24], 1);
 
-/// A pile on one rank, made once for all tests.
+/// Returns a pile on one rank, made once for all tests.
 fn straight(pile: Pile) -> &'static Saved {
     static ONES: [OnceLock<Saved>; 2] = [OnceLock::new(), OnceLock::new()];
     ONES[usize::from(pile.periodic)].get_or_init(|| run(pile, ONE, None, (STEPS, STEPS)))

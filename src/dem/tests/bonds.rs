@@ -8,7 +8,8 @@ use super::super::contact::rolling::{self, Rolling};
 use super::super::contact::{ContactLaw, ContactModel};
 use super::*;
 
-/// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5 m.
+/// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5
+/// m.
 pub(super) const CLAY: contact_bond::Parameters = contact_bond::Parameters {
     linear: linear::Parameters {
         normal_stiffness: Scaled::Absolute(1e6),
@@ -33,7 +34,8 @@ pub(super) fn clay<S: Space>(
 
 const DIAMETER: f64 = 2e-3;
 
-/// A fixed sphere and one too heavy for contacts to move, bonded at `overlap`; the second's velocity is metres per step.
+/// Returns a fixed sphere and one too heavy for contacts to move, bonded at `overlap`; the second's velocity is metres
+/// per step.
 fn pair(
     parameters: contact_bond::Parameters,
     overlap: f64,
@@ -170,7 +172,8 @@ fn bonds_form_across_the_bonding_gap() {
     }
 }
 
-/// A sphere that rolls on a plane with rolling friction mu_r slows by 5/7 mu_r g, and stands still on a slope below it (Ai 2011).
+/// A sphere that rolls on a plane with rolling friction mu_r slows by 5/7 mu_r g, and stands still on a slope below it
+/// (Ai 2011).
 #[test]
 fn rolling_friction_slows_and_holds() {
     let (radius, g, mu_r) = (0.05, 9.81, 0.1);

@@ -1,4 +1,4 @@
-//! What of a grain crosses ranks, and when.
+//! Tests of the data of a grain that cross ranks, and of when they do.
 
 use super::*;
 use crate::columns::Crosses;
@@ -7,7 +7,8 @@ use crate::migration::{pack_grains, unpack_grains};
 use crate::polyhedron::{Polyhedron, RotationState};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A fixed, a driven and a free sphere and a block with every array that a scene may ask for, no two values alike.
+/// Returns a fixed, a driven and a free sphere and a block with every array that a scene may ask for, no two values
+/// alike.
 fn all_arrays() -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let cube = Polyhedron::cuboid(Vector3::new(0.5, 0.25, 1.0)).unwrap();

@@ -1,4 +1,4 @@
-//! Where grains started, carried along over everything that moves a grain from one list to another.
+//! Tests of the initial positions of grains, which are carried along whenever a grain moves from one list to another.
 
 use crate::message::{Reader, Writer};
 use crate::migration::{pack_grains, unpack_grains};

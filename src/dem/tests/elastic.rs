@@ -65,8 +65,8 @@ fn restitution_does_not_depend_on_the_speed() {
     }
 }
 
-/// Angular momentum of oblique collisions with friction, spin and dashpots: kept to 1e-10 of its parts; the energy of elastic
-/// ones never grows.
+/// Angular momentum of oblique collisions with friction, spin and dashpots: kept to 1e-10 of its parts; the energy of
+/// elastic ones never grows.
 #[test]
 fn collisions_keep_angular_momentum() {
     let (mut worst, mut stuck) = (0.0_f64, 0);
@@ -137,8 +137,8 @@ fn equal_and_opposite_spins_roll_off_each_other() {
     }
 }
 
-/// A spring sheared at a large overlap and let go at a small one gives back less than it took: the part that a smaller contact
-/// does not bear is lost (Thornton et al. 2013).
+/// A spring sheared at a large overlap and let go at a small one gives back less than it took: the part that a smaller
+/// contact does not bear is lost (Thornton et al. 2013).
 #[test]
 fn a_shrinking_contact_lets_go_of_shear() {
     let settings = Settings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);

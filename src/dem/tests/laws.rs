@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::*;
 
-/// The nearest whole number.
+/// Returns the nearest whole number.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -16,7 +16,8 @@ fn whole(value: f64) -> u64 {
     value.round() as u64
 }
 
-/// Restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal grains.
+/// Returns the restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal
+/// grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     let parameters = linear::Parameters {
         normal_damping: zeta,
@@ -81,7 +82,8 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
     }
 }
 
-/// At the default step, a tenth of 2 sqrt(m/k), the restitution is that of continuous time wherever in a step the contact begins.
+/// At the default step, a tenth of 2 sqrt(m/k), the restitution is that of continuous time wherever in a step the
+/// contact begins.
 #[test]
 fn the_restitution_at_the_default_step_is_the_exact_one() {
     for zeta in [0.05_f64, 0.2, 0.5] {
@@ -96,7 +98,7 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
     }
 }
 
-/// Restitution of two spheres that meet `part` of a default step after a step.
+/// Returns the restitution of two spheres that meet `part` of a default step after a step.
 fn rebound(zeta: f64, part: f64) -> f64 {
     let parameters = linear::Parameters {
         normal_damping: zeta,
@@ -124,12 +126,12 @@ fn rebound(zeta: f64, part: f64) -> f64 {
     (particles.motion[1].velocity[0] - particles.motion[0].velocity[0]) / speed
 }
 
-/// Two spheres of 2 mm that meet obliquely, one of them spinning, against LIGGGHTS.
+/// Compares two spheres of 2 mm that meet obliquely, one of them spinning, against LIGGGHTS.
 fn compare_collision(table: &str, friction: f64, gamma: f64) {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
     let normal_damping = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
-    // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a contact begins: both
-    // are worth half a step of decay.
+    // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a
+    // contact begins: both are worth half a step of decay.
     let first_order = 0.5 * gamma * 1e-7;
     let parameters = linear::Parameters {
         friction,
@@ -266,7 +268,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
     }
 }
 
-/// A grain on a plane: final speed of a body that slides, then rolls (validation.md 4.3).
+/// Runs a grain on a plane: final speed of a body that slides, then rolls (validation.md 4.3).
 fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let (radius, g) = (0.05, 9.81);
     let body = Body::uniform::<S>(1, radius, 2600.0, 0);
@@ -386,8 +388,8 @@ fn grains_roll_or_slide_down_an_incline() {
     }
 }
 
-/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is but for the
-/// deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
+/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is
+/// but for the deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
 #[test]
 fn a_block_slides_or_stays_on_an_incline() {
     const G: f64 = 9.81;
@@ -473,7 +475,7 @@ fn a_block_slides_or_stays_on_an_incline() {
     }
 }
 
-/// The damping whose pushing dashpot restitutes `e`: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
+/// Returns the damping whose pushing dashpot restitutes `e`: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
 fn pushing_damping(e: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 0.7);
     for _ in 0..60 {
@@ -576,8 +578,8 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     }
 }
 
-/// A pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both forces (N), and the
-/// step at which the bond failed.
+/// Returns a pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both
+/// forces (N), and the step at which the bond failed.
 fn compare_cohesive(
     table: &str,
     overlap: f64,

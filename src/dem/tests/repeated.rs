@@ -22,7 +22,7 @@ const GLASS: linear::Parameters = linear::Parameters {
     ..SPRINGS
 };
 
-/// A domain of one period along x and y from the origin, and 0.4 m along z.
+/// Returns a domain of one period along x and y from the origin, and 0.4 m along z.
 fn region() -> Region<Volume> {
     let upper = Vector3::new(PERIOD, PERIOD, 0.4);
     let mut region = Region::closed(Vector3::new(0.0, 0.0, -0.2), upper, 0.004);
@@ -30,8 +30,8 @@ fn region() -> Region<Volume> {
     region
 }
 
-/// A square of one period across z, as `n` by `n` squares of two triangles; its corner stands at `from`, and coordinates are rounded
-/// as in a binary STL file.
+/// Returns a square of one period across z, as `n` by `n` squares of two triangles; its corner stands at `from`, and
+/// coordinates are rounded as in a binary STL file.
 fn mesh(n: u32, from: f64) -> Wall<Volume> {
     let place = |k: u32| f64::from(single(from + PERIOD * f64::from(k) / f64::from(n)));
     let vertices = (0..=n)
@@ -65,7 +65,7 @@ impl Report for Silent {
     }
 }
 
-/// The surface of a structure as a wall.
+/// Returns the surface of a structure as a wall.
 fn structure(shape: &str) -> Wall<Volume> {
     let shape: Shape = serde_json::from_str(shape).unwrap();
     let frame = Frame {
@@ -107,7 +107,7 @@ fn floors() -> Vec<(&'static str, Wall<Volume>)> {
     ]
 }
 
-/// A ball thrown along the floor: its motion, and the least of friction over normal force while it slides.
+/// Returns a ball thrown along the floor: its motion, and the least of friction over normal force while it slides.
 fn slide(floor: Wall<Volume>, velocity: Vector3<f64>) -> (Motion<Volume>, f64) {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let mut settings = Settings::new(region(), 5e-6, 1e-3);
@@ -147,7 +147,7 @@ fn a_grain_slides_over_the_seam() {
     }
 }
 
-/// At rest over the seam, at its corner and beside it: one contact, which bears the weight.
+/// Places a grain at rest over the seam, at its corner and next to it: one contact, which bears the weight.
 #[test]
 fn a_grain_rests_over_the_seam() {
     for (what, floor) in floors() {

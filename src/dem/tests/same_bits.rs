@@ -1,4 +1,4 @@
-//! The same bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
+//! Equal bits on any number of ranks and threads, with any skin, in any number of calls, and across restarts.
 //!
 //! Ranks are threads here ([`decomposition::on_threads`]).
 
@@ -138,7 +138,7 @@ struct Saved {
     migrated: bool,
 }
 
-/// All bits of grains and contacts, by id.
+/// Returns all bits of grains and contacts, by id.
 pub(super) fn bits(grains: &Table, contacts: &Contacts) -> BTreeMap<u64, Vec<u64>> {
     let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
     let column = |values: &state::Values| match values {
@@ -182,7 +182,7 @@ impl Saved {
     }
 }
 
-/// `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
+/// Makes `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
 fn run(
     scene: Scene,
     axis: Axis,
@@ -335,7 +335,7 @@ fn restarts_on_other_ranks_do_not_show() {
     }
 }
 
-/// A heap large enough for threads to be used.
+/// Returns a heap large enough for threads to be used.
 fn heap(threads: usize) -> (Table, u64) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -388,8 +388,8 @@ fn threads_do_not_show() {
     assert!(one == two);
 }
 
-/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and steps after all bonds were
-/// taken away.
+/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and
+/// steps after all bonds were taken away.
 #[test]
 fn threads_do_not_show_in_lists_that_last() {
     let layer = |threads: usize| {

@@ -1,4 +1,4 @@
-//! The same bits of spheres on any ranks, threads, skins and restarts, for each law of the fissure and each kind of wall.
+//! Equal bits of spheres on any ranks, threads, skins and restarts, for each law of the fissure and each kind of wall.
 
 use std::sync::Arc;
 
@@ -78,7 +78,8 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
     let region = Region::closed(Vector3::zeros(), Vector3::new(0.03, 0.012, 0.014), 1e-3);
     let mut settings = Settings::new(region, time_step, skin);
     settings.gravity = Vector3::new(2.0, 0.5, -9.81);
-    // A mesh as the floor, small triangles and large, a polygon at one end, a box that moves into the grains, and planes.
+    // A mesh as the floor, small triangles and large, a polygon at one end, a box that moves into the grains, and
+    // planes.
     let mut vertices = Vec::new();
     for y in [-0.001, 0.013] {
         for x in [-0.001_f64, 0.006, 0.0091, 0.0117, 0.0152, 0.031] {

@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Vector3};
 use super::*;
 use base::random::Stream;
 
-/// The square about the origin across z, of half width 1, as `n` by `n` squares of two triangles.
+/// Returns the square about the origin across z, of half width 1, as `n` by `n` squares of two triangles.
 pub(super) fn mesh(n: u32, half: f64) -> Surface {
     let place = |k: u32| half * (2.0 * f64::from(k) / f64::from(n) - 1.0);
     let vertices = (0..=n)
@@ -42,7 +42,7 @@ const GLASS: linear::Parameters = linear::Parameters {
     ..SPRINGS
 };
 
-/// A ball thrown at the floor, its motion after the rebound.
+/// Returns a ball thrown at the floor, its motion after the rebound.
 fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Volume> {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let mut dem = linear(
@@ -102,14 +102,14 @@ fn plane_polygon_and_mesh_rebound_alike() {
     assert!(largest < 1e-12, "{largest}");
 }
 
-/// A square between two coordinates along x.
+/// Returns a square between two coordinates along x.
 fn strip(from: f64, to: f64) -> Surface {
     let corners = [[from, -0.1], [to, -0.1], [to, 0.1], [from, 0.1]];
     let corners = corners.map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
     Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
-/// On the seam of two walls of one plane, and beside it, a ball rebounds as from one wall.
+/// Drops a ball on the seam of two walls of one plane, and next to it: it rebounds as from one wall.
 #[test]
 fn two_walls_that_touch_push_once() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);

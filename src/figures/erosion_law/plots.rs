@@ -6,7 +6,7 @@ use analysis::erosion_law::{ErosionRecord, Interval, Law, LinearLaw};
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt::Write as _;
 
-/// At most 400 of the records, first and last among them: what a figure can show.
+/// Returns at most 400 of the records, first and last among them: what a figure can show.
 pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
     let count = records.len().min(400);
     (0..count)
@@ -25,7 +25,7 @@ pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f
     stresses
 }
 
-/// Eroded mass against time.
+/// Returns the eroded mass against time.
 pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
     let count = cohesion.runs.len();
     // The highest pressure first, as the curves lie.
@@ -71,7 +71,7 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
     }
 }
 
-/// The same for a figure, `9.71·10^{-4}`.
+/// Returns the number for a figure, `9.71·10^{-4}`.
 fn digits_in_figure(value: f64) -> String {
     match digits(value).split_once('e') {
         Some((mantissa, power)) => {
@@ -81,7 +81,7 @@ fn digits_in_figure(value: f64) -> String {
     }
 }
 
-/// Erosion rate against shear stress.
+/// Returns the erosion rate against shear stress.
 pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
     let mut layers = Vec::new();
     let mut title = format!("Erosion rate, C/d = {} N/m", cohesion.cohesion);
@@ -181,7 +181,7 @@ struct Points {
 }
 
 impl Points {
-    fn of(cohesions: &[CohesionReport]) -> Self {
+    fn new(cohesions: &[CohesionReport]) -> Self {
         let mut points = Self::default();
         let bar = |interval: Interval| Some((interval.low, interval.high));
         for cohesion in cohesions {
@@ -209,7 +209,7 @@ impl Points {
     }
 }
 
-/// Returns the axis of the cohesions, with room for a point at either end.
+/// Returns the axis of the cohesions, with space for a point at either end.
 fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> Axis {
     let (low, high) = cohesions
         .iter()
@@ -235,7 +235,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         slopes,
         lower,
         brackets,
-    } = Points::of(cohesions);
+    } = Points::new(cohesions);
     let mark_published = |value: fn(Published) -> f64| {
         published.map(|p| {
             Layer::new(

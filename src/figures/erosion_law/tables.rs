@@ -6,7 +6,7 @@ use analysis::study::{CohesionReport, measured, points};
 use std::fmt;
 use std::fmt::Write as _;
 
-/// The fitted law of each cohesion.
+/// Returns the fitted law of each cohesion.
 pub(super) fn law(cohesions: &[CohesionReport]) -> String {
     let mut text = "cohesion [N/m],law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high [Pa],\
                     coefficient [s/m],coefficient_low [s/m],coefficient_high [s/m],r_squared [1],scatter [1],\
@@ -49,9 +49,10 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// The law of each cohesion by each reading.
+/// Returns the law of each cohesion by each reading.
 pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
-    let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high [Pa],\
+    let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high \
+        [Pa],\
                     coefficient [s/m],coefficient_low [s/m],coefficient_high [s/m],r_squared [1]\n"
         .to_owned();
     for cohesion in cohesions {
@@ -125,7 +126,7 @@ pub(super) fn windows(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// Eroded mass against time.
+/// Returns the eroded mass against time.
 pub(super) fn series(cohesions: &[CohesionReport]) -> String {
     let mut text =
         "cohesion [N/m],pressure_difference [Pa],time [s],eroded_fraction [1]\n".to_owned();
@@ -144,7 +145,7 @@ pub(super) fn series(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// Points of the runs and the fitted line.
+/// Returns points of the runs and the fitted line.
 pub(super) fn line(cohesions: &[CohesionReport]) -> String {
     let mut text = "cohesion [N/m],kind,pressure_difference [Pa],shear [Pa],rate [kg/(m^2 s)],rate_low [kg/(m^2 s)],\
                     rate_high [kg/(m^2 s)]\n"

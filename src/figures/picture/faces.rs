@@ -12,7 +12,7 @@ pub(super) struct Faces {
     pub(super) points: Vec<[f64; 3]>,
     /// Corners of each face, counter-clockwise from outside.
     corners: Vec<Vec<usize>>,
-    /// What colours them.
+    /// Values that colour them.
     pub(super) values: Vec<f64>,
     pub(super) quantity: String,
     pub(super) units: String,
@@ -21,7 +21,7 @@ pub(super) struct Faces {
 }
 
 impl Faces {
-    /// The faces of an output, coloured by a column.
+    /// Returns the faces of an output, coloured by a column.
     pub(super) fn read(path: &Path, quantity: &str) -> Result<Self, Error> {
         let read = |name: &str| read_column(path, name).map_err(|e| Error::Io(e.to_string()));
         let points = read("position")?.values;
@@ -50,7 +50,7 @@ impl Faces {
         })
     }
 
-    /// Paints those that look at the viewer; `colour` is that of a value.
+    /// Paints the faces that are turned to the viewer; `colour` is that of a value.
     pub(super) fn paint(
         &self,
         raster: &mut Raster,
@@ -64,7 +64,7 @@ impl Faces {
     }
 }
 
-/// An id as files hold it.
+/// Returns an id as files hold it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "ids are whole numbers below 2^53"
@@ -73,7 +73,7 @@ pub(super) fn id_of(number: f64) -> i64 {
     number as i64
 }
 
-/// Twice the vector area of a polygon.
+/// Returns twice the vector area of a polygon.
 fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for k in 2..corners.len() {
@@ -89,7 +89,7 @@ fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
 }
 
 impl Raster {
-    /// A convex polygon, darker within a pixel of its edges; nothing where its back is towards the viewer.
+    /// Draws a convex polygon, darker within a pixel of its edges; nothing if its back is towards the viewer.
     fn face(&mut self, frame: &Frame, corners: &[[f64; 3]], colour: [f64; 3]) {
         let area = twice_area(corners);
         let size = dot(area, area).sqrt();
@@ -137,7 +137,7 @@ impl Raster {
     }
 }
 
-/// How far a point is inside the edges of a counter-clockwise polygon; negative outside.
+/// Returns the distance of a point inside from the edges of a counter-clockwise polygon; negative outside.
 fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
     let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
     edges
@@ -158,7 +158,8 @@ mod tests {
     use super::super::{PAPER, Scene, View};
     use super::*;
 
-    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the triangle hides.
+    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the
+    /// triangle hides.
     #[test]
     fn a_face_covers_its_pixels_and_the_nearer_one_wins() {
         let faces = Faces {

@@ -1,4 +1,4 @@
-//! What a picture shows over the grains: arrows of a vector of each grain, and the network of contacts.
+//! Overlays of a picture: arrows of a vector of each grain, and the network of contacts.
 
 use super::{Frame, Raster, Section, failed};
 use base::error::Error;
@@ -46,7 +46,7 @@ impl Arrows {
         lengths.filter(|l| l.is_finite()).fold(0.0, f64::max)
     }
 
-    /// The arrows of grains at these positions as one path; `longest` is the vector with the longest arrow.
+    /// Returns the arrows of grains at these positions as one path; `longest` is the vector with the longest arrow.
     pub(super) fn draw(
         &self,
         positions: &[[f64; 3]],
@@ -105,7 +105,7 @@ impl Network {
         }
     }
 
-    /// The contacts within half their length of a section, in its axes.
+    /// Selects the contacts within half their length of a section, in its axes.
     pub(super) fn cut(&mut self, section: Section) {
         let [right, up] = section.plane();
         let away = |p: &[f64; 3]| p[section.axis] - section.at;
@@ -129,7 +129,7 @@ impl Network {
         sizes.filter(|f| f.is_finite()).fold(0.0, f64::max)
     }
 
-    /// The lines, compression in black and tension in red, wider where the force is larger.
+    /// Returns the lines, compression in black and tension in red, wider where the force is larger.
     pub(super) fn draw(&self, largest: f64, frame: &Frame, raster: &Raster) -> String {
         let mut paths = [const { [const { String::new() }; WIDTHS.len()] }; 2];
         for ([a, b], force) in self.ends.iter().zip(&self.forces) {
@@ -166,7 +166,8 @@ mod tests {
         (frame, raster)
     }
 
-    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, half of it eight, and one of a pixel in a thousand is left out.
+    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, half of it eight, and one of a pixel in a
+    /// thousand is left out.
     #[test]
     fn arrows_are_as_long_as_their_vectors() {
         let scene = super::super::tests::square();

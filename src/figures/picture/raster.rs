@@ -1,6 +1,6 @@
 //! The frame that a panel shows, and its pixels.
 
-use super::{PAPER, Scene, View, Water, share, water_colour};
+use super::{PAPER, Scene, View, Water, fraction_of_range, water_colour};
 use base::error::Error;
 use base::number::{real, whole};
 
@@ -96,7 +96,7 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// White paper, `most` pixels wide, or twice as high where the frame is narrower than that.
+    /// Returns white paper, `most` pixels wide, or twice as high where the frame is narrower than that.
     pub(super) fn new(frame: &Frame, most: usize) -> Self {
         let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
         let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));
@@ -111,7 +111,7 @@ impl Raster {
         }
     }
 
-    /// Where a point of the scene lies \[pixels from the upper left corner\].
+    /// Returns the position of a point of the scene \[pixels from the upper left corner\].
     pub(super) fn pixel_of(&self, frame: &Frame, p: [f64; 3]) -> [f64; 2] {
         let [x, y] = frame.place(p);
         [
@@ -120,7 +120,7 @@ impl Raster {
         ]
     }
 
-    /// Where the middle of a pixel lies in the frame.
+    /// Returns the position of the middle of a pixel in the frame.
     pub(super) fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
         [
             frame.low[0] + (real(column) + 0.5) * self.pixel,
@@ -142,7 +142,7 @@ impl Raster {
                 self.colours[row * self.width + column] = if water.solid[n] {
                     [225.0, 225.0, 225.0]
                 } else {
-                    water_colour(share(water.values[n], scale))
+                    water_colour(fraction_of_range(water.values[n], scale))
                 };
             }
         }

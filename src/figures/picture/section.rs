@@ -1,16 +1,16 @@
-//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, and circles where it cuts grains. The result is a 2-D
-//! scene in the other two axes, x before y before z.
+//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, and circles where it cuts
+//! grains. The result is a 2-D scene in the other two axes, x before y before z.
 
 use super::{Grains, Water};
 use base::number::{real, whole};
 use std::str::FromStr;
 
-/// Where to cut.
+/// Plane of a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// 0, 1 or 2: the axis across the plane.
     pub axis: usize,
-    /// Where the plane stands on it (m).
+    /// Coordinate of the plane on it (m).
     pub at: f64,
 }
 
@@ -30,7 +30,7 @@ impl FromStr for Section {
 }
 
 impl Section {
-    /// The plane across y through the middle of the water.
+    /// Returns the plane across y through the middle of the water.
     pub(super) fn middle(water: &Water) -> Self {
         Self {
             axis: 1,
@@ -38,7 +38,7 @@ impl Section {
         }
     }
 
-    /// The axes to the right and up.
+    /// Returns the axes to the right and up.
     pub(super) fn plane(self) -> [usize; 2] {
         match self.axis {
             0 => [1, 2],
@@ -47,7 +47,7 @@ impl Section {
         }
     }
 
-    /// The layer of water that the plane crosses; none where it passes by.
+    /// Returns the layer of water that the plane crosses; none if it passes by.
     pub(super) fn water(self, water: &Water) -> Option<Water> {
         let depth = (self.at - water.origin[self.axis]) / water.spacing[self.axis];
         if !(0.0..=real(water.cells[self.axis])).contains(&depth) {

@@ -1,6 +1,7 @@
-//! Streamlines of a plane flow. They are integrated in both directions from seeds by the Runge-Kutta method of fourth order, until they leave the
-//! fluid, the velocity vanishes, or another line is close. Seeds are tried in rows, so that the lines fill the plane evenly (Jobard and Lefer,
-//! Visualization in Scientific Computing '97, 43, with squares instead of distances).
+//! Streamlines of a plane flow. They are integrated in both directions from seeds by the Runge-Kutta method of fourth
+//! order, until they leave the fluid, the velocity vanishes, or another line is close. Seeds are tried in rows, so that
+//! the lines fill the plane evenly (Jobard and Lefer, Visualization in Scientific Computing '97, 43, with squares
+//! instead of distances).
 
 use super::Water;
 use base::number::{real, whole};
@@ -11,7 +12,8 @@ const SQUARES: f64 = 36.0;
 /// Steps of a line in each direction, half a cell each.
 const MOST_STEPS: usize = 4000;
 
-/// The velocity at a point in cells from the corner, between the middles of the cells; none in solids and outside.
+/// Returns the velocity at a point in cells from the corner, between the middles of the cells; none in solids and
+/// outside.
 fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> {
     let [width, height] = [water.cells[0], water.cells[1]];
     if !(0.0..real(width)).contains(&at[0]) || !(0.0..real(height)).contains(&at[1]) {
@@ -42,14 +44,14 @@ fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> 
     (weights > 0.0).then(|| sum.map(|v| v / weights))
 }
 
-/// The direction of the flow, as long as one.
+/// Returns the direction of the flow, as long as one.
 fn direction(water: &Water, flow: &[[f64; 3]], at: [f64; 2], still: f64) -> Option<[f64; 2]> {
     let [u, v] = velocity(water, flow, at)?;
     let speed = u.hypot(v);
     (speed > still).then(|| [u / speed, v / speed])
 }
 
-/// A step of `length` cells along the flow.
+/// Returns a step of `length` cells along the flow.
 fn step(
     water: &Water,
     flow: &[[f64; 3]],
@@ -130,7 +132,7 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
     lines
 }
 
-/// The lines as SVG, with an arrow in the middle of each. `place` takes cells to the picture.
+/// Returns the lines as SVG, with an arrow in the middle of each. `place` takes cells to the picture.
 pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> String {
     let mut svg = String::from("<g fill=\"none\" stroke=\"#222\" stroke-width=\"0.8\">\n");
     for line in lines(water) {
@@ -147,7 +149,8 @@ pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> Strin
             let turn = (y - y0).atan2(x - x0).to_degrees();
             let _ = writeln!(
                 svg,
-                "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},{y:.1}) rotate({turn:.0})\"/>"
+                "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},\
+                 {y:.1}) rotate({turn:.0})\"/>"
             );
         }
     }
@@ -159,7 +162,7 @@ pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> Strin
 mod tests {
     use super::*;
 
-    /// Water of 48 x 32 cells that moves as `flow` says of the middle of each.
+    /// Returns water of 48 x 32 cells that moves as `flow` says of the middle of each.
     fn water(flow: impl Fn(f64, f64) -> [f64; 3], solid: impl Fn(f64, f64) -> bool) -> Water {
         let middles = || {
             (0..32_usize).flat_map(|l| (0..48_usize).map(move |k| (real(k) + 0.5, real(l) + 0.5)))

@@ -1,19 +1,19 @@
-//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the mean
-//! pressure may be held.
+//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the
+//! mean pressure may be held.
 //!
 //! ```text
 //! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j κ        x' the next cell upstream
 //! ```
 //!
 //! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their
-//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given, or
-//! the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
+//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given,
+//! or the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
 //! stays as it is. A vortex leaves with little reflection.
 //!
 //! By itself the condition lets the pressure float. Where a pressure is held, κ is the one number for the whole patch
 //! that gives the mean pressure which the plane wave asks for ([`super::sound`]): with the means a of the populations
-//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p + q,
-//! its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
+//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p +
+//! q, its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
 //!
 //! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave
 //! remembers.
@@ -80,9 +80,9 @@ impl Model for ConvectiveOutflow {
 pub enum Carried {
     /// One velocity everywhere \[cells per step\].
     Given(f64),
-    /// That of the cell in the step before.
+    /// Velocity of the cell in the step before.
     Local,
-    /// Without bound: no gradient along the normal.
+    /// Whole state: no gradient along the normal.
     Whole,
 }
 
@@ -107,7 +107,7 @@ impl Upstream {
     }
 
     /// Returns its position.
-    fn at(self, parity: Parity) -> usize {
+    fn position(self, parity: Parity) -> usize {
         self.0[usize::from(parity == Parity::Reversed)]
     }
 }
@@ -151,7 +151,7 @@ pub struct Links {
     outward: f64,
     speed: Carried,
     links: Vec<FaceLink>,
-    /// For each link.
+    /// Data of each link.
     leaving: Vec<Leaving>,
     held: Option<Held>,
 }
@@ -284,7 +284,7 @@ impl<S: Stored> Rule<S> for Links {
             let mut sums = Sums::default();
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
                 let area = 6.0 * leaving.weight;
-                let upstream = numbers[leaving.upstream.at(parity)].to_f64();
+                let upstream = numbers[leaving.upstream.position(parity)].to_f64();
                 let terms = [
                     numbers[link.link.out(parity)].to_f64(),
                     area,
@@ -326,8 +326,12 @@ impl<S: Stored> Rule<S> for Links {
             .map_or(0.0, |held| 6.0 * held.wave.excess());
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
-                let (from, to) = (leaving.upstream.at(parity), link.link.incoming(parity));
-                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule gives nothing.
+                let (from, to) = (
+                    leaving.upstream.position(parity),
+                    link.link.incoming(parity),
+                );
+                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule
+                // gives nothing.
                 unsafe {
                     let upstream = numbers.add(from).read().to_f64();
                     let value = leaving.weight.mul_add(excess, leaving.carried(upstream));
@@ -381,7 +385,7 @@ mod tests {
         Fluid::new(setup, &Domain::serial(Axis::X, length, false)).unwrap()
     }
 
-    /// Root mean square of the disturbance in the box of [`CELLS`].
+    /// Returns the root mean square of the disturbance in the box of [`CELLS`].
     fn disturbance(fluid: &Fluid<f64>, from: &Fluid<f64>) -> f64 {
         let mut sum = 0.0;
         for x in 0..CELLS[0] {
@@ -395,7 +399,7 @@ mod tests {
         (sum / (CELLS[0] * CELLS[1]) as f64).sqrt()
     }
 
-    /// A Gaussian vortex in a stream, 24 cells before the outlet.
+    /// Returns a Gaussian vortex in a stream, 24 cells before the outlet.
     fn vortex(p: [f64; 3]) -> (f64, [f64; 3]) {
         let (x, y, r) = (p[0] - 56.0, p[1] - 24.0, 6.0);
         let strength = 0.02 * (0.5 - 0.5 * (x * x + y * y) / (r * r)).exp();
@@ -408,7 +412,7 @@ mod tests {
         Box::new(Links::new((0, true), speed))
     }
 
-    /// What is left of a vortex after it has gone, against the same stream in a channel four times as long.
+    /// Compares the residue of a vortex after it has left with the same stream in a channel four times as long.
     #[test]
     fn a_vortex_leaves_with_less_reflection_than_without_gradient() {
         let left = |outlet| {

@@ -1,11 +1,13 @@
 //! Open faces where solids cover their cells: what solids fill lets nothing through.
 //!
-//! The rules of inlets and outlets know nothing of what covers their cells: an inlet before a bed of rock would press water into the
-//! rock, and an outlet draw it out. So what they give a cell that solids fill by ε is mixed with half-way bounce-back,
+//! The rules of inlets and outlets know nothing of what covers their cells: an inlet before a bed of rock would press
+//! water into the rock, and an outlet draw it out. So what they give a cell that solids fill by ε is mixed with
+//! half-way bounce-back,
 //!
 //! f_ī(x, t+1) = (1 - ε) f_ī^rule + ε f*_i(x, t),
 //!
-//! which closes the face before a full cell like a wall at rest. Moving walls are left as they are: nothing goes through them.
+//! which closes the face before a full cell like a wall at rest. Moving walls are left as they are: nothing goes
+//! through them.
 
 use super::links::each_part;
 use crate::lanes::Stored;
@@ -32,7 +34,7 @@ pub(super) struct OpenCells {
 }
 
 impl OpenCells {
-    /// One more link; those of one cell come one after another.
+    /// Adds a link; those of one cell come one after another.
     pub(super) fn add(&mut self, (cell, local): (usize, [usize; 3]), link: Link) {
         match self.cells.last_mut() {
             Some(last) if last.cell == cell => last.count += 1,
@@ -46,8 +48,8 @@ impl OpenCells {
         self.links.push(link);
     }
 
-    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an array
-    /// and by its place in the slab.
+    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an
+    /// array and by its place in the slab.
     pub(super) fn close<S: Stored>(
         &self,
         fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,

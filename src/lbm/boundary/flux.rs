@@ -1,4 +1,4 @@
-//! What crosses the faces of a slab: mass and momentum of each patch, summed as integers.
+//! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
 use super::{Boundaries, links};
 use crate::lanes::Stored;
@@ -14,21 +14,21 @@ pub struct Flux {
     pub mass: i128,
 }
 
-/// What crossed a face along one link.
+/// Populations that crossed a face along one link.
 #[derive(Clone, Copy, Debug)]
 struct Exchange {
     patch: usize,
     /// Deviation from rest of the population that left, and its direction.
     out: (f64, usize),
-    /// The same of the one that entered.
+    /// Deviation from rest of the population that entered, and its direction.
     into: (f64, usize),
     /// The cells that they left and entered: positions within an array.
     cells: [u32; 2],
 }
 
 impl<S: Stored> Boundaries<S> {
-    /// What crossed each patch in the step just done, on this rank. Only read when someone asks: it costs a pass over
-    /// the boundary links.
+    /// Returns the flow through each patch in the step just done, on this rank. It costs a pass over the boundary
+    /// links.
     #[must_use]
     pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
         let mut fluxes = Vec::new();
@@ -36,7 +36,7 @@ impl<S: Stored> Boundaries<S> {
         fluxes
     }
 
-    /// As [`Self::fluxes`], into a list that is used again.
+    /// Computes [`Self::fluxes`] into a list that is reused.
     pub fn fluxes_into(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
         fluxes.clear();
         fluxes.resize(self.patches.len(), Flux::default());
@@ -59,9 +59,9 @@ impl<S: Stored> Boundaries<S> {
         });
     }
 
-    /// What left through all faces in the step just done, on this rank, in quanta: mass, then momentum. The momentum is that of the cells
-    /// (positions within an array) for which `counts` holds, and of the deviations from rest, as that of the loads on bodies is: the
-    /// pressure at rest cancels over a whole surface only.
+    /// Returns the quantity that left through all faces in the step just done, on this rank, in quanta: mass, then
+    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` holds, and of the
+    /// deviations from rest, as that of the loads on bodies is: the pressure at rest cancels over a whole surface only.
     #[must_use]
     pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
         let velocities = populations.velocities();
@@ -111,15 +111,15 @@ impl<S: Stored> Boundaries<S> {
                     patch: n,
                     out: (numbers[from].to_f64(), usize::from(m.leaves)),
                     into: (numbers[to].to_f64(), usize::from(m.enters)),
-                    // Two cells beside each other, of which a body may hold one.
+                    // Two adjacent cells, of which a body may hold one.
                     cells: m.cells(&velocities.opposite, &begins),
                 });
             }
         }
     }
 
-    /// The mass that left each patch with an opening in the step just done, on this rank, in quanta: of the links whose cells
-    /// (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    /// Returns the mass that left each patch with an opening in the step just done, on this rank, in quanta: of the
+    /// links whose cells (positions within an array) `counts` holds. Walls let nothing through and are not walked.
     pub fn mass_through(
         &self,
         populations: &Populations<S>,

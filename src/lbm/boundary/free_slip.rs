@@ -13,8 +13,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated cells, because
-/// bounce-back links along the plane do not see the mirror image of the body.
+/// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated
+/// cells, because bounce-back links along the plane do not see the mirror image of the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -39,7 +39,7 @@ impl Model for FreeSlip {
 #[derive(Debug, Default)]
 pub struct Links {
     runs: Vec<MirrorRun>,
-    /// The last run of each incoming direction: the only one that may go on.
+    /// The last run of each incoming direction: the only one that may continue.
     last: HashMap<u8, usize>,
     /// Made of the runs when the first step needs it.
     counted: Option<Counted>,

@@ -22,28 +22,29 @@ pub struct Crossing<'a, S: Stored> {
     pub direction: usize,
     /// Along which axes it leaves the domain.
     pub outside: [bool; 3],
-    /// Where it crosses the face, in cells; the first cell spans 0..1.
+    /// Point at which it crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
-    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on the border of a patch.
+    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on
+    /// the border of a patch.
     pub share: f64,
     /// The two numbers at its ends.
     pub link: Link,
 }
 
 impl<S: Stored> Crossing<'_, S> {
-    /// c_i of the direction.
+    /// Returns c_i of the direction.
     #[must_use]
     pub fn velocity(&self) -> [i8; 3] {
         self.populations.velocities().c[self.direction]
     }
 
-    /// w_i of the direction.
+    /// Returns w_i of the direction.
     #[must_use]
     pub fn weight(&self) -> f64 {
         self.populations.velocities().w[self.direction]
     }
 
-    /// The link as rules keep it.
+    /// Returns the link as rules keep it.
     #[must_use]
     pub fn face_link(&self) -> FaceLink {
         FaceLink {
@@ -62,10 +63,10 @@ pub struct FaceLink {
     pub direction: usize,
 }
 
-/// A population that enters as the mirror image of one that left, of the same cell or of one beside it along the face.
+/// Population that enters as the mirror image of one that left, of the same cell or of an adjacent one along the face.
 #[derive(Clone, Copy, Debug)]
 pub struct Mirror {
-    /// The link along which the population leaves, and that beside which it enters.
+    /// Links of the populations that leave and enter.
     links: [Link; 2],
     /// Direction of the outgoing population.
     pub(crate) leaves: u8,
@@ -74,7 +75,7 @@ pub struct Mirror {
 }
 
 impl Mirror {
-    /// The population that enters along a link.
+    /// Returns the population that enters along a link.
     #[must_use]
     pub fn new<S: Stored>(crossing: &Crossing<'_, S>) -> Self {
         let (populations, cell) = (crossing.populations, crossing.cell);
@@ -89,7 +90,8 @@ impl Mirror {
         let source = cell.wrapping_add_signed(-populations.offset(find(along)));
         let number = |direction: usize| u8::try_from(direction).unwrap_or(u8::MAX);
         Self {
-            // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the set.
+            // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the
+            // set.
             links: [populations.link(source, leaves), populations.link(cell, i)],
             leaves: number(leaves),
             enters: number(enters),
@@ -102,7 +104,8 @@ impl Mirror {
         (from.out(parity), to.incoming(parity))
     }
 
-    /// The cells that the population leaves and enters: positions within an array, where `begins` is the first of each population.
+    /// Returns the cells that the population leaves and enters: positions within an array, where `begins` is the first
+    /// of each population.
     pub(crate) fn cells(&self, opposite: &[usize], begins: &[u32]) -> [u32; 2] {
         // The near end of a link lies behind the position of its cell, in the array of the population that comes in.
         let [from, to] = self.links.map(|link| link.near);
@@ -112,7 +115,7 @@ impl Mirror {
         ]
     }
 
-    /// The mirror `apart` numbers further.
+    /// Returns the mirror `apart` numbers further.
     fn further(self, apart: u32) -> Self {
         let links = self.links.map(|Link { near, far }| Link {
             near: near + apart,
@@ -131,7 +134,7 @@ pub struct MirrorRun {
 }
 
 impl MirrorRun {
-    /// The run of one.
+    /// Returns the run of one.
     pub(super) fn of(first: Mirror) -> Self {
         Self {
             first,
@@ -140,7 +143,7 @@ impl MirrorRun {
         }
     }
 
-    /// The run with one more, where that one continues it.
+    /// Returns the run with one more, where that one continues it.
     pub(super) fn with(self, next: &Mirror) -> Option<Self> {
         let Self {
             first,
@@ -161,17 +164,17 @@ impl MirrorRun {
             })
     }
 
-    /// How many they are.
+    /// Returns the number of links.
     pub(super) fn count(&self) -> u32 {
         self.count
     }
 
-    /// Its mirrors.
+    /// Returns its mirrors.
     pub(crate) fn mirrors(self) -> impl Iterator<Item = Mirror> {
         (0..self.count).map(move |k| self.first.further(k * self.stride))
     }
 
-    /// The numbers of some of them.
+    /// Returns the numbers of some of them.
     pub(super) fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         Row::new(self.first.ends(parity), self.stride, some)
     }
@@ -186,7 +189,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Some of those that start at two positions.
+    /// Returns some of those that start at two positions.
     pub(super) fn new((from, to): (usize, usize), stride: u32, some: Range<usize>) -> Self {
         let stride = stride as usize;
         let skipped = some.start * stride;
@@ -198,10 +201,10 @@ impl Row {
         }
     }
 
-    /// Each enters less `term`.
+    /// Sets each entering number to the leaving one minus `term`.
     ///
     /// # Safety
-    /// Both ends must be positions in `numbers`, and nobody else may touch these numbers.
+    /// Both ends must be positions in `numbers`, and no other thread may access these numbers.
     pub(super) unsafe fn give<S: Stored>(self, term: f64, numbers: *mut S) {
         let Self {
             from,
@@ -256,8 +259,8 @@ impl<S> Numbers<S> {
     }
 }
 
-/// Calls `work` with parts of `count` items and the numbers of the slab, by several threads where each has at least `least` items. The parts
-/// are disjoint and together all items.
+/// Calls `work` with parts of `count` items and the numbers of the slab, by several threads where each has at least
+/// `least` items. The parts are disjoint and together all items.
 pub(super) fn each_part<S: Stored>(
     count: usize,
     least: usize,
@@ -297,7 +300,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// Runs of so many links.
+    /// Makes runs of a given number of links.
     pub(super) fn new(counts: impl Iterator<Item = u32>) -> Self {
         let mut before = vec![0];
         let mut all = 0;
@@ -308,8 +311,8 @@ impl Counted {
         Self { before }
     }
 
-    /// Calls `give` for all links of some runs, by several threads where they are many: with the number of a run, which of its links, and the
-    /// numbers of the slab. No two calls get the same link.
+    /// Calls `give` for all links of some runs, by several threads where they are many: with the number of a run, which
+    /// of its links, and the numbers of the slab. No two calls get the same link.
     pub(super) fn each<S: Stored>(
         &self,
         runs: Range<usize>,
@@ -329,7 +332,7 @@ impl Counted {
         );
     }
 
-    /// The runs that hold some links, counted through all: which run, and which of its links.
+    /// Returns the runs that hold some links, counted through all: which run, and which of its links.
     fn runs(&self, links: Range<usize>) -> impl Iterator<Item = (usize, Range<usize>)> {
         let Range {
             start: from,
@@ -347,7 +350,7 @@ impl Counted {
     }
 }
 
-/// Where the array of population `i` begins.
+/// Returns the start of the array of population `i`.
 pub(super) fn first<S: Stored>(populations: &Populations<S>, i: usize) -> u32 {
     u32::try_from(populations.slot(0, i)).unwrap_or(u32::MAX)
 }
@@ -411,7 +414,7 @@ mod tests {
         }
     }
 
-    /// However many threads there are, each link and item is somebody's, once.
+    /// Divides the links among threads: each link and item belongs to exactly one thread.
     #[test]
     fn threads_share_all_links() {
         let counts = [3, 1, 20_000, 1, 1, 7, 9000];

@@ -1,4 +1,4 @@
-//! What the program asks a boundary of a case, in SI: its nature, its speed, pressure and inflow, and its rule on the lattice.
+//! Interface of a boundary of a case, in SI: its kind, its speed, pressure and inflow, and its rule on the lattice.
 
 use super::nature::{Inflow, Nature, Surface};
 use super::profile::ReadTable;
@@ -11,7 +11,7 @@ use base::units::LatticeUnits;
 /// A speed that a boundary imposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImposedSpeed {
-    /// What moves, in words.
+    /// Name of the moving part, in words.
     pub what: &'static str,
     /// JSON path of the field that decides it, below the parameters of the boundary.
     pub field: &'static str,
@@ -33,13 +33,13 @@ pub struct ImposedPressure {
 }
 
 impl ImposedPressure {
-    /// The smaller and the larger of the two \[Pa\].
+    /// Returns the smaller and the larger of the two \[Pa\].
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         [self.end.min(self.start), self.end.max(self.start)]
     }
 
-    /// The largest amplitude \[Pa\].
+    /// Returns the largest amplitude \[Pa\].
     #[must_use]
     pub fn amplitude(&self) -> f64 {
         self.end.abs().max(self.start.abs())
@@ -48,7 +48,7 @@ impl ImposedPressure {
 
 /// A boundary as a case names it: its parameters in SI, and what the program asks about it.
 pub trait Model {
-    /// What it is to what surrounds it.
+    /// Returns the kind of the boundary.
     fn nature(&self) -> Nature;
 
     /// Checks the parameters and reads the tables that they name; what is wrong goes to the report.
@@ -61,38 +61,38 @@ pub trait Model {
         let _ = (place, report);
     }
 
-    /// The largest speed that it imposes.
+    /// Returns the largest speed that it imposes.
     fn speed(&self) -> Option<ImposedSpeed> {
         None
     }
 
-    /// The pressure that it imposes.
+    /// Returns the pressure that it imposes.
     fn pressure(&self) -> Option<ImposedPressure> {
         None
     }
 
-    /// Whether the pressure there is that of the fluid; beside imposed pressures it counts as the reference.
+    /// Returns `true` if the pressure there is that of the fluid; next to imposed pressures it counts as the reference.
     fn pressure_floats(&self) -> bool {
         false
     }
 
-    /// What flows into the domain.
+    /// Returns the inflow into the domain.
     fn inflow(&self, place: &Place<'_>) -> Inflow {
         let _ = place;
         Inflow::None
     }
 
-    /// Time over which the inflow grows from nothing \[s\]; 0 for at once.
+    /// Returns the time over which the inflow grows from nothing \[s\]; 0 for at once.
     fn ramp_time(&self) -> f64 {
         0.0
     }
 
-    /// Whether water passes through it, or is driven through it.
+    /// Returns `true` if water passes through it, or is driven through it.
     fn passes_water(&self) -> bool {
         self.nature().surface == Surface::Opening
     }
 
-    /// The rule on the lattice.
+    /// Returns the rule on the lattice.
     ///
     /// # Errors
     /// Where the cells of the patch show that the parameters cannot hold.

@@ -1,6 +1,6 @@
-//! What a boundary is to the water and to the boundaries beside it.
+//! Kinds of boundaries, for the water and for adjacent boundaries.
 
-/// What the water meets at a boundary.
+/// Surface of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
     /// A wall at rest.
@@ -13,14 +13,14 @@ pub enum Surface {
     Opening,
 }
 
-/// What flows into the domain through a boundary.
+/// Inflow into the domain through a boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Inflow {
     /// Nothing.
     None,
-    /// This mean velocity over its cells [m/s]; negative out of the domain.
+    /// Mean velocity over its cells [m/s]; negative out of the domain.
     Mean(f64),
-    /// What the flow asks for, or more than is known before the run.
+    /// Inflow that the flow determines, or that is not known before the run.
     Any,
 }
 
@@ -39,12 +39,12 @@ pub enum Strength {
     Wall,
 }
 
-/// What a boundary is to what surrounds it.
+/// Kind of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nature {
-    /// What the water meets.
+    /// Surface of the boundary.
     pub surface: Surface,
-    /// Whether it takes the links of an edge.
+    /// Strength: decides which of two boundaries has the links of an edge.
     pub strength: Strength,
 }
 

@@ -1,15 +1,16 @@
 //! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
 //!
-//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the population that
-//! crosses the face where f_j enters, with the same part along the face.
+//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the
+//! population that crosses the face where f_j enters, with the same part along the face.
 //!
-//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by anti-bounce-back
-//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face; the half difference
-//! carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this velocity is zero there. Together
-//! they are the rule above. Anti-bounce-back of each link by itself would also reverse the shear stress in the half
-//! difference: flow between plates would then lose pressure where it enters and leaves, whatever the resolution. With no
-//! velocity along the face the half sum holds no viscous stress, and the rule is second order. u_n, the normal velocity of
-//! the cell, enters only squared. Needs no special corner nodes, in two or three dimensions.
+//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by
+//! anti-bounce-back (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face;
+//! the half difference carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this
+//! velocity is zero there. Together they are the rule above. Anti-bounce-back of each link by itself would also reverse
+//! the shear stress in the half difference: flow between plates would then lose pressure where it enters and leaves,
+//! whatever the resolution. With no velocity along the face the half sum holds no viscous stress, and the rule is
+//! second order. u_n, the normal velocity of the cell, enters only squared. Needs no special corner nodes, in two or
+//! three dimensions.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -34,8 +35,8 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and d'Humières 2008), bounce-back
-/// for the velocity along the face (Ladd 1994).
+/// Imposed pressure, with zero tangential velocity: anti-bounce-back for the pressure (Ginzburg, Verhaeghe and
+/// d'Humières 2008), bounce-back for the velocity along the face (Ladd 1994).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -45,9 +46,9 @@ pub struct Pressure {
     /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
-    /// What the opening does with sound. `absorb` lets plane waves out; `value` then holds on the mean over several times that sound takes
-    /// through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every step. Default: `absorb` where this is the
-    /// only opening besides imposed velocities, else `reflect`.
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` then holds on the mean over several
+    /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every
+    /// step. Default: `absorb` where this is the only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
     /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure differs
@@ -101,9 +102,9 @@ impl Pressure {
         pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
     }
 
-    /// Returns what it does with sound among the openings of the domain. Between two imposed pressures an opening that
-    /// absorbs would add to the inertia of the water, ρL/σ of its own; beside imposed velocities the flow does not feel
-    /// that.
+    /// Returns its behaviour for sound among the openings of the domain. Between two imposed pressures an opening that
+    /// absorbs would add to the inertia of the water, ρL/σ of its own; with imposed velocities elsewhere the flow is
+    /// not affected.
     fn sound(&self, openings: &[Opening]) -> Sound {
         self.sound.unwrap_or(if Self::is_the_outlet(openings) {
             Sound::Absorb
@@ -223,7 +224,7 @@ struct PressureCell {
     beyond: f64,
 }
 
-/// Where the population that a link returns lies, and w_i.
+/// Positions of the populations of a link that returns one, and w_i.
 #[derive(Clone, Copy, Debug)]
 struct Returned {
     mirror: Mirror,
@@ -240,16 +241,16 @@ pub struct Links {
     incline: [[f64; 3]; 2],
     cells: Vec<PressureCell>,
     links: Vec<FaceLink>,
-    /// For each link.
+    /// Data of each link.
     returned: Vec<Returned>,
-    /// What enters through each link: room for a step.
+    /// Populations that enter through each link: a buffer for a step.
     entering: Vec<f64>,
-    /// What lets sound out, with the velocity that is foreseen.
+    /// Plane wave that lets sound out, with the forecast velocity.
     sound: Option<(PlaneWave, Option<Forecast>)>,
 }
 
 impl Links {
-    /// The density deviation δρ = 3 p of a face normal to an axis.
+    /// Returns the density deviation δρ = 3 p of a face normal to an axis.
     #[must_use]
     pub fn new(axis: usize, density: Ramp) -> Self {
         Self {
@@ -264,7 +265,7 @@ impl Links {
         }
     }
 
-    /// Velocity of a cell along the normal.
+    /// Returns the velocity of a cell along the normal.
     fn normal<S: Stored>(
         &self,
         cell: &PressureCell,
@@ -283,7 +284,7 @@ impl Links {
         self
     }
 
-    /// The same with the plane wave let out.
+    /// Adds the plane wave that lets sound out.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
         self.sound = Some((wave, forecast));

@@ -25,10 +25,11 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum VelocityProfile {
-    /// The same everywhere [m/s]: the list of the components, or an object with `velocity`.
+    /// Uniform velocity [m/s]: the list of the components, or an object with `velocity`.
     Uniform(UniformVelocity),
-    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s from 0 to 1 between
-    /// the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow: it has no factor.
+    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s
+    /// from 0 to 1 between the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow:
+    /// it has no factor.
     Parabolic {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
@@ -55,10 +56,11 @@ pub enum VelocityProfile {
     },
     /// From a table.
     File {
-        /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in 3-D, `z` on a face
-        /// across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are interpolated linearly between rows.
+        /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in
+        /// 3-D, `z` on a face across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are
+        /// interpolated linearly between rows.
         path: PathBuf,
-        /// Its rows, once they are read.
+        /// Rows of the table, once they are read.
         #[serde(skip)]
         table: Option<Table>,
     },
@@ -89,7 +91,7 @@ impl VelocityProfile {
         }
     }
 
-    /// The largest speed [m/s], after the field that decides it.
+    /// Returns the largest speed [m/s], after the field that decides it.
     pub(super) fn fastest(&self) -> (&'static str, f64) {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -113,7 +115,7 @@ impl VelocityProfile {
         }
     }
 
-    /// Mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
+    /// Returns the mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
     pub(super) fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -132,8 +134,8 @@ impl VelocityProfile {
         }
     }
 
-    /// Mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles, and where it is not worth the
-    /// time.
+    /// Returns the mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles,
+    /// and where it is not worth the time.
     pub(super) fn mean_of_table(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::File {
@@ -143,7 +145,7 @@ impl VelocityProfile {
         }
     }
 
-    /// The profile in lattice units.
+    /// Returns the profile in lattice units.
     pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> Profile {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -208,7 +210,8 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
     (area > 0.0).then_some(sum / area)
 }
 
-/// The axes of the face along which the flow through a patch has ends: not a periodic axis that the patch spans.
+/// Returns the axes of the face along which the flow through a patch has ends: not a periodic axis that the patch
+/// spans.
 fn bounded(place: &Place<'_>) -> [bool; 3] {
     let Place { site, from, to, .. } = place;
     std::array::from_fn(|a| {
@@ -217,7 +220,7 @@ fn bounded(place: &Place<'_>) -> [bool; 3] {
     })
 }
 
-/// The product of a parabola for each axis of the patch that has ends, along the inward normal.
+/// Returns the product of a parabola for each axis of the patch that has ends, along the inward normal.
 fn parabola(place: &Place<'_>, peak: f64) -> Profile {
     let (axis, bounded) = (place.site.face.axis(), bounded(place));
     let ends = place.ends;
@@ -284,16 +287,18 @@ fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
 
 /// A table of velocities over a face: in each row the tangential coordinates \[m\], then the velocity components [m/s].
 ///
-/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the outermost one.
+/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the
+/// outermost one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     dimension: usize,
-    /// In rising order of the first coordinate.
+    /// Rows in rising order of the first coordinate.
     rows: Arc<Vec<Vec<f64>>>,
 }
 
 impl Table {
-    /// The table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D dimensions.
+    /// Returns the table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D
+    /// dimensions.
     #[must_use]
     pub fn new(dimension: usize, rows: Vec<Vec<f64>>) -> Self {
         Self {
@@ -302,19 +307,19 @@ impl Table {
         }
     }
 
-    /// How many rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// No row at all.
+    /// Returns `true` if there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The largest speed of any row [m/s].
+    /// Returns the largest speed of any row [m/s].
     #[must_use]
     pub fn fastest(&self) -> f64 {
         let speed = |row: &Vec<f64>| {
@@ -324,7 +329,7 @@ impl Table {
         self.rows.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// The velocity [m/s] at the tangential coordinates \[m\] of a place.
+    /// Returns the velocity [m/s] at the tangential coordinates \[m\] of a place.
     #[must_use]
     pub fn at(&self, across: &[f64]) -> [f64; 3] {
         let rows = &self.rows;
@@ -368,7 +373,8 @@ mod tests {
     use base::geometry::Face;
     use base::units::LatticeUnits;
 
-    /// The profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the mean that is stated.
+    /// Returns the profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the
+    /// mean that is stated.
     fn means(periodic: [bool; 3], from: [usize; 3], to: [usize; 3]) -> (f64, f64) {
         let site = Site {
             path: "",

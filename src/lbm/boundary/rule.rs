@@ -1,4 +1,5 @@
-//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after every pass.
+//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after
+//! every pass.
 
 use super::links::{Crossing, FaceLink, MirrorRun};
 use super::nature::Nature;
@@ -6,7 +7,7 @@ use super::sound::Sums;
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// Who gives a link what enters.
+/// Source of the population that enters through a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Giver {
     /// Half-way bounce-back less this term times the factor of the rule ([`super::wall`]).
@@ -18,7 +19,7 @@ pub enum Giver {
     Rule,
 }
 
-/// When a rule acts.
+/// Step and time at which a rule acts.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// The step.
@@ -27,16 +28,17 @@ pub struct Moment {
     pub half_force: [f64; 3],
 }
 
-/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for each rule.
+/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for
+/// each rule.
 pub trait Rule<S: Stored>: Send + Sync {
-    /// What the boundary is to what surrounds it.
+    /// Returns the kind of the boundary.
     fn nature(&self) -> Nature;
 
     /// Takes a link through the patch. The links of a cell come one after another.
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
 
-    /// Velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point is in cells. None where no
-    /// velocity is imposed.
+    /// Returns the velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point
+    /// is in cells. None where no velocity is imposed.
     fn velocity(&self, _position: [f64; 3]) -> Option<[f64; 3]> {
         None
     }
@@ -47,7 +49,7 @@ pub trait Rule<S: Stored>: Send + Sync {
         1.0
     }
 
-    /// Factor of the imposed velocity at a step.
+    /// Returns the factor of the imposed velocity at a step.
     fn factor(&self, _step: f64) -> f64 {
         0.0
     }
@@ -60,31 +62,31 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes what the links of all ranks let in, and lets the stated discharge in from now on.
     fn balance(&mut self, _given: i128) {}
 
-    /// The last step in which a value still changes by its ramp.
+    /// Returns the last step in which a value still changes by its ramp.
     fn ramp_end(&self) -> f64 {
         0.0
     }
 
-    /// Whether the links at walls may be given as soon as the cells round them have collided; not where the rule reads numbers that the
-    /// walls give, or ghosts beside them.
+    /// Returns `true` if the links at walls may be given as soon as the cells next to them have collided; not if the
+    /// rule reads populations that the walls give, or ghosts next to them.
     fn walls_stand_alone(&self) -> bool {
         true
     }
 
-    /// Whether the rule does nothing but give its links to the walls.
+    /// Returns `true` if the rule only gives its links to the walls.
     fn is_wall(&self) -> bool {
         false
     }
 
-    /// Notes what the rule needs of the state before a pass.
+    /// Stores the data of the state that the rule needs, before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
 
-    /// Whether the rule needs sums over all ranks before it acts; the same on every rank and at every step.
+    /// Returns `true` if the rule needs sums over all ranks before it acts; equal on every rank and at every step.
     fn sums(&self) -> bool {
         false
     }
 
-    /// The sums of this rank, where it needs any.
+    /// Returns the sums of this rank, where it needs any.
     fn measure(&self, _populations: &Populations<S>, _moment: &Moment) -> Sums {
         Sums::default()
     }
@@ -92,7 +94,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Takes the sums of all ranks.
     fn hear(&mut self, _sums: Sums, _moment: &Moment) {}
 
-    /// What the rule remembers from step to step; none where nothing, or nothing yet.
+    /// Returns the value that the rule keeps from step to step; none if it keeps nothing, or nothing yet.
     fn memory(&self) -> Option<f64> {
         None
     }
@@ -106,12 +108,12 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Changes what the walls have been given.
     fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
 
-    /// The links that the rule keeps and that are no mirrors.
+    /// Returns the links that the rule keeps and that are no mirrors.
     fn links(&self) -> &[FaceLink] {
         &[]
     }
 
-    /// The populations that the rule mirrors.
+    /// Returns the populations that the rule mirrors.
     fn mirrors(&self) -> &[MirrorRun] {
         &[]
     }

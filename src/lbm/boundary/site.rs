@@ -1,4 +1,4 @@
-//! Where a boundary is imposed.
+//! Part of the domain where a boundary is imposed.
 
 use super::nature::{Inflow, Strength};
 use base::geometry::Face;
@@ -19,22 +19,22 @@ pub struct Site<'a> {
     pub cells: [usize; 3],
     /// Axes along which the domain repeats.
     pub periodic: [bool; 3],
-    /// Which faces of the domain are walls that hold the water, by axis, the lower one first.
+    /// `true` for the faces of the domain that are walls which hold the water, by axis, the lower one first.
     pub walls: [[bool; 2]; 3],
 }
 
 /// The cells at which a boundary is imposed.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Where they are.
+    /// Site of the boundary.
     pub site: Site<'a>,
     /// First cell along each axis; 0 along the normal.
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Its lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
+    /// Lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
     pub ends: [[f64; 2]; 3],
-    /// All openings of the domain, this one included; none where they are not known yet.
+    /// All openings of the domain, this one included; none if they are not known yet.
     pub openings: &'a [Opening],
 }
 
@@ -83,12 +83,12 @@ impl Place<'_> {
 pub struct Sides {
     /// Lower and upper end along each axis, in cells.
     ends: [[f64; 2]; 3],
-    /// Which of them are walls.
+    /// `true` for the faces that are walls.
     walls: [[bool; 2]; 3],
 }
 
 impl Sides {
-    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none where no end is a wall.
+    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none if no end is a wall.
     #[must_use]
     pub fn from_wall(&self, position: [f64; 3]) -> Option<f64> {
         let distances = (0..3).flat_map(|a| {
@@ -105,11 +105,11 @@ impl Sides {
 /// An opening of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Opening {
-    /// What it imposes.
+    /// Strength of the condition that it imposes.
     pub strength: Strength,
-    /// Its area, in faces of cells.
+    /// Area, in faces of cells.
     pub area: f64,
-    /// What flows in.
+    /// Inflow through it.
     pub inflow: Inflow,
     /// Time over which the inflow grows \[s\].
     pub ramp_time: f64,

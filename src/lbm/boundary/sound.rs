@@ -1,31 +1,32 @@
 //! Openings that let sound out.
 //!
-//! An opening with a fixed pressure or a fixed velocity returns every sound wave that reaches it, with a phase of π or 0. Between two of
-//! them the sound of a start rings until viscosity has damped it. An opening that absorbs answers the plane wave of its face with the
-//! impedance ρc of the fluid, and returns to its target slowly:
+//! An opening with a fixed pressure or a fixed velocity returns every sound wave that reaches it, with a phase of π
+//! or 0. Between two of them the sound of a start rings until viscosity has damped it. An opening that absorbs answers
+//! the plane wave of its face with the impedance ρc of the fluid, and returns to its target slowly:
 //!
 //! d/dt [(p - P) - ρc (u - û)] = -K (p - P)   where the pressure P is imposed, u the mean velocity out of the domain,
 //! d/dt [(v - U) + (p - P₀)/(ρc)] = -K (v - U)   where the velocity U is imposed, v the mean velocity into the domain,
 //!
-//! with K = σ c/L, L the length of the domain along the normal of the face. These are the locally one-dimensional inviscid relations of
-//! Poinsot and Lele (1992, doi:10.1016/0021-9991(92)90046-2) with the relaxation of Rudy and Strikwerda (1980,
-//! doi:10.1016/0021-9991(80)90174-6); Izquierdo and Fueyo (2008, doi:10.1103/PhysRevE.78.046707) used them with the lattice Boltzmann
-//! method. A wave of frequency ω returns with the amplitude K/(K² + 4ω²)^½; a steady state has p = P or v = U exactly, whatever the
-//! loss of pressure between the openings.
+//! with K = σ c/L, L the length of the domain along the normal of the face. These are the locally one-dimensional
+//! inviscid relations of Poinsot and Lele (1992, doi:10.1016/0021-9991(92)90046-2) with the relaxation of Rudy and
+//! Strikwerda (1980, doi:10.1016/0021-9991(80)90174-6); Izquierdo and Fueyo (2008, doi:10.1103/PhysRevE.78.046707) used
+//! them with the lattice Boltzmann method. A wave of frequency ω returns with the amplitude K/(K² + 4ω²)^½; a
+//! steady state has p = P or v = U exactly, whatever the loss of pressure between the openings.
 //!
-//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on all of it. In a
-//! channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities differ over the face, meet the opening
-//! as if it did not absorb. An impedance in each cell would hold them back with ρc u' instead of ρ U u'. Waves across the channel are not
-//! absorbed.
+//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on all
+//! of it. In a channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities differ
+//! over the face, meet the opening as if it did not absorb. An impedance in each cell would hold them back with ρc u'
+//! instead of ρ U u'. Waves across the channel are not absorbed.
 //!
-//! *The forecast.* Where all other openings impose velocities the mean velocity û out of the domain follows from the balance of mass at
-//! any time. Then the opening asks for the right incoming wave from the first step on, and a start from rest settles to 1.3 % within 4 L/c; without
-//! a forecast û is the velocity at the start.
+//! *The forecast.* Where all other openings impose velocities the mean velocity û out of the domain follows from the
+//! balance of mass at any time. Then the opening asks for the right incoming wave from the first step on, and a start
+//! from rest settles to 1.3 % within 4 L/c; without a forecast û is the velocity at the start.
 //!
-//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f* is p + ρu² + j, with
-//! the mass flux j out of the domain. With one of p and j imposed the other follows, and with it the one unknown of the step: the excess b
-//! of the density deviation over the imposed one, or the excess a of the velocity. One number a patch is remembered, the left side
-//! without d/dt. Sums of integers make it the same on any number of ranks.
+//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f* is
+//! p + ρu² + j, with the mass flux j out of the domain. With one of p and j imposed the other follows, and with it
+//! the one unknown of the step: the excess b of the density deviation over the imposed one, or the excess a of the
+//! velocity. One number a patch is remembered, the left side without d/dt. Sums of integers make it the same on any
+//! number of ranks.
 //!
 //! σ = 0.278 damps the slowest wave between an opening that absorbs and one that does not most: the roots of
 //! -σ/(σ + z) = exp(z), z = 2 s L/c, meet at z = -1.278, a decay as exp(-0.639 c t/L).
@@ -39,11 +40,12 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What an opening does with sound.
+/// Behaviour of an opening for sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sound {
-    /// Lets plane waves out, and keeps the imposed value on the mean over several times that sound takes through the domain.
+    /// Lets plane waves out, and keeps the imposed value on the mean over several times that sound takes through the
+    /// domain.
     Absorb,
     /// Keeps the imposed value at every step, and returns sound.
     Reflect,
@@ -54,7 +56,7 @@ const SIGMA: f64 = 0.278;
 /// Speed of sound [cells per step].
 const C: f64 = 0.577_350_269_189_625_8;
 
-/// What an opening asks for besides what it absorbs.
+/// Quantity that an opening imposes.
 #[derive(Clone, Copy, Debug)]
 enum Asks {
     Pressure,
@@ -70,9 +72,9 @@ pub(super) struct PlaneWave {
     asks: Asks,
     /// K in one step.
     rate: f64,
-    /// The imposed value holds at every step.
+    /// `true` if the imposed value holds at every step.
     reflects: bool,
-    /// What is remembered; none before the first step.
+    /// Value of the step before; none before the first step.
     memory: Option<f64>,
     /// Excess of the density deviation (b) or of the velocity into the domain (a) in this step.
     excess: f64,
@@ -82,12 +84,12 @@ pub(super) struct PlaneWave {
 pub(super) type Forecast = Box<dyn Fn(f64) -> f64 + Send + Sync>;
 
 impl PlaneWave {
-    /// Of a face with an imposed pressure; `length` is that of the domain along its normal, in cells.
+    /// Returns the wave of a face with an imposed pressure; `length` is that of the domain along its normal, in cells.
     pub(super) fn at_pressure(length: f64) -> Self {
         Self::new(Asks::Pressure, length)
     }
 
-    /// Of a face with an imposed velocity.
+    /// Returns the wave of a face with an imposed velocity.
     pub(super) fn at_velocity(length: f64) -> Self {
         Self::new(Asks::Velocity, length)
     }
@@ -110,7 +112,7 @@ impl PlaneWave {
         }
     }
 
-    /// The excess of this step.
+    /// Returns the excess of this step.
     pub(super) fn excess(&self) -> f64 {
         self.excess
     }
@@ -123,8 +125,8 @@ impl PlaneWave {
         self.memory = memory;
     }
 
-    /// Sums over the links of a rank: twice what leaves, the area, and one that the rule adds. Before the first step of an imposed
-    /// velocity the first is the density deviation.
+    /// Sums over the links of a rank: twice what leaves, the area, and one that the rule adds. Before the first step of
+    /// an imposed velocity the first is the density deviation.
     pub(super) fn measure<S: Stored>(
         &self,
         links: &[FaceLink],
@@ -153,13 +155,14 @@ impl PlaneWave {
         [first, second, third, 0]
     }
 
-    /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is the square of the
-    /// normal velocity that the rule takes; `forecast` is the velocity out of the domain.
+    /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is
+    /// the square of the normal velocity that the rule takes; `forecast` is the velocity out of the domain.
     pub(super) fn hear_pressure(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
         let Some([mean, square, _]) = means(sums) else {
             return;
         };
-        // The links let the mass flux j = s - δρ/3 - b/3 - q out, with q for u², and u = j/ρ; the pressure at the face is b/3 + q - u².
+        // The links let the mass flux j = s - δρ/3 - b/3 - q out, with q for u², and u = j/ρ; the pressure at the
+        // face is b/3 + q - u².
         let flux = mean - imposed / 3.0 - square;
         let out = flux * (1.0 - imposed);
         let own = 3.0 * (square - out * out);
@@ -173,9 +176,9 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * self.excess);
     }
 
-    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the sums
-    /// of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter without κ
-    /// (b).
+    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the
+    /// sums of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter
+    /// without κ (b).
     ///
     /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. Sound sees this
     /// pressure p and the velocity u = j/(1 + 3 p) of the plane wave; the pressure that is held is a + b + κ - q, with
@@ -217,7 +220,8 @@ impl PlaneWave {
             self.memory = Some(mean / 3.0);
             return;
         };
-        // What enters is the mass flux j = ρu: p = s + j - j². Of a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3 u).
+        // What enters is the mass flux j = ρu: p = s + j - j². Of a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3
+        // u).
         let p = mean + imposed - imposed * imposed;
         let admittance = 1.0 / C - 3.0 * imposed;
         let slope = admittance * (1.0 - 2.0 * imposed);
@@ -231,7 +235,7 @@ fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
     (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
 }
 
-/// Returns the mean velocity out of the domain that imposed velocities bring about; none where other openings let
+/// Returns the mean velocity out of the domain that imposed velocities bring about; none if other openings let
 /// through what they will.
 pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
     let mut inflows = Vec::new();
@@ -290,7 +294,7 @@ mod tests {
         })
     }
 
-    /// A duct without walls between two openings.
+    /// Returns a duct without walls between two openings.
     fn duct(inlet: Box<dyn Rule<f64>>, outlet: Box<dyn Rule<f64>>, tau: f64) -> Fluid<f64> {
         let patch = |upper, rule| Patch {
             name: format!("{upper}"),
@@ -315,7 +319,8 @@ mod tests {
         Fluid::new(setup, &Domain::serial(Axis::X, LENGTH, false)).unwrap()
     }
 
-    /// Largest amplitude (density deviation) of the waves upstream and downstream, over a stream of `speed`.
+    /// Returns the largest amplitude (density deviation) of the waves upstream and downstream, over a stream of
+    /// `speed`.
     fn waves(fluid: &Fluid<f64>, speed: f64) -> [f64; 2] {
         let mut largest = [0.0; 2];
         for x in 0..LENGTH {
@@ -335,7 +340,7 @@ mod tests {
 
     const AMPLITUDE: f64 = 1e-4;
 
-    /// The part of a group of waves that comes back from an opening.
+    /// Returns the part of a group of waves that comes back from an opening.
     fn returned(mut fluid: Fluid<f64>, speed: f64, wavelength: f64, downstream: bool) -> f64 {
         let sign = if downstream { 1.0 } else { -1.0 };
         let width = wavelength.min(0.1 * length());
@@ -388,7 +393,7 @@ mod tests {
         assert_eq!(others, Vec::<&str>::new());
     }
 
-    /// An outflow that holds the mean of the pressure at rest.
+    /// Returns an outflow that holds the mean of the pressure at rest.
     fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
         let links = convective_outflow::Links::new((0, true), carried);
         let wave = PlaneWave::at_pressure(length());
@@ -428,7 +433,7 @@ mod tests {
         }
     }
 
-    /// Largest deviation from the steady flow after each passage of sound, of a start from rest.
+    /// Returns the largest deviation from the steady flow after each passage of sound, of a start from rest.
     fn start(absorbs: [bool; 2], foreseen: bool) -> (Fluid<f64>, Vec<f64>) {
         const SPEED: f64 = 0.01;
         let forecast = foreseen.then(|| -> Forecast { Box::new(|_| SPEED) });

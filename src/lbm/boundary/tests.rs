@@ -48,7 +48,7 @@ impl Report for Paths {
     }
 }
 
-/// The boundary of a text and the paths of what is found about it.
+/// Returns the boundary of a text and the paths of what is found about it.
 fn resolved(text: &str) -> (Toys, Vec<String>) {
     let no_table = |_: &std::path::Path| Err("there is no table".to_owned());
     let mut paths = Paths::default();
@@ -88,7 +88,8 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     );
 }
 
-/// A box of fluid above its density at rest loses through the toy what the flux of the toy counts, and through nothing else.
+/// A box of fluid above its density at rest loses through the toy what the flux of the toy counts, and through nothing
+/// else.
 fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     let (toy, _) = resolved(&format!(r#"{{"toy": {{"returned": {returned}}}}}"#));
     let place = Place {
@@ -153,8 +154,8 @@ fn a_boundary_acts_in_the_fluid_by_its_line() {
     assert!(leak::<f64>(1.0, 1e-15).abs() < 1e-15);
 }
 
-/// A jet from the middle of a face, and water that leaves through the sides: the flow is its own mirror image, and the jet carries the
-/// velocity of its cells, whatever surrounds it.
+/// A jet from the middle of a face, and water that leaves through the sides: the flow is its own mirror image, and the
+/// jet carries the velocity of its cells, whatever surrounds it.
 #[test]
 fn a_patch_is_the_same_at_both_of_its_ends() {
     const WIDE: [usize; 3] = [20, 12, 1];
@@ -231,7 +232,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             let named = named.filter(|(name, _)| names.contains(name));
             -named.map(|(_, flux)| from_quanta(flux.mass)).sum::<f64>()
         };
-        // Six cells; all but those beside water at an imposed pressure give their water to nothing else.
+        // Six cells; all but those next to water at an imposed pressure give their water to nothing else.
         if surroundings != "pressure" {
             approx::assert_relative_eq!(into(&["jet"]), 6.0 * 0.05, max_relative = 1e-12);
         }

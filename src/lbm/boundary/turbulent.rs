@@ -1,17 +1,19 @@
-//! Turbulence that enters with a prescribed velocity: synthetic fluctuations ([`crate::synthetic`]) over the mean profile.
+//! Turbulence that enters with a prescribed velocity: synthetic fluctuations ([`crate::synthetic`]) over the mean
+//! profile.
 //!
 //! u(x, t) = U(x) + I |U(x)| u'(x - U_b t n)
 //!
-//! A frozen field u' of unit root mean square is carried through the face with the mean U_b of the profile along the inward normal n
-//! (Taylor 1938), so that the intensity is I everywhere and a wall stays at rest. The rule adds -6 w_i c_i·(u - U) to what
-//! [`super::wall`] gives, with u' and U where the link crosses the face: at the middle of the cell's face for all its links it would
-//! be of first order only, by a tenth of the intensity at L = 6 cells.
+//! A frozen field u' of unit root mean square is carried through the face with the mean U_b of the profile along the
+//! inward normal n (Taylor 1938), so that the intensity is I everywhere and a wall stays at rest. The rule adds -6 w_i
+//! c_i·(u - U) to what [`super::wall`] gives, with u' and U where the link crosses the face: at the middle of the
+//! cell's face for all its links it would be of first order only, by a tenth of the intensity at L = 6 cells.
 //!
-//! The flux through the whole face fluctuates too, by about I U_b times the root of the number of eddies over the face: the fluid
-//! answers with sound, which an outflow should let go.
+//! The flux through the whole face fluctuates too, by about I U_b times the root of the number of eddies over the face:
+//! the fluid answers with sound, which an outflow should let go.
 //!
-//! Cost: the phase of a wave is a sum over the axes, so that cosines are taken once for rows and columns of the face and twice
-//! multiplied for each place where links cross; four or fewer of these come upon a cell, as its neighbours share them.
+//! Cost: the phase of a wave is a sum over the axes, so that cosines are taken once for rows and columns of the face
+//! and twice multiplied for each place where links cross; four or fewer of these come upon a cell, as its neighbours
+//! share them.
 
 use super::links::{LINKS_PER_THREAD, each_part};
 use crate::lanes::Stored;
@@ -20,7 +22,7 @@ use crate::synthetic::Modes;
 use base::thread_pool;
 use std::collections::BTreeMap;
 
-/// What fluctuates at a face.
+/// Fluctuating velocity at a face.
 pub struct Synthetic {
     /// The frozen field.
     pub modes: Modes,
@@ -35,11 +37,11 @@ struct InletLink {
     link: Link,
     /// 6 w_i c_i I |U|
     term: [f64; 3],
-    /// Which of the places.
+    /// Index of the place.
     place: usize,
 }
 
-/// Where links cross the face.
+/// Points where links cross the face.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     /// Twice the coordinates along the two axes of the face.
@@ -123,7 +125,7 @@ impl Inlet {
         }
     }
 
-    /// A link of a cell of the whole domain along `c`; `strength` is I |U| where it crosses the face.
+    /// Adds a link of a cell of the whole domain along `c`; `strength` is I |U| where it crosses the face.
     pub(super) fn add(
         &mut self,
         cell: [usize; 3],
@@ -183,7 +185,7 @@ impl Inlet {
         });
     }
 
-    /// u' where the waves of the first axis begin at `a` and those of the second at `b`.
+    /// Returns u' where the waves of the first axis begin at `a` and those of the second at `b`.
     fn velocity(&self, a: usize, b: usize) -> [f64; 3] {
         let waves = self.time.len();
         let mut u = [0.0; 3];
@@ -333,9 +335,9 @@ mod tests {
         // r = L along y: f = exp(-pi/4) for the velocity along y, g = f (1 - pi/4) for the others.
         let f = (-std::f64::consts::FRAC_PI_4).exp();
         let g = f * (1.0 - std::f64::consts::FRAC_PI_4);
-        // The mean squares of the field at the face are exact; viscosity takes 2 % of them over the 1.5 cells to here, and the
-        // lattice its part at four cells a length. In the
-        // correlation 96 waves share the energy unevenly over lengths: 1/sqrt(2 * 96) = 0.07 is one standard error.
+        // The mean squares of the field at the face are exact; viscosity takes 2 % of them over the 1.5 cells to here,
+        // and the lattice its part at four cells a length. In the correlation 96 waves share the energy unevenly over
+        // lengths: 1/sqrt(2 * 96) = 0.07 is one standard error.
         for (a, exact) in [g, f, g].into_iter().enumerate() {
             assert!((intensity[a] - 0.1).abs() < 0.015, "{a} {intensity:?}");
             assert!(

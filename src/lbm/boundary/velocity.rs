@@ -1,4 +1,5 @@
-//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it ([`super::turbulent`]).
+//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it
+//! ([`super::turbulent`]).
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -36,8 +37,9 @@ pub struct Velocity {
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
-    /// What the opening does with sound. `absorb` lets plane waves out; the mean of the profile then holds over several times that sound
-    /// takes through the domain, and exactly once the flow is steady. `reflect` keeps the profile at every step.
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the mean of the profile then holds over
+    /// several times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the
+    /// profile at every step.
     #[serde(default = "reflect")]
     pub sound: Sound,
 }
@@ -80,7 +82,7 @@ impl Model for Velocity {
         self.profile.resolve((site, &path), read, report);
     }
 
-    /// Turbulence enters with the mean flow.
+    /// Checks that turbulence enters with the mean flow.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
         let mean =
             || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
@@ -139,7 +141,7 @@ impl Model for Velocity {
     }
 }
 
-/// Turbulence carried in by the mean of a profile over the cells of its patch.
+/// Returns turbulence carried in by the mean of a profile over the cells of its patch.
 fn synthetic(
     written: &Fluctuations,
     place: &Place<'_>,
@@ -191,17 +193,17 @@ pub struct Links {
     ramp: Ramp,
     /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
-    /// The discharge that is stated, at full speed; none where nothing is.
+    /// The discharge that is stated, at full speed; none if nothing is.
     discharge: Option<f64>,
     /// Discharge of the links of this rank at a factor of one, in quanta.
     given: i128,
     /// Factor of the velocities with which all links together let the discharge in.
     balance: f64,
-    /// What fluctuates, and axis and end of the face.
+    /// Fluctuation, and axis and end of the face.
     turbulence: Option<(Synthetic, (usize, bool))>,
     /// The links with fluctuations, from the first link on.
     inlet: Option<Inlet>,
-    /// What lets sound out, with its links.
+    /// Plane wave that lets sound out, with its links.
     sound: Option<Absorbing>,
 }
 
@@ -215,7 +217,7 @@ struct Absorbing {
 }
 
 impl Links {
-    /// The profile times a ramp.
+    /// Returns the profile times a ramp.
     #[must_use]
     pub fn new(profile: Profile, ramp: Ramp) -> Self {
         Self {
@@ -232,7 +234,7 @@ impl Links {
         }
     }
 
-    /// The same velocity everywhere and always \[cells per step\].
+    /// Returns a velocity that is uniform and constant \[cells per step\].
     #[must_use]
     pub fn uniform(velocity: [f64; 3]) -> Self {
         Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
@@ -255,14 +257,14 @@ impl Links {
         self
     }
 
-    /// The same with turbulence over the profile; `side` is the axis of the face and whether it is at the upper end.
+    /// Adds turbulence to the profile; `side` is the axis of the face, and `true` if it is at the upper end.
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));
         self
     }
 
-    /// The same with the plane wave let out.
+    /// Adds the plane wave that lets sound out.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave) -> Self {
         self.sound = Some(Absorbing {
@@ -273,7 +275,7 @@ impl Links {
         self
     }
 
-    /// The same for a boundary of another nature.
+    /// Sets the kind of the boundary.
     pub(super) fn of_nature(mut self, nature: Nature) -> Self {
         self.nature = nature;
         self

@@ -4,9 +4,9 @@
 //! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
 //! (`jobs/verification/couette`).
 //!
-//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall costs a copy from
-//! array to array and next to no memory. Runs go by the plane of their cells, so that the links of a plane can be given while its numbers
-//! are still in the cache.
+//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall
+//! costs a copy from array to array and next to no memory. Runs go by the plane of their cells, so that the links of a
+//! plane can be given while its numbers are still in the cache.
 
 use super::links::{Counted, Row};
 use crate::block::{Block, Line};
@@ -38,7 +38,7 @@ struct Run {
 }
 
 impl Run {
-    /// Its links.
+    /// Returns its links.
     fn links(&self) -> impl Iterator<Item = WallLink> {
         let Self { first, line } = *self;
         (0..line.count).map(move |k| {
@@ -55,7 +55,7 @@ impl Run {
         })
     }
 
-    /// The run with one more link, where the link continues it.
+    /// Returns the run with one more link, where the link continues it.
     fn with(self, next: &WallLink) -> Option<Self> {
         let Self { first, line } = self;
         let apart = next.link.near.checked_sub(first.link.near)?;
@@ -73,13 +73,13 @@ impl Run {
 #[derive(Debug, Default)]
 pub(crate) struct Walls {
     runs: Vec<Run>,
-    /// Where the runs of each plane begin, and the end.
+    /// Start of the runs of each plane, and the end.
     begins: Vec<usize>,
     counted: Counted,
 }
 
 impl Walls {
-    /// The links of a slab of `planes`.
+    /// Returns the links of a slab of `planes`.
     pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
         links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
         let mut runs: Vec<Run> = Vec::new();
@@ -105,19 +105,19 @@ impl Walls {
         }
     }
 
-    /// Every link.
+    /// Returns every link.
     pub(crate) fn links(&self) -> impl Iterator<Item = WallLink> {
         self.runs.iter().flat_map(Run::links)
     }
 
-    /// Every link of walls that move or let water in.
+    /// Returns every link of walls that move or let water in.
     pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
         let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
         moving.flat_map(Run::links)
     }
 
-    /// The links as copies of numbers after a pass of this parity; the factor of each is that of its patch. `plane` is the distance from
-    /// plane to plane: runs that stand alike in planes side by side become one rectangle.
+    /// Returns the links as copies of numbers after a pass of this parity; the factor of each is that of its patch.
+    /// `plane` is the distance from plane to plane: runs that stand alike in planes side by side become one rectangle.
     pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         let mut all: Vec<Copies> = Vec::new();
         // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
@@ -158,8 +158,8 @@ impl Walls {
         all
     }
 
-    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many; `speed` is the factor of a
-    /// patch.
+    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many;
+    /// `speed` is the factor of a patch.
     pub(super) fn apply<S: Stored>(
         &self,
         planes: Range<usize>,
@@ -171,16 +171,17 @@ impl Walls {
         self.counted.each(runs, populations, |run, some, numbers| {
             let run = &self.runs[run];
             let term = run.term(&speed);
-            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has them.
+            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has
+            // them.
             unsafe { run.row(some, parity).give(term, numbers) };
         });
     }
 
-    /// As [`Self::apply`] for some rows, to numbers that others may work on elsewhere.
+    /// Does [`Self::apply`] for some rows, on numbers that other threads may access elsewhere.
     ///
     /// # Safety
-    /// `numbers` must be those for whose slab the links were found, and nobody else may touch the two numbers of any link of these
-    /// cells.
+    /// `numbers` must be those for whose slab the links were found, and no other thread may access the two numbers of
+    /// any link of these cells.
     pub(super) unsafe fn give<S: Stored>(
         &self,
         Block { planes, rows }: &Block,
@@ -200,7 +201,7 @@ impl Walls {
 }
 
 impl Run {
-    /// What its links lose, where `speed` is the factor of a patch.
+    /// Returns the term that its links lose, where `speed` is the factor of a patch.
     fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
         let WallLink { patch, term, .. } = self.first;
         // Most walls are at rest.
@@ -211,7 +212,7 @@ impl Run {
         }
     }
 
-    /// The numbers of some of its links.
+    /// Returns the numbers of some of its links.
     fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         let link = self.first.link;
         Row::new(
@@ -222,7 +223,7 @@ impl Run {
     }
 }
 
-/// 6 w_i c_i·u
+/// Returns 6 w_i c_i·u.
 pub(crate) fn term(weight: f64, c: [i8; 3], u: [f64; 3]) -> f64 {
     6.0 * weight * (f64::from(c[0]) * u[0] + f64::from(c[1]) * u[1] + f64::from(c[2]) * u[2])
 }

@@ -1,7 +1,7 @@
 //! Single relaxation time (P. L. Bhatnagar, E. P. Gross, M. Krook, Phys. Rev. 94 (1954) 511), with Guo forcing.
 //!
-//! f_i ← f_i - ω (f_i - f_i^eq) + (1 - ω/2) w_i [3 (c - u) + 9 (c·u) c]·F, ω = 1/τ, ν = (τ - ½)/3 in lattice units.
-//! The position of a half-way wall depends on τ: it is exactly half-way only at τ = ½ + √3/4.
+//! f_i ← f_i - ω (f_i - f_i^eq) + (1 - ω/2) w_i [3 (c - u) + 9 (c·u) c]·F, ω = 1/τ, ν = (τ - ½)/3 in lattice
+//! units. The position of a half-way wall depends on τ: it is exactly half-way only at τ = ½ + √3/4.
 
 pub mod kernel;
 

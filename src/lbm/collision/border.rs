@@ -1,9 +1,9 @@
 //! The cell Reynolds number up to which runs with an operator were stable.
 //!
-//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under `benches/stability`, one
-//! folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls), a
-//! cylinder behind an inlet (openings in 2-D), square ducts between an inlet and an outlet (openings in 3-D, without and
-//! with an eddy viscosity), a disc and a sphere that start to move.
+//! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under
+//! `benches/stability`, one folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls),
+//! a cylinder behind an inlet (openings in 2-D), square ducts between an inlet and an outlet (openings in 3-D, without
+//! and with an eddy viscosity), a disc and a sphere that start to move.
 
 use crate::lattice::VelocitySet;
 
@@ -19,7 +19,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Bounds for flows up to a lattice velocity.
+    /// Returns the bounds for flows up to a lattice velocity.
     #[must_use]
     pub const fn up_to(lattice_velocity: f64, holds: f64, fails: f64) -> Self {
         Self {
@@ -29,7 +29,7 @@ impl Bounds {
         }
     }
 
-    /// Bounds for flows of any speed.
+    /// Returns the bounds for flows of any speed.
     #[must_use]
     pub const fn always(holds: f64, fails: f64) -> [Self; 1] {
         [Self::up_to(f64::INFINITY, holds, fails)]
@@ -41,14 +41,14 @@ impl Bounds {
 pub struct Border {
     /// Folder of the map under `benches/stability`.
     pub map: &'static str,
-    /// Its bounds, by rising lattice velocity.
+    /// Bounds, by rising lattice velocity.
     pub bounds: &'static [Bounds],
 }
 
-/// What surrounds the fluid.
+/// Boundaries of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surroundings {
-    /// No walls and no openings.
+    /// Periodic domain without walls and openings.
     Periodic,
     /// Walls and no openings.
     Walls,
@@ -61,16 +61,16 @@ pub enum Surroundings {
 pub struct Situation {
     /// Velocity set: that with 19 velocities fails before that with 27.
     pub velocities: VelocitySet,
-    /// What surrounds the fluid.
+    /// Boundaries of the fluid.
     pub surroundings: Surroundings,
-    /// Whether a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
+    /// `true` if a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
-    /// An eddy viscosity is added.
+    /// `true` if an eddy viscosity is added.
     pub eddies: bool,
 }
 
 impl Situation {
-    /// Openings in three dimensions, without an eddy viscosity: the flows of the map of the duct.
+    /// Returns `true` for openings in three dimensions without an eddy viscosity: the flows of the map of the duct.
     pub(super) fn duct(&self) -> bool {
         self.surroundings == Surroundings::Openings
             && self.velocities.dimension() == 3
@@ -81,16 +81,16 @@ impl Situation {
 /// A body that moves through the fluid, whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MovingBody {
-    /// Links at its surface return the populations; otherwise its cells are partially saturated.
+    /// `true` if links at its surface return the populations; otherwise its cells are partially saturated.
     pub links: bool,
     /// Number of dimensions of the flow.
     pub dimension: usize,
-    /// An eddy viscosity is added.
+    /// `true` if an eddy viscosity is added.
     pub eddies: bool,
 }
 
-/// A disc that moves, held by links, with any operator of 2-D. Beside the map discs of other sizes failed at 9.7 at a
-/// lattice velocity of 0.15.
+/// Limits of a disc that moves, held by links, with any operator of 2-D. Outside the map discs of other sizes failed at
+/// 9.7 at a lattice velocity of 0.15.
 const DISC: &[Bounds] = &[
     Bounds::up_to(0.11, 10.0, 11.0),
     Bounds::up_to(0.15, 7.0, 8.0),
@@ -98,7 +98,8 @@ const DISC: &[Bounds] = &[
     Bounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
-/// A disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water beside it passes the guard.
+/// Limits of a disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water next to it passes
+/// the guard.
 const SATURATED_DISC: &[Bounds] = &[
     Bounds::up_to(0.11, 80.0, f64::INFINITY),
     Bounds::up_to(0.15, 20.0, 40.0),
@@ -147,7 +148,7 @@ pub(super) const CYLINDER: [Border; 2] = [
     ]),
 ];
 
-/// A border behind an inlet in 2-D: the map of all flows in 2-D with openings.
+/// Returns a border behind an inlet in 2-D: the map of all flows in 2-D with openings.
 const fn cylinder(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "cylinder-10",
@@ -161,7 +162,7 @@ pub(super) const DUCT_WITH_EDDIES: Border = Border {
     bounds: &Bounds::always(5.0, 10.0),
 };
 
-/// A border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
+/// Returns a border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
 pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "cavity-3d-20",
@@ -169,7 +170,7 @@ pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
     }
 }
 
-/// A border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
+/// Returns a border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
 pub(super) const fn duct(bounds: &'static [Bounds]) -> Border {
     Border {
         map: "duct-20",

@@ -1,18 +1,20 @@
-//! Cumulants on D3Q27 (M. Geier, M. Schönherr, A. Pasquali, M. Krafczyk, Comput. Math. Appl. 70 (2015) 507), with Guo forcing: the robust
-//! choice at high Reynolds numbers.
+//! Cumulants on D3Q27 (M. Geier, M. Schönherr, A. Pasquali, M. Krafczyk, Comput. Math. Appl. 70 (2015) 507), with Guo
+//! forcing: the robust choice at high Reynolds numbers.
 //!
-//! The populations become central moments κ_abc about the velocity u. The shear part of the second moments relaxes at ω = 1/τ, their
-//! trace at the bulk rate. All cumulants of third and higher order are set to zero. The result has the moments of a Gaussian with the
-//! covariance s = κ_2'/ρ of the relaxed second moments, which Isserlis' theorem gives in closed form:
+//! The populations become central moments κ_abc about the velocity u. The shear part of the second moments relaxes at
+//! ω = 1/τ, their trace at the bulk rate. All cumulants of third and higher order are set to zero. The result has the
+//! moments of a Gaussian with the covariance s = κ_2'/ρ of the relaxed second moments, which Isserlis' theorem gives
+//! in closed form:
 //!
 //! κ_220 = ρ (s_xx s_yy + 2 s_xy²), κ_211 = ρ (s_xx s_yz + 2 s_xy s_xz),
 //! κ_222 = ρ (s_xx s_yy s_zz + 2 s_xx s_yz² + 2 s_yy s_zx² + 2 s_zz s_xy² + 8 s_xy s_yz s_zx).
 //!
-//! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments represent), so that
-//! the viscosity does not depend on the velocity of the frame. There is no magic parameter: the position of a wall depends weakly on τ.
-//! The transforms are three sweeps of nine, on deviations from the moments of the weights, so that the fluid at rest is exact. A force
-//! changes the first central moment from -F/2 to F/2. The Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and
-//! κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong beside a
+//! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments
+//! represent), so that the viscosity does not depend on the velocity of the frame. There is no magic parameter: the
+//! position of a wall depends weakly on τ. The transforms are three sweeps of nine, on deviations from the moments of
+//! the weights, so that the fluid at rest is exact. A force changes the first central moment from -F/2 to F/2. The
+//! Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb
+//! F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong next to a
 //! wall against which a force presses the fluid.
 
 #![allow(
@@ -29,13 +31,14 @@ use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Cumulants on D3Q27 (Geier et al. 2015): cumulants beyond the stress relax fully to equilibrium. The most robust choice near
-/// tau = 0.5. The position of walls depends weakly on tau.
+/// Cumulants on D3Q27 (Geier et al. 2015): cumulants beyond the stress relax fully to equilibrium. The most robust
+/// choice near tau = 0.5. The position of walls depends weakly on tau.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves best.
+    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves
+    /// best.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: f64,
@@ -72,7 +75,7 @@ impl Model for Parameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// With eddies the border lies beyond the map.
+    /// Returns the border; with eddies it lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.duct() {
             return Some(border::duct(DUCT));
@@ -126,10 +129,11 @@ pub struct Cumulant<const FORCED: bool> {
 
 /// Weights of one dimension: rest, +, -.
 const WEIGHT: [f64; 3] = [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0];
-/// Their moments of order 0, 1, 2.
+/// Moments of the weights of order 0, 1, 2.
 const MOMENT: [f64; 3] = [1.0, 0.0, 1.0 / 3.0];
 
-/// Numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights; `k` is their sum.
+/// Converts numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights;
+/// `k` is their sum.
 #[inline(always)]
 fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     let (sum, difference) = (plus + minus, plus - minus);
@@ -138,7 +142,7 @@ fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     [zeroth, first, u.neg_mul_add(difference + first, sum)]
 }
 
-/// The way back: (rest, +, -).
+/// Returns the inverse transform: (rest, +, -).
 #[inline(always)]
 fn compose<N: Lanes>([zeroth, first, second]: [N; 3], u: N, k: f64) -> [N; 3] {
     let difference = u.mul_add(zeroth + N::splat(k), first);
@@ -159,14 +163,14 @@ struct Gaussian<N> {
 }
 
 impl<N: Lanes> Gaussian<N> {
-    /// κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
+    /// Returns κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
     #[inline(always)]
     fn fourth(self, a: N, b: N, square: N) -> N {
         let rest = square.mul_add(n::<N>(2.0), self.drho * n::<N>(-1.0 / 9.0));
         a.mul_add(b, (a + b).mul_add(n::<N>(1.0 / 3.0), rest)) * self.inverse
     }
 
-    /// κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
+    /// Returns κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
     #[inline(always)]
     fn mixed(self, a: N, straight: N, one: N, other: N) -> N {
         (a + n::<N>(1.0 / 3.0)).mul_add(straight, one * other * n::<N>(2.0)) * self.inverse
@@ -371,14 +375,15 @@ mod tests {
         g
     }
 
-    /// (c - u)^order of population i.
+    /// Returns (c - u)^order of population i.
     fn power(i: usize, u: [f64; 3], order: [i32; 3]) -> f64 {
         (0..3)
             .map(|a| (f64::from(D3Q27::C[i][a]) - u[a]).powi(order[a]))
             .product()
     }
 
-    /// The same by moments written out and a system of 27 equations, with the cumulants in the form of Geier et al. (2015).
+    /// Computes the collision by moments written out and a system of 27 equations, with the cumulants in the form of
+    /// Geier et al. (2015).
     fn reference(g: &[f64; 27], omega: f64, bulk: f64, force: [f64; 3]) -> [f64; 27] {
         let f: Vec<f64> = (0..27).map(|i| g[i] + D3Q27::W[i]).collect();
         let rho: f64 = f.iter().sum();

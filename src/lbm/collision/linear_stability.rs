@@ -1,12 +1,13 @@
 //! Linear (von Neumann) stability of an operator in fluid at rest or in uniform motion.
 //!
-//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step. C is the operator linearised about equilibrium at the velocity of the
-//! fluid, D = diag(e^{-ik·c_i}) the streaming. The wave grows if an eigenvalue of D C lies outside the unit circle. Repeated squaring of the matrix gives the largest
-//! modulus without computing eigenvectors:
+//! A small wave g_i(x) = h_i e^{ik·x} becomes h' = D(k) C h in a step. C is the operator linearised about equilibrium
+//! at the velocity of the fluid, D = diag(e^{-ik·c_i}) the streaming. The wave grows if an eigenvalue of D C lies
+//! outside the unit circle. Repeated squaring of the matrix gives the largest modulus without computing eigenvectors:
 //!
 //! |λ| = (|A^{2n}| / |A^n|)^{1/n},   n = 4096.
 //!
-//! Sources: J. D. Sterling, S. Chen, J. Comput. Phys. 123 (1996) 196; P. Lallemand, L.-S. Luo, Phys. Rev. E 61 (2000) 6546.
+//! Sources: J. D. Sterling, S. Chen, J. Comput. Phys. 123 (1996) 196; P. Lallemand, L.-S. Luo, Phys. Rev. E 61
+//! (2000) 6546.
 
 use super::Collision;
 use crate::initial::equilibrium;
@@ -19,12 +20,12 @@ use std::sync::{Mutex, PoisonError};
 pub struct Wave {
     /// |λ|: what its amplitude is multiplied by in a step; 1 or less where none grows.
     pub factor: f64,
-    /// Its wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
+    /// Wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
     pub vector: [i8; 3],
 }
 
 impl Wave {
-    /// Its length in cells.
+    /// Returns its length in cells.
     #[must_use]
     pub fn length(&self) -> f64 {
         let squares = self.vector.map(|n| f64::from(n) * f64::from(n));
@@ -32,12 +33,12 @@ impl Wave {
     }
 }
 
-/// Wave numbers along an axis beside 0: waves of 32 to 2 cells.
+/// Number of wave numbers along an axis in addition to 0: waves of 32 to 2 cells.
 const NUMBERS: i8 = 16;
-/// How often the matrix is squared.
+/// Number of times the matrix is squared.
 const SQUARINGS: i32 = 13;
-/// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at rest are zero, so
-/// that nothing is rounded off.
+/// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at
+/// rest are zero, so that nothing is rounded off.
 const SMALL: f64 = 1e-8;
 /// Amplitude about uniform motion: between its square and the rounding of populations near the weights.
 const SMALL_IN_MOTION: f64 = 1e-5;
@@ -47,7 +48,7 @@ static ANALYSED: Mutex<Vec<(Vec<f64>, Wave)>> = Mutex::new(Vec::new());
 /// The most operators that are remembered; later ones are analysed each time.
 const REMEMBERED: usize = 64;
 
-/// The wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
+/// Returns the wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
 #[must_use]
 pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wave {
     let linear = linear::<L, C, Q>(operator, [0.0; 3]);
@@ -63,15 +64,15 @@ pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wav
     wave
 }
 
-/// The wave that grows most with a linear operator that treats all axes alike.
+/// Returns the wave that grows most with a linear operator that treats all axes alike.
 fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     let vectors =
         (1..=NUMBERS).flat_map(|z| (0..=z).flat_map(move |y| (0..=y).map(move |x| [x, y, z])));
     most::<L, Q>(linear, vectors)
 }
 
-/// The wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of [`NUMBERS`] to both sides
-/// along each axis. A wave and its opposite grow alike.
+/// Returns the wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of
+/// [`NUMBERS`] to both sides along each axis. A wave and its opposite grow alike.
 #[must_use]
 pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
@@ -87,7 +88,7 @@ pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     most::<L, Q>(&linear, vectors)
 }
 
-/// The wave that grows most among some.
+/// Returns the wave that grows most among some.
 fn most<L: Lattice<Q>, const Q: usize>(
     linear: &[[f64; Q]; Q],
     vectors: impl Iterator<Item = [i8; 3]>,
@@ -98,7 +99,7 @@ fn most<L: Lattice<Q>, const Q: usize>(
     };
     for vector in vectors {
         let k = vector.map(|n| PI / f64::from(NUMBERS) * f64::from(n));
-        let factor = Matrix::of::<L>(linear, k).radius();
+        let factor = Matrix::new::<L>(linear, k).radius();
         if factor > fastest.factor {
             fastest = Wave { factor, vector };
         }
@@ -106,7 +107,8 @@ fn most<L: Lattice<Q>, const Q: usize>(
     fastest
 }
 
-/// What leaves along i for each g that comes in along j, beside equilibrium at a velocity.
+/// Returns the population that leaves along i for each g that comes in along j, linearized about equilibrium at a
+/// velocity.
 fn linear<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
     velocity: [f64; 3],
@@ -138,8 +140,8 @@ impl<const Q: usize> Matrix<Q> {
         Self([(); 2].map(|()| Box::new([[0.0; Q]; Q])))
     }
 
-    /// D(k) C.
-    fn of<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
+    /// Returns D(k) C.
+    fn new<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
         let mut all = Self::zeros();
         let [real, imaginary] = &mut all.0;
         for i in 0..Q {
@@ -167,7 +169,7 @@ impl<const Q: usize> Matrix<Q> {
         all
     }
 
-    /// The largest number becomes 1; the logarithm of what it was.
+    /// Scales the largest number to 1; returns the logarithm of its former value.
     fn scale(&mut self) -> f64 {
         let numbers = || self.0.iter().flat_map(|part| part.as_flattened());
         let largest = numbers().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -182,7 +184,7 @@ impl<const Q: usize> Matrix<Q> {
         largest.ln()
     }
 
-    /// The largest modulus of an eigenvalue.
+    /// Returns the largest modulus of an eigenvalue.
     fn radius(mut self) -> f64 {
         let mut logarithm = self.scale();
         let mut before = logarithm;
@@ -220,7 +222,8 @@ mod tests {
         })
     }
 
-    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots more in every step.
+    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots
+    /// more in every step.
     #[test]
     fn one_rate_lets_nothing_grow_below_two() {
         let bgk = |omega: f64| {
@@ -240,8 +243,8 @@ mod tests {
         assert!((bgk(2.1).factor - 1.1).abs() < 0.02);
     }
 
-    /// The published matrix holds near tau = 1/2 and lets waves of three cells along the diagonals grow from 0.556 on; largest
-    /// eigenvalues by LAPACK: 1.05273777811894 at 0.8.
+    /// The published matrix holds near tau = 1/2 and lets waves of three cells along the diagonals grow from 0.556 on;
+    /// largest eigenvalues by LAPACK: 1.05273777811894 at 0.8.
     #[test]
     fn the_published_matrix_lets_waves_grow() {
         let wave = suga(0.8, Rates::SUGA);
@@ -261,8 +264,9 @@ mod tests {
         assert!(suga(0.51, ones).factor > 1.005);
     }
 
-    /// Orthogonal under the weights, the same moments with the same rates let nothing grow at rest, as the proof in [`super::super::mrt`]
-    /// says: waves of every second length, with the rates of Suga and with higher moments at equilibrium.
+    /// Orthogonal under the weights, the same moments with the same rates let nothing grow at rest, as the proof in
+    /// [`super::super::mrt`] says: waves of every second length, with the rates of Suga and with higher moments at
+    /// equilibrium.
     #[test]
     fn moments_orthogonal_under_the_weights_let_nothing_grow() {
         for tau in [0.5001, 0.52, 0.6, 0.8, 1.2] {

@@ -1,18 +1,22 @@
-//! Multiple relaxation times on D3Q27 with moments that are orthogonal under the weights of the lattice, with Guo forcing.
+//! Multiple relaxation times on D3Q27 with moments that are orthogonal under the weights of the lattice, with Guo
+//! forcing.
 //!
-//! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ], with the moments of K. Suga, Y. Kuwata, K. Takashima, R. Chikasue, Comput. Math. Appl.
-//! 69 (2015) 518, made orthogonal by Gram-Schmidt in the inner product Σ w_i a_i b_i, and their rates,
-//! S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5 = s7 = 1/τ.
+//! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ], with the moments of K. Suga, Y. Kuwata, K. Takashima, R.
+//! Chikasue, Comput. Math. Appl. 69 (2015) 518, made orthogonal by Gram-Schmidt in the inner product Σ w_i a_i b_i,
+//! and their rates, S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5
+//! = s7 = 1/τ.
 //!
-//! **Nothing grows at rest.** Linearised about rest, an equilibrium of second order is the projection onto 1 and c, and the operator is
-//! symmetric in the inner product Σ a_i b_i/w_i, with the eigenvalues 1 and 1 - s. For rates from 0 to 2 it makes no
-//! deviation larger in that norm, and streaming keeps the norm: no wave grows at any τ (M. Junk, W.-A. Yong, SIAM J. Numer. Anal. 47
-//! (2009) 1651). The published matrix ([`super::suga`]) is orthogonal without the weights, and waves grow with it. In uniform motion along
-//! an axis, waves of 16 to 2 cells grow with the rates of Suga from a lattice velocity of 0.07, 0.19, 0.27 and 0.34 on at τ = 0.501, 0.51, 0.55
-//! and 0.6; with the published matrix from 0.055, 0.17, 0.19 and 0 on.
+//! **Nothing grows at rest.** Linearised about rest, an equilibrium of second order is the projection onto 1 and c, and
+//! the operator is symmetric in the inner product Σ a_i b_i/w_i, with the eigenvalues 1 and 1 - s. For rates from 0 to
+//! 2 it makes no deviation larger in that norm, and streaming keeps the norm: no wave grows at any τ (M. Junk, W.-A.
+//! Yong, SIAM J. Numer. Anal. 47 (2009) 1651). The published matrix ([`super::suga`]) is orthogonal without the
+//! weights, and waves grow with it. In uniform motion along an axis, waves of 16 to 2 cells grow with the rates of Suga
+//! from a lattice velocity of 0.07, 0.19, 0.27 and 0.34 on at τ = 0.501, 0.51, 0.55 and 0.6; with the published matrix
+//! from 0.055, 0.17, 0.19 and 0 on.
 //!
-//! **The factorised form.** The moments are products of one polynomial in each component of c, from 1, c and K = 1 - 3c², or sums
-//! or differences of such products. 1, c and K are orthogonal under the weights (2/3, 1/6, 1/6) of an axis.
+//! **The factorised form.** The moments are products of one polynomial in each component of c, from 1, c and K = 1 -
+//! 3c², or sums or differences of such products. 1, c and K are orthogonal under the weights (2/3, 1/6, 1/6) of an
+//! axis.
 //!
 //! | moments | products | rate |
 //! |---|---|---|
@@ -26,9 +30,10 @@
 //! | XY | c_x c_y K_z | s20 |
 //! | XYZ | c_x c_y c_z | s26 |
 //!
-//! M and M⁻¹ are three sweeps of 9 small transforms each. Equilibrium and source of second order have no moments above the second, which
-//! decay to zero: the operator takes 281 additions, multiplications and fused pairs without a force, that of the published matrix 329. The
-//! mean of the second moments, e, has its own rate, so that the bulk viscosity is (2/9)(1/s4 - ½).
+//! M and M⁻¹ are three sweeps of 9 small transforms each. Equilibrium and source of second order have no moments
+//! above the second, which decay to zero: the operator takes 281 additions, multiplications and fused pairs without a
+//! force, that of the published matrix 329. The mean of the second moments, e, has its own rate, so that the bulk
+//! viscosity is (2/9)(1/s4 - ½).
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -47,8 +52,9 @@ use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Multiple relaxation times on D3Q27: the shear stress relaxes at 1/tau, every other group of moments at its own rate, by default that of
-/// Suga et al. (2015). Moments are orthogonal under the weights of the lattice, so that no wave grows in fluid at rest. For turbulent flow.
+/// Multiple relaxation times on D3Q27: the shear stress relaxes at 1/tau, every other group of moments at its own rate,
+/// by default that of Suga et al. (2015). Moments are orthogonal under the weights of the lattice, so that no wave
+/// grows in fluid at rest. For turbulent flow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -57,8 +63,8 @@ pub struct Parameters {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: Option<f64>,
-    /// Rate of all moments above the second order that are not given [1]. Default: the rates of Suga et al. A rate of 1 relaxes them fully
-    /// in one step, as other codes do by default, and saves two fifths of the arithmetic.
+    /// Rate of all moments above the second order that are not given [1]. Default: the rates of Suga et al. A rate of 1
+    /// relaxes them fully in one step, as other codes do by default, and saves two fifths of the arithmetic.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub higher: Option<f64>,
@@ -127,7 +133,7 @@ impl Parameters {
         .map(|rate| rate.or(self.higher))
     }
 
-    /// The rates beside that of the shear stress; those of Suga where they are not given.
+    /// Returns the rates other than that of the shear stress; those of Suga if they are not given.
     #[must_use]
     pub fn rates(&self) -> Rates {
         let suga = Rates::SUGA;
@@ -145,7 +151,7 @@ impl Parameters {
         }
     }
 
-    /// Whether the moments above the second go to their equilibrium at once.
+    /// Returns `true` if the moments above the second relax to their equilibrium at once.
     fn second_order(&self) -> bool {
         self.rates().second_order()
     }
@@ -176,7 +182,7 @@ impl Model for Parameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// With eddies only flows under a lid are judged.
+    /// Returns the border; with eddies only flows under a lid are judged.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.eddies && !situation.lid_meets_wall {
             return None;

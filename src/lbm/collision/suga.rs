@@ -1,15 +1,16 @@
-//! Multiple relaxation times with the published matrix of K. Suga, Y. Kuwata, K. Takashima, R. Chikasue, Comput. Math. Appl. 69 (2015)
-//! 518, with Guo forcing.
+//! Multiple relaxation times with the published matrix of K. Suga, Y. Kuwata, K. Takashima, R. Chikasue, Comput. Math.
+//! Appl. 69 (2015) 518, with Guo forcing.
 //!
 //! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ] with the orthogonal moments of Suga and
 //! S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5 = s7 = 1/τ.
 //!
-//! **Stability.** The rows of M are orthogonal, each velocity counted once. They are not orthogonal under the weights of the lattice, so
-//! that the proof of [`super::mrt`] does not hold: relaxing a higher moment changes a lower one. With the published rates waves grow in
-//! fluid at rest from τ = 0.556 on ([`super::linear_stability`]). Use [`super::mrt`] unless published results are to be reproduced.
+//! **Stability.** The rows of M are orthogonal, each velocity counted once. They are not orthogonal under the weights
+//! of the lattice, so that the proof of [`super::mrt`] does not hold: relaxing a higher moment changes a lower one.
+//! With the published rates waves grow in fluid at rest from τ = 0.556 on ([`super::linear_stability`]). Use
+//! [`super::mrt`] unless published results are to be reproduced.
 //!
-//! **The factorised form.** Every moment of Suga is a product of one polynomial in each component of c, from 1, c and P = 3c² - 2,
-//! or a sum or difference of such products:
+//! **The factorised form.** Every moment of Suga is a product of one polynomial in each component of c, from 1, c and P
+//! = 3c² - 2, or a sum or difference of such products:
 //!
 //! | moments | products | rate |
 //! |---|---|---|
@@ -23,9 +24,9 @@
 //! | XY | c_x c_y P_z | s20 |
 //! | XYZ | c_x c_y c_z | s26 |
 //!
-//! so that M and M⁻¹ are three sweeps of 9 small transforms each, 216 additions in place of 1458 products; the result is that of
-//! the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ and
-//! m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
+//! so that M and M⁻¹ are three sweeps of 9 small transforms each, 216 additions in place of 1458 products; the
+//! result is that of the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ
+//! and m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
 use super::border::{self, Border, Bounds, MovingBody, Situation};
 use super::linear_stability::{self, Wave};
@@ -40,20 +41,23 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Multiple relaxation times on D3Q27 with the published matrix of Suga et al. (2015), to reproduce published results. Its moments are not
-/// orthogonal under the weights of the lattice: with the published rates waves grow in fluid at rest from tau = 0.556 on.
+/// Multiple relaxation times on D3Q27 with the published matrix of Suga et al. (2015), to reproduce published results.
+/// Its moments are not orthogonal under the weights of the lattice: with the published rates waves grow in fluid at
+/// rest from tau = 0.556 on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 #[schemars(inline)]
 pub struct Parameters(pub mrt::Parameters);
 
-/// From this relaxation time on the operator with the rates of Suga lets waves of three cells along the diagonals grow in fluid at
-/// rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
+/// Relaxation time from which on the operator with the rates of Suga lets waves of three cells along the diagonals grow
+/// in fluid at rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16
+/// in half a period).
 const GROWS: f64 = 0.556;
-/// From this relaxation time on runs failed of it: boxes without walls at 0.8, ducts at 0.75, under a lid at 0.7 and not at 0.65.
+/// Relaxation time from which on runs failed because of it: boxes without walls at 0.8, ducts at 0.75, under a lid at
+/// 0.7 and not at 0.65.
 const FAILS: f64 = 0.7;
-/// Below this relaxation time the operator with all moments above the second at their equilibrium lets waves grow at rest: by 0.9 % in a
-/// step at 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
+/// Relaxation time below which the operator with all moments above the second at their equilibrium lets waves grow at
+/// rest: by 0.9 % in a step at 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
 const SECOND_ORDER_GROWS: f64 = 0.52;
 
 const CUBE: &[Bounds] = &[
@@ -103,7 +107,8 @@ impl Model for Parameters {
             return (relaxation_time < SECOND_ORDER_GROWS).then(|| {
                 finding(
                     Severity::Warning,
-                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the higher moments at 1"),
+                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the \
+                        higher moments at 1"),
                     "use mrt, of which none grow".into(),
                     json!({"mrt": {"higher": 1}}),
                 )
@@ -113,7 +118,8 @@ impl Model for Parameters {
             return None;
         }
         let reason = format!(
-            "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of three cells are linearly unstable from {GROWS} on"
+            "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of \
+             three cells are linearly unstable from {GROWS} on"
         );
         let remedy = format!("use mrt, of which none grow at rest, or a tau below {GROWS}");
         let (severity, reason) = if relaxation_time >= FAILS {
@@ -127,7 +133,8 @@ impl Model for Parameters {
         Some(finding(severity, reason, remedy.into(), json!({"mrt": {}})))
     }
 
-    /// With eddies only flows under a lid are judged; with moments above the second at equilibrium the border then lies beyond the map.
+    /// Returns the border: with eddies only flows under a lid are judged; with moments above the second at equilibrium
+    /// the border then lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
@@ -231,7 +238,7 @@ impl Basis for Polynomials {
     }
 }
 
-/// 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
+/// Returns 1 over the norm of the product of polynomials a, b, c (0: 1, 1: c, 2: P).
 const fn scale(a: usize, b: usize, c: usize) -> f64 {
     const NORM: [f64; 3] = [3.0, 2.0, 6.0];
     1.0 / (NORM[a] * NORM[b] * NORM[c])
@@ -268,8 +275,8 @@ impl Collision for Suga {
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
-        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and source 2s goes to
-        // t - rate (t - (q - s)) + 2s.
+        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and
+        // source 2s goes to t - rate (t - (q - s)) + 2s.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
         let mut square_source = [n::<N>(0.0); 3];

@@ -1,8 +1,10 @@
-//! Two relaxation times (I. Ginzburg, F. Verhaeghe, D. d'Humières, Commun. Comput. Phys. 3 (2008) 427), with Guo forcing.
+//! Two relaxation times (I. Ginzburg, F. Verhaeghe, D. d'Humières, Commun. Comput. Phys. 3 (2008) 427), with Guo
+//! forcing.
 //!
-//! The symmetric part of each pair of opposite populations, their half sum, relaxes at ω⁺ = 1/τ, which sets the viscosity ν = (τ - ½)/3.
-//! The antisymmetric part, their half difference, relaxes at ω⁻. The product Λ = (1/ω⁺ - ½)(1/ω⁻ - ½) fixes the position of a half-way
-//! wall, independently of the viscosity: Λ = 3/16 puts it exactly half-way in Poiseuille flow, Λ = 1/4 is the most stable choice.
+//! The symmetric part of each pair of opposite populations, their half sum, relaxes at ω⁺ = 1/τ, which sets the
+//! viscosity ν = (τ - ½)/3. The antisymmetric part, their half difference, relaxes at ω⁻. The product Λ =
+//! (1/ω⁺ - ½)(1/ω⁻ - ½) fixes the position of a half-way wall, independently of the viscosity: Λ = 3/16 puts
+//! it exactly half-way in Poiseuille flow, Λ = 1/4 is the most stable choice.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -49,7 +51,7 @@ const FREE: &[Bounds] = &[
 ];
 const LID: &[Bounds] = &Bounds::always(20.0, 28.0);
 const CUBE: &[Bounds] = &Bounds::always(20.0, 30.0);
-/// Beside the map, a duct of 24 cells failed at 7.7.
+/// Limits of a duct with 19 velocities. Outside the map, a duct of 24 cells failed at 7.7.
 const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 7.6);
 const DUCT_27: [Bounds; 1] = Bounds::always(10.0, 10.5);
 
@@ -82,8 +84,9 @@ impl Model for Parameters {
     }
 }
 
-/// The border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a lid in 2-D, in 3-D, and in a duct
-/// between openings with 19 and with 27 velocities; `single` where both rates are one.
+/// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a
+/// lid in 2-D, in 3-D, and in a duct between openings with 19 and with 27 velocities; `single` where both rates are
+/// one.
 ///
 /// With eddies, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky (`benches/accuracy/eddy-models`),
 /// and so did ducts between openings, where the operators with more rates hold.

@@ -1,4 +1,5 @@
-//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage precision and processor.
+//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage
+//! precision and processor.
 
 use super::Setup;
 use crate::block::Block;
@@ -19,13 +20,13 @@ use std::marker::PhantomData;
 
 /// Operator, force and eddies, chosen once: what a step does to some cells at a time.
 pub(super) trait Step<S: Stored>: Send + Sync {
-    /// One pass over the cells of a block by a worker; `force` is that of this step.
+    /// Makes one pass over the cells of a block by a worker; `force` is that of this step.
     ///
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize);
 
-    /// The kernels that do the same on a GPU; none where there are none.
+    /// Returns the kernels that do the same on a GPU; none if there are none.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
 
     /// Starts the pass over all cells on a GPU made for this kernel, after populations of a parity.
@@ -34,7 +35,7 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// When the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
-    /// What a GPU does, cell by cell, on the host.
+    /// Does the work of a GPU, cell by cell, on the host.
     ///
     /// # Safety
     /// The numbers must be those of the slab of the program.
@@ -65,7 +66,7 @@ struct Chosen<S: Stored, C, T, F> {
 #[cfg(test)]
 type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
 
-/// The pass over all cells, one by one, by the functions of the kernels of GPUs.
+/// Makes the pass over all cells, one by one, by the functions of the kernels of GPUs.
 ///
 /// # Safety
 /// The numbers must be those of the slab of the program, and the view that of its cover.
@@ -81,7 +82,7 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
     let [planes, rows, length] = program.cells;
     let slab = &program.after(before).slab;
     let kernel = (&operator, &operator.uniform::<f64>());
-    // Backwards: the order is of no account.
+    // Reverse order; the result must not depend on it.
     let places = (0..planes * rows * length).rev().map(|n| Place {
         plane: n / (rows * length),
         row: n / length % rows,
@@ -160,7 +161,7 @@ where
     }
 }
 
-/// What a pass is chosen by, beside the types.
+/// Run-time parameters that select a pass, in addition to the types.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     operator: Operator,
@@ -183,7 +184,7 @@ impl Choice {
         }
     }
 
-    /// Without eddies, for any processor.
+    /// Returns the choice without eddies, for any processor.
     pub(super) fn plain(operator: Operator, forced: bool, covered: bool) -> Self {
         Self {
             operator,
@@ -195,7 +196,7 @@ impl Choice {
         }
     }
 
-    /// The pass on a velocity set.
+    /// Returns the pass on a velocity set.
     pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
         match set {
             VelocitySet::D2Q9 => self.operator.dispatch(On::<D2Q9, S, 9>::new(self)),

@@ -3,9 +3,9 @@
 /// Uniform body force per volume in lattice units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Force {
-    /// No force: the cheaper kernel is used.
+    /// Zero force: a kernel of lower cost is used.
     None,
-    /// The same force always.
+    /// Constant force.
     Constant([f64; 3]),
     /// mean + amplitude · cos(2π step / period + phase)
     Oscillating {
@@ -21,7 +21,7 @@ pub enum Force {
 }
 
 impl Force {
-    /// Force at a step.
+    /// Returns the force at a step.
     #[must_use]
     pub fn at(&self, step: f64) -> [f64; 3] {
         match *self {

@@ -15,11 +15,11 @@ use crate::term::Term;
 use base::number::{single, to_u32};
 use decomposition::Domain;
 
-/// What there is no kernel for.
+/// Name of a missing kernel in a message.
 const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Whether there are kernels for an operator on a velocity set without eddies, with a storage as [`Stored::NAME`]: with a body force, and where
-/// solids may cover cells.
+/// Returns `true` if there are kernels for an operator on a velocity set without eddies, with a storage as
+/// [`Stored::NAME`]: with a body force, and where solids may cover cells.
 #[must_use]
 pub fn kernel_exists(
     set: VelocitySet,
@@ -32,7 +32,7 @@ pub fn kernel_exists(
         .is_some_and(|kernel| kernel.exists(stored))
 }
 
-/// A GPU for a slab.
+/// Returns a GPU for a slab.
 ///
 /// # Errors
 /// What stands against it, or what the GPU reports.
@@ -97,7 +97,7 @@ impl<S: Stored> Fluid<S> {
         gpu.wait()
     }
 
-    /// Whether a GPU has the populations and finds the cells that bodies cover, so that nobody else has to.
+    /// Returns `true` if a GPU has the populations and finds the cells that bodies cover, so that no other code has to.
     #[must_use]
     pub fn covers_on_gpu(&self) -> bool {
         self.gpu.is_some()
@@ -108,7 +108,7 @@ impl<S: Stored> Fluid<S> {
                 .is_some_and(|cover| cover.balls().is_some())
     }
 
-    /// Tells a GPU which cells the bodies cover from now on.
+    /// Sends to a GPU which cells the bodies cover from now on.
     ///
     /// # Errors
     /// When the GPU fails.
@@ -119,7 +119,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// How much of each cell of a row, which begins at a position, bodies cover, as [`Cover::fraction`]: nothing where no cell can be covered.
+    /// Computes the fraction of each cell of a row, which begins at a position, that bodies cover, like
+    /// [`Cover::fraction`]: 0 if no cell can be covered.
     pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
         match (&self.gpu, &self.cover) {
             (Some(gpu), Some(_)) if self.covers_on_gpu() => {
@@ -141,7 +142,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Whether the populations are on a GPU.
+    /// Returns `true` if the populations are on a GPU.
     #[must_use]
     pub fn is_away(&self) -> bool {
         self.populations.are_away()
@@ -161,8 +162,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// The extreme values of all rows where the populations are on a GPU, in the order of [`Populations::rows`]; none where they are here. None
-    /// of any row where the GPU fails, which the next step reports.
+    /// Returns the extreme values of all rows where the populations are on a GPU, in the order of
+    /// [`Populations::rows`]; none if they are here. None of any row where the GPU fails, which the next step reports.
     pub(crate) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
         let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
         let found = gpu.extremes(self.populations.parity(), self.half_force());
@@ -181,7 +182,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the populations are.
+    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the
+    /// populations are.
     pub fn row_moments(&self, [plane, row]: [usize; 2], moments: &mut [Vec<f64>; 4]) {
         let [slow, middle, fast] = self.populations.order();
         match &self.gpu {

@@ -8,7 +8,8 @@ use crate::lanes::Stored;
 use std::ops::Range;
 
 impl<S: Stored> Fluid<S> {
-    /// F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al. 2002).
+    /// Returns F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al.
+    /// 2002).
     #[must_use]
     pub fn half_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -16,7 +17,7 @@ impl<S: Stored> Fluid<S> {
         self.force.at(now).map(|f| 0.5 * f)
     }
 
-    /// Body force of the last step.
+    /// Returns the body force of the last step.
     #[must_use]
     pub fn last_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -24,7 +25,8 @@ impl<S: Stored> Fluid<S> {
         self.force.at(last)
     }
 
-    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves no water.
+    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves
+    /// no water.
     #[must_use]
     pub fn saved_number(&self, cell: usize, i: usize) -> S {
         if self.holds_water(cell) {
@@ -34,7 +36,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Density deviation and velocity of an interior cell (position from `Populations::cell`).
+    /// Returns the density deviation and velocity of an interior cell (position from `Populations::cell`).
     #[must_use]
     pub fn state(&self, cell: usize) -> (f64, [f64; 3]) {
         if !self.holds_water(cell) {
@@ -46,7 +48,8 @@ impl<S: Stored> Fluid<S> {
         (drho, self.corrected(cell, u))
     }
 
-    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change it.
+    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change
+    /// it.
     fn corrected(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
         let terms = self.added.iter();
         terms.fold(velocity, |velocity, term| {
@@ -67,8 +70,8 @@ impl<S: Stored> Fluid<S> {
         self.added.iter().any(|term| term.changes_velocities())
     }
 
-    /// The same of a row of `length` cells along the fastest axis from `cell` on, to the bit: density deviation, then the three
-    /// velocities.
+    /// Computes the states of a row of `length` cells along the fastest axis from `cell` on, equal to the bit: density
+    /// deviation, then the three velocities.
     pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
         self.populations.row_moments(cell, length, states);
         let half = self.half_force();
@@ -97,7 +100,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// The extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
+    /// Returns the extreme values of a row of `length` cells from `cell` on; `work` is a reusable buffer.
     pub fn row_extremes(&self, cell: usize, length: usize, work: &mut [Vec<f64>; 4]) -> Extremes {
         if self.corrects_velocities() {
             self.row_states(cell, length, work);
@@ -107,7 +110,8 @@ impl<S: Stored> Fluid<S> {
         self.populations.row_extremes(cell, length, half, work)
     }
 
-    /// The same of the interior cells of some planes across z: `density` and `velocity` in the order \[z\]\[y\]\[x\], `row` for work.
+    /// Computes the states of the interior cells of some planes across z: `density` and `velocity` in the order
+    /// \[z\]\[y\]\[x\], `row` is a buffer.
     pub fn band_states(
         &self,
         planes: Range<usize>,
@@ -138,8 +142,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units; with turbulence
-    /// that of eddies smaller than a cell too.
+    /// Returns the deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units;
+    /// with turbulence that of eddies smaller than a cell too.
     #[must_use]
     pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
         let (drho, u) = self.state(cell);
@@ -160,33 +164,33 @@ impl<S: Stored> Fluid<S> {
         stress
     }
 
-    /// What crossed each patch during the last step, on this rank.
+    /// Returns the flow through each patch during the last step, on this rank.
     #[must_use]
     pub fn fluxes(&self) -> Vec<Flux> {
         self.boundaries.fluxes(&self.populations)
     }
 
-    /// As [`Self::fluxes`], into a list that is used again.
+    /// Computes [`Self::fluxes`] into a list that is reused.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
     }
 
-    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is that of those cells
-    /// for which `counts` holds (local coordinates), without the pressure at rest.
+    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is
+    /// that of those cells for which `counts` holds (local coordinates), without the pressure at rest.
     pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries.left(&self.populations, counts)
     }
 
-    /// The mass that left each patch during the last step, on this rank, in quanta: through the faces of those cells for which `counts`
-    /// holds (local coordinates).
+    /// Returns the mass that left each patch during the last step, on this rank, in quanta: through the faces of those
+    /// cells for which `counts` holds (local coordinates).
     pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries
             .mass_through(&self.populations, counts, masses);
     }
 
-    /// Local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
+    /// Returns the local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
     fn interior_coordinates(&self, position: usize) -> [usize; 3] {
         let (at, cells) = (
             self.populations.coordinates(position),

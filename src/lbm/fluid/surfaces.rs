@@ -1,19 +1,20 @@
-//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links of structures.
+//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links
+//! of structures.
 
-use super::{Fluid, share};
+use super::{Fluid, planes_of};
 use crate::lanes::Stored;
 use crate::links::fixed::FixedLink;
 use crate::links::{BodyLink, Rigid, surface_velocity};
 use crate::turbulence::field::Wall;
 
-/// A cell of which solids fill this part is no water to the gradients beside it.
+/// Solid fraction of a cell from which on it is no water to the gradients of adjacent cells.
 const HALF: f64 = 0.5;
 /// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
 const NEAREST: f64 = 0.05;
 
 impl<S: Stored> Fluid<S> {
-    /// Tells the gradients of the eddy viscosity where solids that fill cells have their surfaces. `covered` gives the share of a thread among
-    /// several in the positions of all cells and ghost cells that may have water beside them.
+    /// Registers the surfaces of solids that fill cells with the gradients of the eddy viscosity. `covered` gives the
+    /// part of a thread among several in the positions of all cells and ghost cells that may have fluid neighbours.
     pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
         &mut self,
         covered: impl Fn(usize, usize) -> I + Sync,
@@ -82,7 +83,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Tells the gradients of the eddy viscosity where links bounce: of each body its links and its motion.
+    /// Registers the links with the gradients of the eddy viscosity: of each body its links and its motion.
     pub fn know_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
         let Some(field) = &mut self.field else {
             return;
@@ -91,7 +92,7 @@ impl<S: Stored> Fluid<S> {
         let populations = &self.populations;
         let velocities = populations.velocities();
         field.find_walls(|thread, threads, found| {
-            let bodies = share(&(0..links.len().min(motion.len())), threads, thread);
+            let bodies = planes_of(&(0..links.len().min(motion.len())), threads, thread);
             for (links, motion) in links[bodies.clone()].iter().zip(&motion[bodies]) {
                 for link in links.iter().filter(|link| link.loads) {
                     let direction = usize::from(link.direction);
@@ -120,7 +121,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// As [`Self::know_links`] of surfaces at rest, beside what is known.
+    /// Does [`Self::know_links`] for surfaces at rest, in addition to those that are known.
     pub fn know_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
         let Some(field) = &mut self.field else {
             return;
@@ -128,7 +129,7 @@ impl<S: Stored> Fluid<S> {
         let populations = &self.populations;
         let velocities = populations.velocities();
         field.find_walls(|thread, threads, found| {
-            let mine = |group: &Vec<FixedLink>| share(&(0..group.len()), threads, thread);
+            let mine = |group: &Vec<FixedLink>| planes_of(&(0..group.len()), threads, thread);
             for link in groups.iter().flat_map(|group| &group[mine(group)]) {
                 for end in (0..2).filter(|&end| link.wet[end]) {
                     let forth = usize::from(link.direction);

@@ -202,7 +202,7 @@ fn hydrostatic_pressure_reaches_the_walls() {
     }
 }
 
-/// Beside walls the derivative of a parabola is exact, beside open faces that of a straight line.
+/// Computes gradients: next to walls the derivative of a parabola is exact, next to open faces that of a straight line.
 #[test]
 fn the_gradient_beside_faces() {
     let (cells, nu) = ([4, 8, 3], 0.1);
@@ -328,8 +328,8 @@ fn the_split_axis_does_not_change_a_bit() {
     }
 }
 
-/// Walls of inner planes are given during the pass, those beside the share of another thread after it: with a thread for each plane all
-/// of them.
+/// Gives walls of inner planes during the pass, and those next to the share of another thread after it: with a thread
+/// for each plane all of them.
 #[test]
 fn walls_may_be_given_early_or_late() {
     for (set, cells) in [
@@ -434,7 +434,7 @@ fn threads_do_not_show() {
     }
 }
 
-/// A moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
+/// Returns a moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
 fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Setup {
     let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
     s.periodic = periodic;
@@ -461,8 +461,8 @@ fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Se
     s
 }
 
-/// Whatever is left between the shares of threads, at the ends of the slab and beside whole blocks of rows. Rows that fill no whole number
-/// of vectors reach beyond their end.
+/// Covers the cells between the shares of threads, at the ends of the slab and next to whole blocks of rows. Rows that
+/// fill no whole number of vectors reach beyond their end.
 #[test]
 fn two_steps_in_one_sweep_are_two_steps() {
     let mut swept = 0;
@@ -520,14 +520,14 @@ fn two_steps_in_one_sweep_are_two_steps() {
     assert!(swept > 80, "{swept}");
 }
 
-/// The work of a GPU, done on the host by the functions that the kernels are made of.
+/// Does the work of a GPU, done on the host by the functions that the kernels are made of.
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
     let before = fluid.populations.parity();
     let force = fluid.force.at(fluid.step as f64);
     let numbers = fluid.populations.base();
     let view = fluid.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
-    // SAFETY: the slab of the program, and nobody else works on it.
+    // SAFETY: the slab of the program, and no other thread accesses it.
     unsafe {
         fluid
             .pass
@@ -607,8 +607,8 @@ fn a_gpu_makes_the_same_steps() {
     assert_eq!(count, 8 * (4 * 2 + 4 * 3 + 8 * 3 * 2));
 }
 
-/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same populations, and the same
-/// forces on the bodies.
+/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same
+/// populations, and the same forces on the bodies.
 #[test]
 fn a_gpu_makes_the_same_steps_with_solids() {
     let mut touched = 0;
@@ -667,7 +667,7 @@ fn a_gpu_makes_the_same_steps_with_solids() {
     assert!(touched > 300, "{touched}");
 }
 
-/// Three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
+/// Adds three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
 fn put_solids(fluid: &mut Fluid<f64>) {
     let places: Vec<_> = fluid.populations.interior().collect();
     let cover = fluid.cover.as_mut().unwrap();
@@ -702,7 +702,7 @@ fn put_solids(fluid: &mut Fluid<f64>) {
     }
 }
 
-/// What has no kernel, or acts on cells beside the operator.
+/// Refuses cases without a kernel, and terms in addition to the operator that act on cells.
 #[test]
 fn a_gpu_refuses_what_it_does_not_run() {
     let cells = [12, 12, 12];
@@ -720,7 +720,7 @@ fn a_gpu_refuses_what_it_does_not_run() {
     let mut cumulants = plain();
     cumulants.operator = Operator::Cumulant(cumulant::Parameters::default());
     assert!(reason(cumulants).contains("collision operator"));
-    // A kernel that nobody has seen run on a GPU.
+    // A kernel that has never been run on a GPU.
     let mut other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
     other.saturation = Some(Method {
         operator: SolidOperator::Superposition,

@@ -1,25 +1,29 @@
 //! Two steps in one sweep over the lattice, for water between walls, with eddies or without.
 //!
-//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter. The second step of a
-//! cell needs nothing but the first step of its neighbours. It follows the first two planes and two rows behind, while their populations
-//! are still in the cache: the memory then moves half the bytes (temporal blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig,
-//! G. Wellein, Parallel Process. Lett. 20 (2010) 359). The planes are walked once for every [`ROWS`] rows, so that only as many rows of four
-//! planes lie between the two steps: 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
+//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter.
+//! The second step of a cell needs nothing but the first step of its neighbours. It follows the first two planes and
+//! two rows behind, while their populations are still in the cache: the memory then moves half the bytes (temporal
+//! blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig, G. Wellein, Parallel Process. Lett. 20 (2010) 359). The
+//! planes are walked once for every [`ROWS`] rows, so that only as many rows of four planes lie between the two steps:
+//! 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
 //!
 //! Order of the work at plane p and rows up to y, each at its distance behind the one before:
 //!
 //! | plane, row | work | needs |
 //! |---|---|---|
 //! | p, y | even pass | nothing |
-//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of all cells beside: whole vectors reach beyond the end of a row, to numbers that the walls give |
-//! | p - 2, y - 2 | odd pass | walls of the first step beside, which it would overwrite in the same way |
-//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass beside |
+//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of adjacent cells |
+//! | p - 2, y - 2 | odd pass | adjacent walls of the first step, which it would overwrite |
+//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass of adjacent cells |
 //!
-//! Each thread sweeps its planes. What is left beside the planes of other threads and ranks follows when these are done. Every number is
-//! computed from the same numbers by the same operations as in two single steps, so that the bits are the same.
+//! Whole vectors of the even pass reach beyond the end of a row, to numbers that the walls give.
+//!
+//! Each thread sweeps its planes. The part next to the planes of other threads and ranks follows when these are done.
+//! Every number is computed from the same numbers by the same operations as in two single steps, so that the bits are
+//! the same.
 
 use super::dispatch::Step;
-use super::{CoverView, Fluid, View, between, share};
+use super::{CoverView, Fluid, View, between, planes_of};
 use crate::block::Block;
 use crate::boundary::Boundaries;
 use crate::kernel::Shared;
@@ -31,8 +35,8 @@ use base::thread_pool;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor follows longer pieces of
-/// memory better: from 8 to 48 the speed is the same (`benches/README.md`).
+/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor
+/// follows longer pieces of memory better: from 8 to 48 the speed is the same (`benches/README.md`).
 const ROWS: usize = 32;
 
 /// Planes of a thread from which on it has some to sweep.
@@ -43,18 +47,19 @@ const FEWEST_PLANES: usize = 8;
 struct Moment {
     force: [f64; 3],
     time: f64,
-    /// Where the populations are after its pass.
+    /// State of the populations after its pass.
     parity: Parity,
 }
 
-/// The planes of a share that are so far from its ends.
+/// Returns the planes of a share that are so far from its ends.
 fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
     let first = share.start + distance;
     first..share.end.saturating_sub(distance).max(first)
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Whether two steps may be made at once: nothing but walls acts on the populations between them. The same on every rank.
+    /// Returns `true` if two steps may be made at once: nothing but walls acts on the populations between them. It is
+    /// equal on every rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
@@ -63,7 +68,7 @@ impl<S: Stored> Fluid<S> {
             && self.terms().all(Term::allows_two_steps)
     }
 
-    /// Two steps. Between them nobody sees the populations.
+    /// Makes two steps. No code reads the populations between them.
     #[inline(never)]
     pub fn advance_two(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
@@ -83,9 +88,11 @@ impl<S: Stored> Fluid<S> {
         };
         let first = moment(self.step, Parity::Reversed);
         let second = moment(self.step + 1, Parity::Home);
-        let shares: Vec<Range<usize>> =
-            (0..threads).map(|t| share(&interior, threads, t)).collect();
-        // Planes beside the ends of shares, and the end planes of the slab: these go with the first and the last share.
+        let shares: Vec<Range<usize>> = (0..threads)
+            .map(|t| planes_of(&interior, threads, t))
+            .collect();
+        // Planes next to the ends of shares, and the end planes of the slab: these go with the first and the last
+        // share.
         let rest = |t: usize, distance: usize| {
             let all = &shares[t];
             let begin = if t == 0 { 0 } else { all.start };
@@ -156,7 +163,7 @@ impl<S: Stored> Fluid<S> {
         self.step += 2;
     }
 
-    /// What the next pass sees.
+    /// Returns the data of the next pass.
     fn describe_pass(&mut self) -> Shared<S> {
         let [.., fast] = self.populations.order();
         let round_rows = self.periodic_within[fast];
@@ -165,21 +172,21 @@ impl<S: Stored> Fluid<S> {
     }
 }
 
-/// What both steps need, each at its place.
+/// Data that both steps need, each at its index.
 struct Sweep<'a, S: Stored> {
     step: &'a dyn Step<S>,
     boundaries: &'a Boundaries<S>,
     shared: [&'a Shared<S>; 2],
     moments: [&'a Moment; 2],
-    /// Of the velocities from which the next eddy viscosity comes, if any.
+    /// Ghosts of the velocities from which the next eddy viscosity is computed, if any.
     ghosts: Option<Arc<Ghosts>>,
 }
 
 impl<S: Stored> Sweep<'_, S> {
-    /// Both steps of the planes of a share, where they need nothing from beyond it.
+    /// Makes both steps of the planes of a share, where they need nothing from outside it.
     ///
     /// # Safety
-    /// Nobody else may work on these planes or be this worker.
+    /// No other thread may access these planes or be this worker.
     unsafe fn planes(&self, share: &Range<usize>, worker: usize) {
         let rows = self.shared[0].rows();
         for top in (0..rows).step_by(ROWS) {
@@ -222,10 +229,10 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// The pass of the first or second step (0, 1) over some cells.
+    /// Makes the pass of the first or second step (0, 1) over some cells.
     ///
     /// # Safety
-    /// Nobody else may work on these cells or be this worker.
+    /// No other thread may access these cells or be this worker.
     unsafe fn pass(&self, which: usize, cells: &Block, worker: usize) {
         let force = self.moments[which].force;
         // SAFETY: promised by the caller.
@@ -234,10 +241,11 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces beside some cells after the first or second step (0, 1), which the next pass reads there.
+    /// Fills the velocities beyond faces next to some cells after the first or second step (0, 1), which the next pass
+    /// reads there.
     ///
     /// # Safety
-    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
     unsafe fn velocities(&self, which: usize, cells: &Block) {
         if let Some(ghosts) = &self.ghosts {
             let ramp = |patch| {
@@ -249,10 +257,10 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Gives some cells what comes back from walls in the first or second step (0, 1).
+    /// Gives some cells the populations that return from walls in the first or second step (0, 1).
     ///
     /// # Safety
-    /// The pass of the step must be done there and beside, and nobody may work on these cells.
+    /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
     unsafe fn walls(&self, which: usize, cells: &Block) {
         let &Moment { time, parity, .. } = self.moments[which];
         let numbers = self.shared[which].numbers();

@@ -1,6 +1,7 @@
-//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds fractions and owners, which are
-//! sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many of them that a list of those, twelve bytes each from all
-//! over memory, takes longer. Bodies are sent before each pass.
+//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds
+//! fractions and owners, which are sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many
+//! of them that a list of those, twelve bytes each from all over memory, takes longer. Bodies are sent before each
+//! pass.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters, WARP};
 use super::lists::CoveredCells;
@@ -24,12 +25,12 @@ pub(super) struct Kernels {
     pub(super) deep: CudaFunction,
     pub(super) mixed: CudaFunction,
     list_covered: CudaFunction,
-    /// Of [`Balls`], in the order of the work.
+    /// Kernels of [`Balls`], in the order of the work.
     balls: [CudaFunction; 4],
 }
 
 impl Kernels {
-    /// By names.
+    /// Loads the functions by their names.
     pub(super) fn new<E>(
         [deep, mixed]: [String; 2],
         function: impl Fn(&str) -> Result<CudaFunction, E>,
@@ -48,26 +49,27 @@ impl Kernels {
     }
 }
 
-/// Bytes on the GPU beside those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
+/// Bytes on the GPU in addition to those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
 /// covered cells, and the fraction before.
 pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
-/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the bodies while the open cells
-/// collide.
+/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the
+/// bodies while the open cells collide.
 pub(super) struct OnGpu {
     pub(super) stream: Arc<CudaStream>,
-    /// On that stream: the cover was made; the covered cells have collided.
+    /// Events on that stream: the cover was made; the covered cells have collided.
     pub(super) made: CudaEvent,
     pub(super) passed: CudaEvent,
-    /// On the stream of the fluid: the populations are those before a pass; the open cells no longer need each of the two covers.
+    /// Events on the stream of the fluid: the populations are those before a pass; the open cells no longer need each
+    /// of the two covers.
     pub(super) ready: CudaEvent,
     done: [CudaEvent; 2],
     pub(super) kernels: Kernels,
     /// The cells on the host, held in place for transfers.
     _pinned: [Option<Pinned>; 2],
-    /// What the cells on the GPU were made from: the version of the cells on the host, or that of the balls.
+    /// Source of the cells on the GPU: the version of the cells on the host, or that of the balls.
     made_from: MadeFrom,
-    /// Of the cover and of that before it, which open cells may still need; which of them is that of the cover.
+    /// Fractions of the cover and of that before it, which open cells may still need; and the index of the present one.
     fractions: [CudaSlice<f32>; 2],
     now: usize,
     owner: CudaSlice<u32>,
@@ -78,16 +80,16 @@ pub(super) struct OnGpu {
     /// Numbers of the covered cells.
     _numbers: CudaSlice<u32>,
     counters: CudaSlice<u32>,
-    /// How often the bodies had changed when they were sent, and whether what was sent may still be on its way.
+    /// Number of changes of the bodies when they were sent, and `true` if the data may still be under way.
     motions: u64,
     on_its_way: bool,
     /// [`BodyLoad::COPIES`] times one load for each slot, and how many slots there are.
     pub(super) loads: Room,
     pub(super) bodies: u32,
-    /// What the next pass sees.
+    /// Data of the next pass.
     pub(super) view: View,
     pub(super) covered: CoveredCells,
-    /// Rooms on the host that are used again.
+    /// Buffers on the host that are reused.
     work: Work,
 }
 
@@ -120,7 +122,7 @@ struct Work {
     sent_of_blocks: Vec<u32>,
 }
 
-/// An array on the GPU that grows, and one beside it on the host from which or to which the GPU copies by itself.
+/// Array on the GPU that grows, and one on the host from which or to which the GPU copies by itself.
 pub(super) struct Room {
     there: CudaSlice<Byte>,
     /// Goes before the bytes.
@@ -147,13 +149,13 @@ impl Room {
         })
     }
 
-    /// Its address.
+    /// Returns its address.
     pub(super) fn address(&self, stream: &Arc<CudaStream>) -> u64 {
         self.there.device_ptr(stream).0
     }
 
-    /// Room for a count of numbers; its address.
-    fn of<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
+    /// Allocates memory for a count of numbers; returns its address.
+    fn reserve<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
             self.there = stream.alloc_zeros(bytes.next_power_of_two())?;
@@ -161,7 +163,7 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// The bytes of the host, at least so many.
+    /// Returns the bytes of the host, at least this number.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;
@@ -174,7 +176,7 @@ impl Room {
 
     /// Sends a list, without waiting; its address.
     fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
-        let address = self.of::<T>(stream, list.len())?;
+        let address = self.reserve::<T>(stream, list.len())?;
         let count = size_of_val(list);
         if count > 0 {
             let here = self.here(count);
@@ -207,7 +209,7 @@ impl Room {
     }
 }
 
-/// An address on the GPU.
+/// Returns an address on the GPU.
 pub(super) fn pointer<T>(address: u64) -> *mut T {
     // A GPU has addresses of 64 bits, as has any host that it serves.
     std::ptr::without_provenance_mut(usize::try_from(address).unwrap_or(0))
@@ -321,7 +323,7 @@ impl OnGpu {
             launch.arg(&slab).arg(&view).arg(&covered);
             let rows = self.covered.planes * self.covered.rows;
             let shape = launch_of((rows * WARP).div_ceil(BLOCK));
-            // SAFETY: the kernel takes these arguments, and has room for each cell.
+            // SAFETY: the kernel takes these arguments, and its buffer has an element for each cell.
             unsafe { launch.launch(shape) }?;
             self.made_from = wanted;
             self.made.record(stream)?;
@@ -382,19 +384,27 @@ impl OnGpu {
         }
         let blocks = to_u32(of_blocks.len());
         let cells_of_boxes = of_blocks.len() * BLOCK as usize;
-        let shares = self.shares.of::<Shares>(stream, cells_of_boxes)?;
+        let shares = self.shares.reserve::<Shares>(stream, cells_of_boxes)?;
         let balls = Balls {
             solids: pointer(solids),
             boxes: pointer(self.mapping.boxes.send(stream, boxes)?),
             of_blocks: pointer(self.mapping.of_blocks.address(stream)),
-            edges: pointer(self.mapping.edges.of::<f64>(stream, edges)?),
-            parts: pointer(self.mapping.fractions.of::<f32>(stream, cells_of_boxes)?),
-            positions: pointer(self.mapping.positions.of::<u32>(stream, cells_of_boxes)?),
-            next: pointer(self.mapping.next.of::<u32>(stream, cells_of_boxes)?),
+            edges: pointer(self.mapping.edges.reserve::<f64>(stream, edges)?),
+            parts: pointer(
+                self.mapping
+                    .fractions
+                    .reserve::<f32>(stream, cells_of_boxes)?,
+            ),
+            positions: pointer(
+                self.mapping
+                    .positions
+                    .reserve::<u32>(stream, cells_of_boxes)?,
+            ),
+            next: pointer(self.mapping.next.reserve::<u32>(stream, cells_of_boxes)?),
             heads: pointer(self.mapping.heads.device_ptr(stream).0),
             fraction: pointer(self.fractions[self.now].device_ptr(stream).0),
             owner: pointer(self.owner.device_ptr(stream).0),
-            shares: pointer(self.parts.of::<Share>(stream, cells_of_boxes)?),
+            shares: pointer(self.parts.reserve::<Share>(stream, cells_of_boxes)?),
             shared: pointer(shares),
             counters: pointer(self.counters.device_ptr(stream).0),
             cells_of_boxes: blocks * BLOCK,
@@ -415,7 +425,7 @@ impl OnGpu {
             if blocks > 0 {
                 let mut launch = stream.launch_builder(kernel);
                 launch.arg(&balls);
-                // SAFETY: the kernel takes this argument; the arrays have this room.
+                // SAFETY: the kernel takes this argument; the arrays have this capacity.
                 unsafe { launch.launch(launch_of(blocks)) }?;
             }
         }
@@ -426,7 +436,7 @@ impl OnGpu {
     pub(super) fn clear_loads(&mut self, bodies: usize) -> Result<(), DriverError> {
         self.bodies = to_u32(bodies);
         let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
-        self.loads.of::<u8>(&self.stream, bytes)?;
+        self.loads.reserve::<u8>(&self.stream, bytes)?;
         // A driver refuses to set nothing.
         if bytes == 0 {
             return Ok(());
@@ -457,7 +467,7 @@ impl OnGpu {
         Ok(())
     }
 
-    /// What the open cells need the cover for is done on a stream.
+    /// Records on a stream that the open cells no longer need the cover.
     pub(super) fn done(&self, stream: &Arc<CudaStream>) -> Result<(), DriverError> {
         self.done[self.now].record(stream)
     }
@@ -467,7 +477,7 @@ impl OnGpu {
         self.fractions[self.now].device_ptr(&self.stream).0
     }
 
-    /// The fractions of the cells of a row from a position on.
+    /// Reads the fractions of the cells of a row from a position on.
     pub(super) fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), DriverError> {
         let there = self.fractions[self.now].slice(first..first + fractions.len());
         self.stream.memcpy_dtoh(&there, fractions)?;

@@ -1,4 +1,5 @@
-//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies that follow each.
+//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies
+//! that follow each.
 //!
 //! | after the pass | copies, in this order |
 //! |---|---|
@@ -17,7 +18,7 @@ use base::number::to_u32;
 /// One of the two passes with what follows it.
 #[derive(Clone, Debug)]
 pub struct Pass {
-    /// Where the cells have their numbers.
+    /// Slab with the numbers of the cells.
     pub slab: Slab,
     /// Copies that follow, one list after the other; those of a list in any order.
     pub copies: Vec<Vec<Copies>>,
@@ -33,7 +34,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// The work for a slab that is the whole domain.
+    /// Returns the work for a slab that is the whole domain.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -48,7 +49,7 @@ impl Program {
         Self { passes, cells }
     }
 
-    /// The pass that follows populations of a parity.
+    /// Returns the pass that follows populations of a parity.
     #[must_use]
     pub fn after(&self, parity: Parity) -> &Pass {
         &self.passes[usize::from(parity == Parity::Reversed)]
@@ -56,7 +57,7 @@ impl Program {
 }
 
 impl Pass {
-    /// The pass over populations that lie as after `before`.
+    /// Returns the pass over populations that lie as after `before`.
     fn new<S: Stored>(
         populations: &Populations<S>,
         boundaries: &Boundaries<S>,

@@ -13,7 +13,8 @@ pub enum Level {
     Avx512,
 }
 
-/// Whether the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it for servers and desktops.
+/// Returns `true` if the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it
+/// for servers and desktops.
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")
@@ -23,7 +24,8 @@ fn has_avx512() -> bool {
 }
 
 impl Level {
-    /// The widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and comparisons).
+    /// Returns the widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and
+    /// comparisons).
     #[must_use]
     pub fn best() -> Self {
         let wish = std::env::var("SOLVER_LANES").unwrap_or_default();
@@ -42,7 +44,7 @@ impl Level {
         Self::Scalar
     }
 
-    /// Name for the provenance of a run.
+    /// Returns the name for the provenance of a run.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -55,9 +57,11 @@ impl Level {
     }
 }
 
-/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set ([`Level::run`]).
+/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set
+/// ([`Level::run`]).
 pub trait Work {
-    /// The loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction set.
+    /// Runs the loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction
+    /// set.
     fn run(self);
 }
 

@@ -13,7 +13,7 @@ pub struct Avx512(__m512d);
 /// The numbers of the lanes.
 static COUNT: [f64; super::WIDEST] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// The signs of four numbers.
+/// Returns the signs of four numbers.
 #[inline(always)]
 fn bits(x: __m128) -> u8 {
     // SAFETY: part of every x86-64.
@@ -22,7 +22,9 @@ fn bits(x: __m128) -> u8 {
 }
 
 macro_rules! operators {
-    ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident, $set:ident, $sqrt:ident, $load:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr, |$from:ident, $bound:ident| $above:expr, |$numbers:ident, $number:ident| $equal:expr) => {
+    ($lanes:ident, $width:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident, $fnma:ident,
+        $set:ident, $sqrt:ident, $load:ident, |$test:ident, $zero:ident, $other:ident| $choose:expr, |$from:ident,
+            $bound:ident| $above:expr, |$numbers:ident, $number:ident| $equal:expr) => {
         impl Add for $lanes {
             type Output = Self;
             #[inline(always)]

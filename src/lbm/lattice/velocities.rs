@@ -15,7 +15,7 @@ pub enum VelocitySet {
 }
 
 impl VelocitySet {
-    /// Number of velocities.
+    /// Returns the number of velocities.
     #[must_use]
     pub fn count(self) -> usize {
         match self {
@@ -25,7 +25,7 @@ impl VelocitySet {
         }
     }
 
-    /// Number of space dimensions.
+    /// Returns the number of space dimensions.
     #[must_use]
     pub fn dimension(self) -> usize {
         match self {
@@ -34,7 +34,7 @@ impl VelocitySet {
         }
     }
 
-    /// Its velocities.
+    /// Returns its velocities.
     #[must_use]
     pub fn velocities(self) -> Velocities {
         match self {
@@ -45,7 +45,7 @@ impl VelocitySet {
     }
 }
 
-/// The same tables at run time, for code outside the cell loop (boundaries, coupling, output).
+/// Tables of the velocity set at run time, for code outside the cell loop (boundaries, coupling, output).
 #[derive(Clone, Debug)]
 pub struct Velocities {
     /// Name of the set.
@@ -61,7 +61,7 @@ pub struct Velocities {
 }
 
 impl Velocities {
-    /// The tables of `L`.
+    /// Returns the tables of `L`.
     #[must_use]
     pub fn of<L: Lattice<Q>, const Q: usize>() -> Self {
         Self {
@@ -73,7 +73,7 @@ impl Velocities {
         }
     }
 
-    /// Number of populations.
+    /// Returns the number of populations.
     #[must_use]
     pub fn q(&self) -> usize {
         self.c.len()

@@ -1,12 +1,13 @@
 //! Bounce-back at surfaces at rest, with the force on each.
 //!
-//! A link from a cell of water either ends in a solid cell, or in another cell of water behind a sheet thinner than a cell. Each end that is
-//! water bounces by the central linear interpolation of the module above with its own distance q from the surface:
+//! A link from a cell of water either ends in a solid cell, or in another cell of water behind a sheet thinner than a
+//! cell. Each end that is water bounces by the central linear interpolation of the module above with its own distance q
+//! from the surface:
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)],  κ = (1-2q)/(1+2q),
 //!
-//! or half-way, where q = 1/2 or the cell behind x is no water. An end inside a solid bounces half-way: what is there stays there.
-//! The surface receives f*_i + f_ī(t+1) along c_i.
+//! or half-way, where q = 1/2 or the cell behind x is no water. An end inside a solid bounces half-way: what is there
+//! stays there. The surface receives f*_i + f_ī(t+1) along c_i.
 
 use super::{Along, Load, Numbers, Rigid, Table, add_along, prefetch};
 use crate::lanes::Stored;
@@ -17,7 +18,7 @@ use base::thread_pool;
 /// A link that a surface at rest cuts. Its two ends are the outer cell, where it begins, and the inner one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedLink {
-    /// Where the two populations lie.
+    /// Positions of the two populations.
     pub link: Link,
     /// Middle of the link in half cells, in the frame of the domain.
     pub middle: [i32; 3],
@@ -66,8 +67,9 @@ pub fn bounce_fixed<S: Stored, const D: usize>(
                 prefetch(all.numbers, later.link.near as usize);
                 prefetch(all.numbers, later.link.far as usize);
             }
-            // SAFETY: positions made by `Populations::link` lie in the array; every link stands in one group once, and the numbers that
-            // interpolation reads lie between two cells of water without a surface, which no link writes.
+            // SAFETY: positions made by `Populations::link` lie in the array; every link stands in one group once, and
+            // the numbers that interpolation reads lie between two cells of water without a surface, which no link
+            // writes.
             unsafe { one::<S, D>(&all, &opposite, link, &mut sum) };
         }
         *load = sum;
@@ -75,8 +77,8 @@ pub fn bounce_fixed<S: Stored, const D: usize>(
 }
 
 /// # Safety
-/// The numbers must be the array that the link's positions refer to, and no other thread may touch its two numbers, nor write those that
-/// interpolation reads.
+/// The numbers must be the array that the link's positions refer to, and no other thread may touch its two numbers, nor
+/// write those that interpolation reads.
 #[inline(always)]
 unsafe fn one<S: Stored, const D: usize>(
     all: &Along<S>,

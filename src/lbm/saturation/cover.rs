@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What covers the cells of a slab.
+/// Solids that cover the cells of a slab.
 #[derive(Debug)]
 pub struct Cover {
     pub(super) method: Method,
@@ -24,33 +24,34 @@ pub struct Cover {
     pub(super) order: [usize; 3],
     /// ε by position of a cell; of a ghost cell its negative.
     pub(super) fraction: Vec<f32>,
-    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus the number of the list.
+    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus
+    /// the number of the list.
     pub(super) owner: Vec<u32>,
     /// One for each worker.
     lists: Vec<Shelf>,
-    /// Those of the lists that are in use, for the pass.
+    /// Shares of the lists that are in use, for the pass.
     shares: Vec<Shares>,
     pub(super) solids: Vec<Solid>,
     pub(super) sums: Vec<Sums>,
-    /// From a cell to the next one along each axis.
+    /// Distance from a cell to the next one along each axis.
     pub(super) strides: [isize; 3],
     /// Something changed since this was last asked.
     changed: AtomicBool,
-    /// How often cells have changed.
+    /// Number of changes of cells.
     version: AtomicU64,
-    /// All bodies are balls, of which the fractions are exact and the cells are those of [`Solid`] alone.
+    /// `true` if all bodies are balls with exact fractions, and the cells are those of [`Solid`] alone.
     balls: bool,
-    /// How often bodies have changed place, size or slot, and how often anything of them.
+    /// Number of changes of position, size or slot of bodies, and number of any changes.
     moves: u64,
     motions: u64,
 }
 
-// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the cover alone, and what
-// changes besides is atomic or behind its lock.
+// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the
+// cover alone, and what changes besides is atomic or behind its lock.
 unsafe impl Sync for Cover {}
 
 impl Cover {
-    /// No body over the cells of `populations`, for passes by this many `workers`.
+    /// Returns a cover without bodies over the cells of `populations`, for passes by this many `workers`.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -90,22 +91,23 @@ impl Cover {
         }
     }
 
-    /// Whether all bodies are balls that cover what the bodies' positions say, by the exact rule: then a GPU finds the cells itself.
+    /// Sets if all bodies are balls that cover the cells given by their positions, by the exact rule: a GPU then finds
+    /// the cells itself.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
 
-    /// If all bodies are balls that a GPU can map, how often they have moved.
+    /// Returns the number of moves of the bodies, if all are balls that a GPU can map.
     pub fn balls(&self) -> Option<u64> {
         self.balls.then_some(self.moves)
     }
 
-    /// How often bodies have changed.
+    /// Returns the number of changes of the bodies.
     pub(crate) fn motions(&self) -> u64 {
         self.motions
     }
 
-    /// Axes from slowest to fastest.
+    /// Returns the axes from slowest to fastest.
     pub(crate) fn order(&self) -> [usize; 3] {
         self.order
     }
@@ -115,17 +117,17 @@ impl Cover {
         self.version.load(Ordering::Relaxed)
     }
 
-    /// Owner and fraction of all cells, by position.
+    /// Returns the owner and fraction of all cells, by position.
     pub fn cells(&self) -> (&[u32], &[f32]) {
         (&self.owner, &self.fraction)
     }
 
-    /// The bodies by slot.
+    /// Returns the bodies by slot.
     pub fn solids(&self) -> &[Solid] {
         &self.solids
     }
 
-    /// The parts of each cell of several bodies, by the place in its owner.
+    /// Returns the parts of each cell of several bodies, by the place in its owner.
     pub fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
         let lists = self.lists.iter_mut().map(Shelf::get);
         let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
@@ -138,7 +140,7 @@ impl Cover {
         })
     }
 
-    /// What the coming pass sees of the cells of several bodies.
+    /// Returns the cells of several bodies as the coming pass reads them.
     pub(super) fn list_shares(&mut self) -> *const Shares {
         let count = self.lists.len();
         self.shares.clear();
@@ -155,7 +157,7 @@ impl Cover {
         self.shares.as_ptr()
     }
 
-    /// Looks at the bodies of a cell of several bodies, given by its owner.
+    /// Reads the bodies of a cell of several bodies, given by its owner.
     fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
         let (shelf, place) = shelved(owner, self.lists.len());
         let lists = self.lists[shelf].lock();
@@ -169,12 +171,12 @@ impl Cover {
         }
     }
 
-    /// Whether cells or motions have changed since this was last asked.
+    /// Returns `true` if cells or motions have changed since the last call.
     pub fn take_changed(&mut self) -> bool {
         std::mem::take(self.changed.get_mut())
     }
 
-    /// A wall at rest fills these ghost cells.
+    /// Marks these ghost cells as filled by a wall at rest.
     pub fn wall_off(&mut self, ghosts: impl Iterator<Item = usize>) {
         for position in ghosts {
             self.fraction[position] = -1.0;
@@ -182,10 +184,10 @@ impl Cover {
         }
     }
 
-    /// Bytes beside the populations for each cell.
+    /// Bytes for each cell in addition to the populations.
     pub const BYTES: usize = size_of::<f32>() + size_of::<u32>();
 
-    /// Room for bodies in these many slots.
+    /// Allocates slots for bodies.
     pub fn make_room(&mut self, slots: usize) {
         self.moves += 1;
         self.motions += 1;
@@ -195,7 +197,7 @@ impl Cover {
         }
     }
 
-    /// Who is in a slot and how it moves.
+    /// Sets the body in a slot and its motion.
     pub fn set(&mut self, slot: u32, solid: Solid) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
             *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
@@ -206,12 +208,13 @@ impl Cover {
         }
     }
 
-    /// Body `slot` fills `fraction` of the cell at a position, or [`DEEP`]; 0 takes it out. Of a ghost cell give the negative.
+    /// Sets the `fraction` of the cell at a position that body `slot` fills, or [`DEEP`]; 0 removes the body. For a
+    /// ghost cell the fraction is negative.
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         self.whole().cover(position, slot, fraction);
     }
 
-    /// All cells, to be covered by one worker.
+    /// Returns all cells, to be covered by one worker.
     pub fn whole(&mut self) -> Part<'_> {
         Part {
             first: 0,
@@ -250,7 +253,7 @@ impl Cover {
         thread_pool::each_item(&mut parts, 1, |_, part| work(part));
     }
 
-    /// The part of a cell that is solid.
+    /// Returns the part of a cell that is solid.
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(self.fraction[position].min(1.0))
@@ -262,7 +265,7 @@ impl Cover {
         self.fraction[position]
     }
 
-    /// Id of the body that fills most of a cell, if solids fill half of it.
+    /// Returns the id of the body that fills most of a cell, if solids fill half of it.
     #[must_use]
     pub fn body_at(&self, position: usize) -> Option<u64> {
         if self.fraction[position] < 0.5 {
@@ -285,7 +288,7 @@ impl Cover {
         self.solids.get(slot as usize).map(|solid| solid.name.id)
     }
 
-    /// B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
+    /// Returns B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
     #[must_use]
     pub fn weight(&self, position: usize) -> i64 {
         let fraction = self.fraction(position);
@@ -296,7 +299,7 @@ impl Cover {
         })
     }
 
-    /// Velocity of the solids in a cell: `at` are its local coordinates.
+    /// Returns the velocity of the solids in a cell: `at` are its local coordinates.
     #[must_use]
     pub fn velocity<const D: usize>(&self, position: usize, at: [i32; 3]) -> [f64; 3] {
         let owner = self.owner[position];
@@ -324,8 +327,8 @@ impl Cover {
         }
     }
 
-    /// Velocity of the solids in a cell that they fill by half and more, at a point `offset` from its centre: `at` are its local
-    /// coordinates. Ghost cells count, what is behind walls does not.
+    /// Returns the velocity of the solids in a cell that they fill by half and more, at a point `offset` from its
+    /// centre: `at` are its local coordinates. Ghost cells count, what is behind walls does not.
     #[must_use]
     pub fn velocity_beside<const D: usize>(
         &self,
@@ -362,7 +365,7 @@ impl Cover {
         })
     }
 
-    /// The part of a cell or ghost cell that bodies fill; none behind a wall.
+    /// Returns the part of a cell or ghost cell that bodies fill; none behind a wall.
     #[must_use]
     pub fn part(&self, position: usize) -> f64 {
         match self.owner[position] {
@@ -371,7 +374,8 @@ impl Cover {
         }
     }
 
-    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw frame.
+    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw
+    /// frame.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
         for sums in &mut self.sums {
             for &slot in &sums.touched {
@@ -388,9 +392,9 @@ impl Cover {
 /// The bodies of the cells of several bodies.
 #[derive(Debug, Default)]
 struct Lists {
-    /// With their parts, in the order of their names.
+    /// Shared cells with their parts, in the order of their names.
     shared: Vec<Vec<Share>>,
-    /// Those of them that have the cell deep inside.
+    /// Bodies that have the cell deep inside.
     deep: Vec<Vec<u32>>,
     /// Places to use again.
     unused: Vec<usize>,
@@ -411,7 +415,7 @@ impl Shelf {
     }
 }
 
-/// The list of a cell of several bodies, of so many, and its place there, given by its owner.
+/// Returns the list of a cell of several bodies, of so many, and its place there, given by its owner.
 fn shelved(owner: u32, count: usize) -> (usize, usize) {
     let place = (owner & !SHARED) as usize;
     (place % count, place / count)
@@ -425,16 +429,17 @@ struct Place {
     place: Option<usize>,
 }
 
-/// How a worker comes to the lists, which belong to the cells of all: few cells have several bodies.
+/// Access of a worker to the lists, which belong to the cells of all: few cells have several bodies.
 #[derive(Debug)]
 enum Access<'a> {
-    /// There is no other worker.
+    /// Access without another worker.
     Alone(&'a mut [Shelf]),
     /// New places are taken from this list, seldom from that of another worker.
     Shared(&'a [Shelf], usize),
 }
 
-/// Some of the cells, side by side, to be covered by one worker. On lines of the cache of its own: the parts of other workers lie beside it.
+/// Range of cells that one worker covers. It has cache lines of its own, because the parts of other workers are
+/// adjacent in memory.
 #[derive(Debug)]
 #[repr(align(128))]
 pub struct Part<'a> {
@@ -444,7 +449,7 @@ pub struct Part<'a> {
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [Solid],
-    /// Something changed: in all parts, told at the end, and in this one.
+    /// Flags of a change: of all parts, written at the end, and of this one.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,
@@ -460,7 +465,7 @@ impl Drop for Part<'_> {
 }
 
 impl Part<'_> {
-    /// Its positions.
+    /// Returns its positions.
     #[must_use]
     pub fn positions(&self) -> Range<usize> {
         self.first..self.first + self.fraction.len()
@@ -474,7 +479,7 @@ impl Part<'_> {
         prefetch(self.fraction.as_ptr().wrapping_add(at));
     }
 
-    /// As [`Cover::cover`], of a cell of this part.
+    /// Covers a cell of this part: see [`Cover::cover`].
     #[inline]
     pub fn cover(&mut self, position: usize, slot: u32, fraction: f32) {
         let at = position - self.first;
@@ -495,12 +500,12 @@ impl Part<'_> {
             self.fraction[at] = sign * fraction + 0.0;
             self.owner[at] = if fraction > 0.0 { slot } else { NONE };
         } else {
-            self.share(at, slot, sign, fraction);
+            self.add_share(at, slot, sign, fraction);
         }
     }
 
-    /// As [`Cover::cover`] of neighbouring cells of this part, from a position on, if they are this body's alone and stay so; else it does nothing
-    /// and returns false.
+    /// Covers neighbouring cells of this part, from a position on, like [`Cover::cover`], if they are this body's alone
+    /// and stay so, and returns `true`; otherwise it does nothing.
     #[inline]
     pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
         let first = position - self.first;
@@ -519,9 +524,9 @@ impl Part<'_> {
         alone
     }
 
-    /// The same where another body is too, at a place from the first position on.
+    /// Covers a cell that another body covers too, at an index from the first position on.
     #[inline(never)]
-    fn share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
+    fn add_share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
         let cell = (&mut self.owner[at], &mut self.fraction[at]);
         if *cell.0 & SHARED == 0 && fraction <= 0.0 {
             return;
@@ -545,19 +550,19 @@ impl Part<'_> {
         match &mut self.lists {
             Access::Alone(lists) => {
                 let lists = lists[shelf].get();
-                lists.share(cell, place, self.solids, (slot, sign, fraction));
+                lists.add_share(cell, place, self.solids, (slot, sign, fraction));
             }
             Access::Shared(lists, _) => {
                 let mut lists = lists[shelf].lock();
-                lists.share(cell, place, self.solids, (slot, sign, fraction));
+                lists.add_share(cell, place, self.solids, (slot, sign, fraction));
             }
         }
     }
 }
 
 impl Lists {
-    /// Body `slot` fills a fraction of a cell, given by its owner and fraction, in which another body is.
-    fn share(
+    /// Adds the fraction that body `slot` fills of a cell, given by its owner and fraction, in which another body is.
+    fn add_share(
         &mut self,
         (owner, held): (&mut u32, &mut f32),
         at: Place,
@@ -633,7 +638,7 @@ fn number(n: usize) -> u32 {
     n as u32
 }
 
-/// Sum of quanta of B as a number of cells.
+/// Returns the sum of quanta of B as a number of cells.
 #[must_use]
 pub fn cells(weight: i128) -> f64 {
     from_quanta(weight)

@@ -47,8 +47,9 @@ impl Sums {
         }
     }
 
-    /// Adds the forces, in quanta, on cells of a row that one body covers: what [`Self::add`] adds one by one. `raw` is the first cell, `fast`
-    /// the axis of the row, `force` the sum over the cells, `weighted` that of the forces times their place from 0.
+    /// Adds the forces, in quanta, on cells of a row that one body covers: what [`Self::add`] adds one by one. `raw` is
+    /// the first cell, `fast` the axis of the row, `force` the sum over the cells, `weighted` that of the forces times
+    /// their place from 0.
     #[inline(always)]
     pub(super) fn add_row<const D: usize>(
         &mut self,

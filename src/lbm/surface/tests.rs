@@ -101,12 +101,12 @@ fn mass(fluid: &Fluid<f64>) -> f64 {
     from_quanta(fluid.surface().unwrap().mass(fluid.populations()))
 }
 
-/// A block of water against the left wall.
+/// Returns a block of water against the left wall.
 fn dam(width: usize, height: usize) -> impl Fn([usize; 3]) -> f64 {
     move |[x, y, _]| f64::from(u8::from(x < width && y < height))
 }
 
-/// The state of all cells of the water, as bits.
+/// Returns the state of all cells of the water, as bits.
 fn bits(fluid: &Fluid<f64>) -> Vec<([usize; 3], Vec<u64>)> {
     let surface = fluid.surface().unwrap();
     let populations = fluid.populations();

@@ -4,26 +4,28 @@
 //! -∇p = ρ (ν/K + β |u|) u
 //! ```
 //!
-//! u is the superficial velocity (discharge per area), K the permeability and β the inertial coefficient. Inertia and viscosity of the
-//! water in the zone are those of open water, as usual for screens, racks, filters and rockfill in resolved flow.
+//! u is the superficial velocity (discharge per area), K the permeability and β the inertial coefficient. Inertia and
+//! viscosity of the water in the zone are those of open water, as usual for screens, racks, filters and rockfill in
+//! resolved flow.
 //!
-//! In lattice units the force on a cell of density ρ is D = -ρ (a + b |u|) u with a = ν Δt/K and b = β h, φ times both where the zone has the
-//! part φ of the cell. The velocity holds half of every force, u = (m + (G + D)/2)/ρ with the momentum m that comes in and the body force G, so that D
-//! is known without iteration (Guo and Zhao 2002, equations 15 to 17):
+//! In lattice units the force on a cell of density ρ is D = -ρ (a + b |u|) u with a = ν Δt/K and b = β h, φ times
+//! both where the zone has the part φ of the cell. The velocity holds half of every force, u = (m + (G + D)/2)/ρ with
+//! the momentum m that comes in and the body force G, so that D is known without iteration (Guo and Zhao 2002,
+//! equations 15 to 17):
 //!
 //! ```text
 //! u = 2 v/(c + (c² + 2 b |v|)^½),   v = (m + G/2)/ρ,   c = 1 + a/2
 //! ```
 //!
-//! D enters before the collision by the exact difference of two equilibria (Kupershtokh et al. 2009), g_i += g_i^eq(v + D/ρ) - g_i^eq(v), whatever the
-//! collision operator. A plug flow at the balance G = -D stays as it is to rounding. The rule is the trapezoidal one: stable for every a, without
-//! swings up to a + b |u| = 2.
+//! D enters before the collision by the exact difference of two equilibria (Kupershtokh et al. 2009), g_i += g_i^eq(v +
+//! D/ρ) - g_i^eq(v), whatever the collision operator. A plug flow at the balance G = -D stays as it is to rounding.
+//! The rule is the trapezoidal one: stable for every a, without swings up to a + b |u| = 2.
 //!
-//! The eddy viscosity reads velocities that lack D/2: its gradients at the surface of a zone err by (a + b |u|)/2 of the velocity there, which is why
-//! the plan asks for shorter steps in zones of flows with eddies.
+//! The eddy viscosity reads velocities that lack D/2: its gradients at the surface of a zone err by (a + b |u|)/2 of
+//! the velocity there, which is why the plan asks for shorter steps in zones of flows with eddies.
 //!
-//! Sources: Z. Guo, T. S. Zhao, Phys. Rev. E 66 (2002) 036304; A. L. Kupershtokh, D. A. Medvedev, D. I. Karpov, Comput. Math. Appl. 58 (2009) 965;
-//! S. Ergun, Chem. Eng. Prog. 48 (1952) 89.
+//! Sources: Z. Guo, T. S. Zhao, Phys. Rev. E 66 (2002) 036304; A. L. Kupershtokh, D. A. Medvedev, D. I. Karpov, Comput.
+//! Math. Appl. 58 (2009) 965; S. Ergun, Chem. Eng. Prog. 48 (1952) 89.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -53,7 +55,8 @@ pub enum Resistance {
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0))]
         permeability: Option<f64>,
-        /// Inertial coefficient β [1/m]: a screen with a loss coefficient k and a thickness L has β = k/(2 L). Default: 0.
+        /// Inertial coefficient β [1/m]: a screen with a loss coefficient k and a thickness L has β = k/(2 L).
+        /// Default: 0.
         #[serde(default)]
         #[schemars(extend("minimum" = 0))]
         inertial_coefficient: f64,
@@ -111,7 +114,8 @@ impl Coefficients {
         (self.linear + self.quadratic * velocity) * velocity
     }
 
-    /// Returns the superficial velocity [m/s] at which a deceleration [m/s2] holds the water; infinite without resistance.
+    /// Returns the superficial velocity [m/s] at which a deceleration [m/s2] holds the water; infinite without
+    /// resistance.
     #[must_use]
     pub fn velocity(&self, deceleration: f64) -> f64 {
         let root = (self.linear * self.linear + 4.0 * self.quadratic * deceleration).sqrt();
@@ -159,8 +163,8 @@ pub struct Porous {
 }
 
 impl Porous {
-    /// Places the zones in the slab of `populations`, whose first cell is `start` in the domain. Cells of other slabs are left out; no cell
-    /// occurs twice.
+    /// Places the zones in the slab of `populations`, whose first cell is `start` in the domain. Cells of other slabs
+    /// are left out; no cell occurs twice.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -198,7 +202,7 @@ impl Porous {
         Self { cells, places }
     }
 
-    /// Returns the cell at a position; none where the water is open.
+    /// Returns the cell at a position; none if the water is open.
     fn resisted_cell(&self, position: usize) -> Option<&Cell> {
         let place = self.places[position].checked_sub(1)?;
         self.cells.get(place as usize)
@@ -400,7 +404,8 @@ mod tests {
         }
     }
 
-    /// Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error falls as the square of the cell.
+    /// Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error falls as the
+    /// square of the cell.
     #[test]
     fn flow_between_plates_follows_brinkman_to_second_order() {
         let trt = (VelocitySet::D2Q9, Operator::Trt(trt::Parameters::default()));
@@ -434,7 +439,8 @@ mod tests {
             grain_diameter: 2e-3,
             porosity: 0.4,
         };
-        // Water through beads of 2 mm at 1 cm/s: 150 mu (1-e)² U/(e³ d²) + 1.75 (1-e) rho U²/(e³ d) = 2109.4 + 820.3 Pa/m.
+        // Water through beads of 2 mm at 1 cm/s: 150 mu (1-e)² U/(e³ d²) + 1.75 (1-e) rho U²/(e³ d) = 2109.4 +
+        // 820.3 Pa/m.
         let drop = 1000.0 * bed.coefficients(1e-6).deceleration(0.01);
         assert_relative_eq!(drop, 2109.375 + 820.3125, max_relative = 1e-12);
         let back = bed.coefficients(1e-6).velocity(drop / 1000.0);

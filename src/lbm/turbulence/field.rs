@@ -1,20 +1,20 @@
 //! The velocity field from which the eddy viscosity is computed.
 //!
-//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
-//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces
-//! u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is stored in f32: its
-//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
+//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell, u_ghost
+//! = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces u_ghost
+//! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is
+//! stored in f32: its rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
 //!
-//! Beside bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of
-//! the surfaces at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
+//! Next to bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of the surfaces
+//! at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
 //!
 //! ```text
 //! du/dx = [l² (u_h - u) + h² (u - u_l)] / [l h (l + h)]
 //! ```
 //!
-//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so that the difference
-//! goes over to the central one. The coupling names surfaces and their velocities after every move ([`Field::wall`]); a number beside
-//! each cell says where they stand, and only cells that have one leave the vector path.
+//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so
+//! that the difference goes over to the central one. The coupling names surfaces and their velocities after every move
+//! ([`Field::wall`]); a number for each cell says where they stand, and only cells that have one leave the vector path.
 
 use crate::block::{Block, Line};
 use crate::boundary::{Frame, Patch, Surface, holder};
@@ -31,7 +31,7 @@ use std::sync::Arc;
 /// Message tag of the velocity.
 const TAG: u8 = 2;
 
-/// Where the pass finds the velocity of the step before and leaves that of its own. Positions are those of
+/// Velocities of the step before, which the pass reads, and of its own, which it writes. Positions are those of
 /// [`Populations::cell`].
 #[derive(Clone, Copy)]
 pub(crate) struct View {
@@ -39,12 +39,12 @@ pub(crate) struct View {
     pub(crate) write: [*mut f32; 3],
     strides: [usize; 3],
     dimension: usize,
-    /// One more than the place in `beside` of each cell, 0 for most; null where no cell has bodies beside it.
+    /// Index in `beside` plus one of each cell, 0 for most; null if no cell has adjacent bodies.
     places: *const u32,
     beside: *const Beside,
 }
 
-/// What is on both sides of a cell along each axis.
+/// Neighbours of a cell on both sides along each axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Beside {
     cell: u32,
@@ -58,7 +58,7 @@ struct Axis {
     distance: [f32; 2],
     /// Weights of the low side, of the cell and of the high side; 0 for a surface.
     weights: [f64; 3],
-    /// What surfaces give, and what they are weighed with.
+    /// Values that surfaces give, and their weights.
     given: [f64; 3],
     velocity: [[f32; 3]; 2],
 }
@@ -96,7 +96,7 @@ impl Axis {
 }
 
 impl Beside {
-    /// Gradient by the velocities of water `read` at numbers relative to the cell.
+    /// Returns the gradient by the velocities of water `read` at numbers relative to the cell.
     #[inline(always)]
     fn gradient(
         &self,
@@ -118,7 +118,7 @@ impl Beside {
 }
 
 impl View {
-    /// Of a fluid that needs none.
+    /// View of a fluid that needs none.
     pub(crate) const NONE: Self = Self {
         read: [std::ptr::null(); 3],
         write: [std::ptr::null_mut(); 3],
@@ -146,10 +146,10 @@ impl View {
         });
     }
 
-    /// Gradient of the velocity of the step before at `N::WIDTH` cells.
+    /// Computes the gradient of the velocity of the step before at `N::WIDTH` cells.
     ///
     /// # Safety
-    /// `cell` must be the position of an interior cell with room for whole vectors after it.
+    /// `cell` must be the position of an interior cell with capacity for whole vectors after it.
     #[inline(always)]
     pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize) -> [[N; 3]; 3]
     where
@@ -161,7 +161,8 @@ impl View {
             if b < self.dimension {
                 let stride = self.strides[b];
                 unroll!(axes a < 3 => {
-                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have room for whole vectors.
+                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have capacity for
+                    // whole vectors.
                     let (high, low) = unsafe {
                         (
                             <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
@@ -175,7 +176,7 @@ impl View {
         if !self.places.is_null() {
             let mut any = 0;
             for lane in 0..N::WIDTH {
-                // SAFETY: the caller's promise: rows have room for whole vectors.
+                // SAFETY: the caller's promise: rows have capacity for whole vectors.
                 any |= unsafe { self.places.add(cell + lane).read() };
             }
             if any != 0 {
@@ -189,10 +190,10 @@ impl View {
         gradient
     }
 
-    /// The gradients of the cells that have bodies beside them.
+    /// Corrects the gradients of the cells with adjacent bodies.
     ///
     /// # Safety
-    /// As for [`Self::gradient`].
+    /// `cell` must meet the conditions of [`Self::gradient`].
     #[cold]
     #[inline(never)]
     unsafe fn correct<N: Lanes>(&self, cell: usize, gradient: &mut [[N; 3]; 3])
@@ -256,7 +257,7 @@ impl View {
 /// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, by component.
 #[derive(Clone, Copy, PartialEq)]
 struct Beyond {
-    /// Where u_1 and u_2 are, from the ghost on.
+    /// Positions of u_1 and u_2, relative to the ghost.
     first: isize,
     second: isize,
     wall: [f32; 3],
@@ -266,7 +267,7 @@ struct Beyond {
     patch: Option<usize>,
 }
 
-/// What a ghost follows from.
+/// Source of the value of a ghost.
 #[derive(Clone, Copy, PartialEq)]
 enum Follows {
     /// The cells before a face.
@@ -396,7 +397,7 @@ struct Run {
 /// Ghosts of a thread from which on it is worth waking.
 const GHOSTS_PER_THREAD: usize = 500;
 
-/// Where the three components of a field start.
+/// Start of the three components of a field.
 struct Components([*mut f32; 3]);
 
 // SAFETY: who writes through it promises that no two threads touch the same number.
@@ -412,7 +413,7 @@ impl Components {
 #[derive(Default)]
 pub(crate) struct Ghosts {
     runs: Vec<Run>,
-    /// Where the runs of each plane begin, and the end.
+    /// Start of the runs of each plane, and the end.
     begins: Vec<usize>,
     /// Rows of a plane.
     rows: usize,
@@ -461,11 +462,12 @@ impl Ghosts {
         ghosts
     }
 
-    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component. `ramp` gives the factor of a
-    /// patch.
+    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component.
+    /// `ramp` gives the factor of a patch.
     ///
     /// # Safety
-    /// `numbers` must be the field of this slab, and nobody else may write these cells and ghosts or the cells that the ghosts follow from.
+    /// `numbers` must be the field of this slab, and no other thread may write these cells and ghosts or the cells that
+    /// the ghosts follow from.
     unsafe fn fill(
         &self,
         Block { planes, rows }: &Block,
@@ -509,7 +511,8 @@ impl Ghosts {
     /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
     ///
     /// # Safety
-    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and nobody else may work on them.
+    /// `written` must be of this slab, the pass must have done these cells and those two further inside, and no other
+    /// thread may access them.
     pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
         // SAFETY: promised by the caller.
         unsafe { self.fill(cells, written.write, ramp) };
@@ -557,20 +560,20 @@ impl Run {
     }
 }
 
-/// The surface of a body beside a cell of the slab.
+/// Surface of a body next to a cell of the slab.
 #[derive(Clone, Copy, Debug)]
 pub struct Wall {
     /// Position of the cell.
     pub cell: usize,
     /// The axis along which the surface is, and whether at the upper side.
     pub side: (usize, bool),
-    /// From the cell \[cells\].
+    /// Distance from the cell \[cells\].
     pub distance: f64,
-    /// How the surface moves \[cells per step\].
+    /// Velocity of the surface \[cells per step\].
     pub velocity: [f64; 3],
 }
 
-/// Where a cell is, from another on.
+/// Returns the position of a cell relative to another.
 fn position_from(from: usize, to: usize) -> isize {
     to.cast_signed() - from.cast_signed()
 }
@@ -579,7 +582,7 @@ fn position_from(from: usize, to: usize) -> isize {
 pub struct Field {
     /// Components of the step before and of this one, one after the other.
     numbers: [Pages<f32>; 2],
-    /// Which of the two is read.
+    /// Index of the field that is read.
     old: usize,
     /// Distance between components.
     array: usize,
@@ -594,12 +597,12 @@ pub struct Field {
     /// One more than the place in `beside` of each cell, 0 for most; empty before there is a body.
     places: Vec<u32>,
     beside: Vec<Beside>,
-    /// What each thread found of it: room that is used again.
+    /// Surfaces that each thread found: buffers that are reused.
     found: Vec<Vec<Wall>>,
 }
 
 impl Field {
-    /// The field of the slab of `populations`; all ranks call it together.
+    /// Returns the field of the slab of `populations`; all ranks call it together.
     ///
     /// # Errors
     /// When the slabs of two neighbours do not fit each other.
@@ -662,7 +665,8 @@ impl Field {
         self.beside.clear();
     }
 
-    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and room for what it finds.
+    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and a buffer
+    /// for its results.
     pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<Wall>) + Sync) {
         let mut found = std::mem::take(&mut self.found);
         let threads = thread_pool::threads();
@@ -677,7 +681,7 @@ impl Field {
         self.found = found;
     }
 
-    /// One surface of a body beside a cell.
+    /// Adds one surface of a body next to a cell.
     fn wall(&mut self, wall: &Wall) {
         let Wall {
             cell,
@@ -686,7 +690,7 @@ impl Field {
             velocity,
         } = *wall;
         if self.places.is_empty() {
-            // Rows have room for whole vectors.
+            // Rows have capacity for whole vectors.
             self.places = vec![0; self.array];
         }
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
@@ -703,7 +707,7 @@ impl Field {
         self.beside[place].axes[axis].wall(upper, distance, velocity);
     }
 
-    /// What the coming pass reads and writes.
+    /// Returns the fields that the coming pass reads and writes.
     pub(crate) fn view(&mut self) -> View {
         let array = self.array;
         let [first, second] = &mut self.numbers;
@@ -750,8 +754,8 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the cells of some planes. `ramp`
-    /// gives the factor of a patch at this time.
+    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the
+    /// cells of some planes. `ramp` gives the factor of a patch at this time.
     pub(crate) fn complete(
         &mut self,
         planes: impl Iterator<Item = Range<usize>>,
@@ -780,12 +784,12 @@ impl Field {
         }
     }
 
-    /// The ghosts that follow from the cells of the slab.
+    /// Returns the ghosts that follow from the cells of the slab.
     pub(crate) fn ghosts(&self) -> Arc<Ghosts> {
         self.ghosts.clone()
     }
 
-    /// The velocity of a cell, as kept.
+    /// Returns the velocity of a cell, as kept.
     #[must_use]
     pub fn velocity(&self, cell: usize) -> [f32; 3] {
         std::array::from_fn(|a| self.numbers[self.old][a * self.array + cell])
@@ -798,7 +802,7 @@ impl Field {
         }
     }
 
-    /// Gradient at one cell.
+    /// Returns the gradient at one cell.
     #[must_use]
     pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
         if let Some(place) = self.places.get(cell).filter(|place| **place > 0) {
@@ -819,7 +823,7 @@ impl Field {
         gradient
     }
 
-    /// Bytes held.
+    /// Returns the bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()

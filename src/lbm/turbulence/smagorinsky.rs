@@ -1,4 +1,5 @@
-//! Smagorinsky (J. Smagorinsky, Mon. Weather Rev. 91 (1963) 99): ν_t = (C_s Δ)² √(2 S:S), S the rate of strain and Δ one cell.
+//! Smagorinsky (J. Smagorinsky, Mon. Weather Rev. 91 (1963) 99): ν_t = (C_s Δ)² √(2 S:S), S the rate of strain and
+//! Δ one cell.
 //!
 //! It does not vanish in laminar shear or at walls, unlike WALE ([`super::wale`]).
 

@@ -2,8 +2,9 @@
 //!
 //! ν_t = (C_w Δ)² (S^d:S^d)^{3/2} / [ (S:S)^{5/2} + (S^d:S^d)^{5/4} ]
 //!
-//! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in pure shear, grows
-//! with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with angular velocity Ω.
+//! with g_ab = ∂u_a/∂x_b, S = (g + gᵀ)/2, S^d = (g² + (g²)ᵀ)/2 - tr(g²)/3 I and Δ one cell. It vanishes in
+//! pure shear, grows with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with
+//! angular velocity Ω.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -34,7 +35,7 @@ fn one_half() -> f64 {
     0.5
 }
 
-/// S^d:S^d
+/// Returns S^d:S^d.
 #[inline(always)]
 fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let mut square = [[N::splat(0.0); 3]; 3];
@@ -128,7 +129,7 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// y³ beside a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
+    /// Grows like y³ next to a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
     #[test]
     fn grows_with_the_cube_of_the_distance_from_a_wall() {
         // u = y (1 + x/2) α, v = -α y²/4, w = β y: no-slip, divergence-free.

@@ -1,4 +1,5 @@
-//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts after they are read.
+//! Checks of a checkpoint against its case: of its manifest before memory is allocated, of its grains and contacts
+//! after they are read.
 
 use super::{EARLIER, TABLES};
 use crate::averages::SUMS;
@@ -13,13 +14,13 @@ use serde_json::{Value, json};
 /// The possible contents of checkpoints of a case, compared with a manifest before memory is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Whether the preparation is over: earlier checkpoints hold less.
+    /// `true` if the preparation is over: earlier checkpoints hold less.
     pub prepared: bool,
     /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
     /// Cells of the grid in which water seeps; none without seepage.
     pub seepage: Option<usize>,
-    /// Grains, blocks and bodies at most; none where nothing is solid.
+    /// Grains, blocks and bodies at most; none if nothing is solid.
     pub grains: Option<u64>,
     /// Steps of the case.
     pub steps: u64,
@@ -33,7 +34,7 @@ pub struct Expected {
 const MOST_CONTACTS: u64 = 1000;
 
 impl Expected {
-    /// Whether a manifest can be that of a checkpoint of the case.
+    /// Checks that a manifest can be that of a checkpoint of the case.
     ///
     /// # Errors
     /// A sentence that names the mismatch.
@@ -117,7 +118,7 @@ impl Expected {
         }
     }
 
-    /// The arrays of grains and contacts.
+    /// Checks the arrays of grains and contacts.
     fn tables(
         &self,
         attributes: &Value,
@@ -202,8 +203,9 @@ const SPEED: f64 = 3e8;
 const ROUNDING: f64 = 1e-6;
 
 impl Bounds {
-    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the next
-    /// step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads them.
+    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the
+    /// next step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads
+    /// them.
     ///
     /// # Errors
     /// [`Error::Io`] with the column.
@@ -300,7 +302,7 @@ impl Bounds {
                     .map(|q| q * q)
                     .sum::<f64>()
             });
-            // Spheres beside blocks have the turn of nothing, or none.
+            // In a scene with blocks, spheres have the identity as orientation, or none.
             let mut squares = squares.filter(|square| *square > 0.0);
             if squares.any(|square| (square - 1.0).abs() > 1e-6) {
                 return wrong("an orientation of the grains is no rotation");
@@ -333,12 +335,12 @@ fn wrong(what: &str) -> Result<(), Error> {
     Err(Error::Io(format!("the checkpoint: {what}")))
 }
 
-/// `true` if all numbers lie in a range; none is NaN.
+/// Returns `true` if all numbers lie in a range; none is NaN.
 fn within(numbers: &[f64], least: f64, most: f64) -> bool {
     numbers.iter().all(|x| (least..=most).contains(x))
 }
 
-/// `true` if all numbers of periods, stored as whole numbers, are small.
+/// Returns `true` if all numbers of periods, stored as whole numbers, are small.
 fn shifts(numbers: &[u64]) -> bool {
     let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
     numbers.iter().all(small)

@@ -1,4 +1,4 @@
-//! What a checkpoint holds of grains and contacts: names, order and values of the columns, and the hash of the state.
+//! Grains and contacts in a checkpoint: names, order and values of the columns, and the hash of the state.
 //!
 //! The numbers were taken once and stay: a checkpoint of an earlier build must be read, and a state hash must compare.
 
@@ -13,7 +13,7 @@ use dem::walls::Wall;
 use dem::{Dem, Plane, Region, Settings, Space, Volume, alone};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-/// Names of the columns in order.
+/// Returns the names of the columns in order.
 fn names(table: &Table) -> Vec<&str> {
     table
         .columns
@@ -22,7 +22,7 @@ fn names(table: &Table) -> Vec<&str> {
         .collect()
 }
 
-/// Order and bits of all values in one number.
+/// Returns the order and bits of all values in one number.
 fn digest(table: &Table) -> u64 {
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u64| {
@@ -52,7 +52,7 @@ fn hash<S: Space>(particles: &Particles<S>, dem: Option<&Dem<S>>) -> String {
     state.hash(&Communicator::serial())
 }
 
-/// Three spheres and a block with every array that a scene may ask for. All numbers are sums of powers of two.
+/// Returns three spheres and a block with every array that a scene may ask for. All numbers are sums of powers of two.
 fn all_arrays() -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let cube = Polyhedron::cuboid(Vector3::new(0.5, 0.25, 1.0)).unwrap();
@@ -121,7 +121,8 @@ fn columns_of_grains_keep_names_order_and_hash() {
          velocity_x velocity_y velocity_z spin_x spin_y spin_z contact_force_x contact_force_y contact_force_z \
          contact_torque_x contact_torque_y contact_torque_z fluid_force_x fluid_force_y fluid_force_z \
          fluid_torque_x fluid_torque_y fluid_torque_z extra_0 extra_1 extra_2 extra_3 extra_4 extra_5 extra_6 \
-         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z last_velocity_x last_velocity_y last_velocity_z shape orientation_x orientation_y \
+         extra_7 extra_8 extra_9 extra_10 extra_11 start_x start_y start_z last_velocity_x last_velocity_y \
+         last_velocity_z shape orientation_x orientation_y \
          orientation_z orientation_w angular_momentum_x angular_momentum_y angular_momentum_z"
     );
     assert_eq!(digest(&table), 0xd9ce_5dad_5b54_86d3);

@@ -1,32 +1,35 @@
 //! A bed of grains under a stream: surface, scour, shear stress, Shields number and bedload.
 //!
-//! Let x be the axis of the stream, y the axis across the bed, b and L the width and the length of the part that is measured (b = 1 in 2-D) and
-//! A = b L.
+//! Let x be the axis of the stream, y the axis across the bed, b and L the width and the length of the part that is
+//! measured (b = 1 in 2-D) and A = b L.
 //!
-//! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction s(y) of its cells, averaged
-//!   over one diameter of height. Its surface is the lowest y at which s falls below the threshold and stays there for one diameter, so that
-//!   neither grains in suspension nor gaps between layers of grains, as on a rough floor, count.
-//!   Lines of cells that are solid up to the top of the part, as in a pier, are left out. `surface_height` is the mean of the columns, h;
-//!   `lowest_height` is the lowest one; both scours are measured down from the level.
+//! - **Surface.** The part is divided into columns two diameters wide along the bed. A column has the solid fraction
+//!   s(y) of its cells, averaged over one diameter of height. Its surface is the lowest y at which s falls below the
+//!   threshold and stays there for one diameter, so that neither grains in suspension nor gaps between layers of
+//!   grains, as on a rough floor, count. Lines of cells that are solid up to the top of the part, as in a pier, are
+//!   left out. `surface_height` is the mean of the columns, h; `lowest_height` is the lowest one; both scours are
+//!   measured down from the level.
 //! - **Shear stress by the balance of forces** on the water above the plane y = h, of volume V:
 //!
 //!   ```text
 //!   tau = [(f + G) V + T_top + T_sides] / A,    G = (P_1 - P_2)/L',    P = <p + rho u^2 - sigma_xx>
 //!   ```
 //!
-//!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient between the first and the last
-//!   plane of cells of the part (L' apart; none where the stream is periodic over the whole part), and T the force on the top and on the sides by
-//!   sigma_xy - rho u v and sigma_xz - rho u w, extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is
-//!   tau = rho g h_w sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the drag
-//!   on grains that move above y = h, and on anything else that stands in the stream there.
-//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous and resolved stress, is a
-//!   straight line in a uniform stream without side walls. A line by least squares gives its value at y = h. The planes are those from the
-//!   top down to the last one without a solid, less the one next to it. The value is NaN with fewer than three planes, and between side walls
-//!   that do not slip.
-//! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the bed and the mean density
-//!   rho_s of the grains.
-//! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of a grain (2-D: area) and u its
-//!   velocity along the stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g d^3).
+//!   f is the force per volume along the stream (body force, and gravity where it acts on the water), G the gradient
+//!   between the first and the last plane of cells of the part (L' apart; none if the stream is periodic over the
+//!   whole part), and T the force on the top and on the sides by sigma_xy - rho u v and sigma_xz - rho u w,
+//!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
+//!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the
+//!   drag on grains that move above y = h, and on anything else that stands in the stream there.
+//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous
+//!   and resolved stress, is a straight line in a uniform stream without side walls. A line by least squares gives its
+//!   value at y = h. The planes are those from the top down to the last one without a solid, less the one next to it.
+//!   The value is NaN with fewer than three planes, and between side walls that do not slip.
+//! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the
+//!   bed and the mean density rho_s of the grains.
+//! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of
+//!   a grain (2-D: area) and u its velocity along the stream; dimensionless (Einstein 1950): q / sqrt((rho_s/rho - 1) g
+//!   d^3).
 //!
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
@@ -46,8 +49,8 @@ use plan::scene::observe;
 const COLUMN: f64 = 2.0;
 /// Planes of cells of which a line is drawn, at least.
 const FEWEST: usize = 3;
-/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream, and stress on the outer
-/// and the inner plane at the lower and the upper side.
+/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream,
+/// and stress on the outer and the inner plane at the lower and the upper side.
 const SUMS: usize = 8;
 /// Counts of a plane of cells: water in all of it and at both ends.
 const COUNTS: usize = 3;
@@ -84,11 +87,11 @@ impl Bed {
         }
     }
 
-    /// The columns of this step without the time. Collective.
+    /// Returns the columns of this step without the time. Collective.
     pub(super) fn sample<S: Space>(&mut self, view: &View<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);
-        let grains = Grains::of(view, bed);
+        let grains = Grains::measure(view, bed);
         let spacing = grid.spacing;
         let heights = heights(view, fluid, bed, grains.median / spacing);
         let bottom = real(bed.cells[bed.axes[1]][0]);
@@ -121,7 +124,7 @@ impl Bed {
     }
 }
 
-/// What the grains alone say.
+/// Quantities that follow from the grains alone.
 struct Grains {
     /// Median diameter by volume, of all grains \[m\]; NaN without grains.
     median: f64,
@@ -132,8 +135,8 @@ struct Grains {
 }
 
 impl Grains {
-    /// Collective.
-    fn of<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
+    /// Measures the bed by the grains. Collective.
+    fn measure<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
         let along = bed.axes[0];
@@ -175,7 +178,7 @@ impl Grains {
     }
 }
 
-/// Whether a coordinate lies in the part; periodic axes are wrapped.
+/// Returns `true` if a coordinate is in the part; periodic axes are wrapped.
 fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: &V) -> bool {
     let mut x = position.get(axis);
     if grid.periodic[axis] {
@@ -185,7 +188,7 @@ fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: 
     (from..to).contains(&x)
 }
 
-/// The values of all ranks, in the order of the ranks. Collective.
+/// Returns the values of all ranks, in the order of the ranks. Collective.
 pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64> {
     let bytes: Vec<u8> = own.iter().copied().flat_map(f64::to_le_bytes).collect();
     let gathered = communicator.all_gather_bytes(&bytes);
@@ -193,7 +196,7 @@ pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64>
     numbers.copied().map(f64::from_le_bytes).collect()
 }
 
-/// The diameter below which half of the volume lies; NaN without radii. Sorts them.
+/// Returns the diameter below which half of the volume lies; NaN without radii. Sorts them.
 pub(super) fn median_diameter(radii: &mut [f64], measure: impl Fn(f64) -> f64) -> f64 {
     radii.sort_unstable_by(f64::total_cmp);
     let whole: f64 = radii.iter().map(|&r| measure(r)).sum();
@@ -272,8 +275,9 @@ fn heights<S: Space>(
         .collect()
 }
 
-/// The height at which the mean fraction of `solid` over `half` layers below and above falls below the threshold first and stays there for
-/// twice as many layers, between two edges of layers; none where it never does. A window ends at the ends of the column.
+/// Returns the height at which the mean fraction of `solid` over `half` layers below and above falls below the
+/// threshold first and stays there for twice as many layers, between two edges of layers; none if it never does. A
+/// window ends at the ends of the column.
 fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64> {
     let mean = |edge: usize| {
         let window = &solid[edge.saturating_sub(half)..(edge + half).min(solid.len())];
@@ -341,8 +345,8 @@ impl Planes {
         real(self.counts[row * COUNTS + which])
     }
 
-    /// Collective.
-    fn of<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
+    /// Measures the planes of cells. Collective.
+    fn measure<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
         let grid = &view.plan.scene.grid;
         let [along, across, aside] = bed.axes;
         let bottom = bed.cells[across][0];
@@ -394,7 +398,7 @@ impl Planes {
 }
 
 impl Stream {
-    /// The stream above a height in cells. Collective.
+    /// Returns the stream above a height in cells. Collective.
     fn above<S: Space>(
         view: &View<S>,
         fluid: &dyn FluidView,
@@ -404,7 +408,7 @@ impl Stream {
         let scene = &view.plan.scene;
         let grid = &scene.grid;
         let [along, across, aside] = bed.axes;
-        let planes = Planes::of(view, fluid, bed);
+        let planes = Planes::measure(view, fluid, bed);
         let bottom = bed.cells[across][0];
         let rows = grid.cells[across] - bottom;
         let share = |row: usize| (real(bottom + row + 1) - height).clamp(0.0, 1.0);
@@ -459,7 +463,7 @@ impl Stream {
     }
 }
 
-/// Whether water slips freely along all of a face.
+/// Returns `true` if water slips freely along all of a face.
 fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     let patches = (scene.flow.iter())
         .flat_map(|flow| flow.patches())
@@ -469,7 +473,8 @@ fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     first == Some(Surface::Symmetry) && surfaces.all(|surface| surface == Surface::Symmetry)
 }
 
-/// The line through the stresses of the planes above the last solid, at a height in cells above the first plane.
+/// Returns the line through the stresses of the planes above the last solid, at a height in cells above the first
+/// plane.
 fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
     let covered = |row: &usize| planes.count(*row, 0) < planes.cells;
     let first = (0..rows).rev().find(covered).map_or(0, |row| row + 2);
@@ -494,7 +499,8 @@ mod tests {
 
     #[test]
     fn half_of_the_volume_lies_below_the_median() {
-        // Volumes 1, 8 and 27 of 36: the third holds the middle. By area 1, 4 and 9 of 14: the third too. By number it would be the second.
+        // Volumes 1, 8 and 27 of 36: the third holds the middle. By area 1, 4 and 9 of 14: the third too. By number it
+        // would be the second.
         let radii = [3.0, 1.0, 2.0];
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-15;
         assert!(close(

@@ -1,20 +1,23 @@
-//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the domain.
+//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the
+//! domain.
 //!
 //! Grains count where their centre lies in the box, of volume V (2-D: area).
 //!
 //! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number.
-//! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981) 339):
+//! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981)
+//!   339):
 //!
 //!   ```text
 //!   sigma_ij = 1/V sum over grains, sum over their contacts: f_i r_j
 //!   ```
 //!
-//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that **compression is positive**, as
-//!   in soil mechanics. The pressure is the mean of the diagonal. The forces are those of the springs, without dashpots, and the momentum that moving grains
-//!   carry is left out: the stress is that of slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest
-//!   both are equal. It is a mean over the whole of V, pores included.
-//! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions removed so far,
-//!   from `removed.csv`.
+//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that
+//!   **compression is positive**, as in soil mechanics. The pressure is the mean of the diagonal. The forces are those
+//!   of the springs, without dashpots, and the momentum that moving grains carry is left out: the stress is that of
+//!   slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest both are equal. It is
+//!   a mean over the whole of V, pores included.
+//! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions
+//!   removed so far, from `removed.csv`.
 //!
 //! Sums are exact, so that no value depends on the number of ranks.
 
@@ -54,7 +57,7 @@ pub(super) const HEADINGS: [Heading; 14] = [
 #[derive(Debug)]
 pub(super) struct Fabric {
     block: Block,
-    /// The record of what left; none where no region removes grains.
+    /// The record of what left; none if no region removes grains.
     removed: Option<PathBuf>,
 }
 
@@ -63,7 +66,7 @@ impl Fabric {
         Self { block, removed }
     }
 
-    /// The columns of this step without the time; those of what left only on rank 0. Collective.
+    /// Returns the columns of this step without the time; those of what left only on rank 0. Collective.
     pub(super) fn sample<S: Space>(&self, view: &View<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
@@ -133,7 +136,7 @@ impl Fabric {
         ]
     }
 
-    /// Whether a position lies in the box; periodic axes are wrapped, upper ends at the domain belong to it.
+    /// Returns `true` if a position is in the box; periodic axes are wrapped, upper ends at the domain belong to it.
     fn holds<V: Components>(&self, grid: &Grid, position: &V) -> bool {
         (0..grid.dimension).all(|axis| {
             let mut x = position.get(axis);
@@ -145,7 +148,7 @@ impl Fabric {
     }
 }
 
-/// Radii in the record of what left; none where there is no record yet.
+/// Returns the radii in the record of what left; none if there is no record yet.
 fn removed_radii(path: &Path) -> Vec<f64> {
     let Ok(text) = io::plain::text(path, io::plain::LONGEST_TABLE) else {
         return Vec::new();

@@ -61,7 +61,7 @@ impl Points {
         self.points.len()
     }
 
-    /// The state at every point, in their order, on rank 0; nothing on the others. Collective.
+    /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
     pub(super) fn sample(
         &self,
         fluid: &dyn FluidView,
@@ -113,7 +113,7 @@ impl Points {
     }
 }
 
-/// Points at equal distances, both ends included.
+/// Returns points at equal distances, both ends included.
 pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]> {
     let last = real(points.max(2) - 1);
     (0..points)
@@ -124,7 +124,7 @@ pub(super) fn along(from: [f64; 3], to: [f64; 3], points: usize) -> Vec<[f64; 3]
         .collect()
 }
 
-/// The cells around a point and their weights, which add up to one.
+/// Returns the cells around a point and their weights, which add up to one.
 fn corners(position: [f64; 3], grid: &Grid) -> Vec<([usize; 3], f64)> {
     let mut corners = vec![([0; 3], 1.0)];
     for axis in 0..grid.dimension {
@@ -144,8 +144,8 @@ fn corners(position: [f64; 3], grid: &Grid) -> Vec<([usize; 3], f64)> {
     corners
 }
 
-/// The two planes of cells beside a coordinate and their weights: continued beyond the last centres, wrapped where the
-/// axis is periodic.
+/// Returns the two planes of cells next to a coordinate and their weights: continued beyond the last centres, wrapped
+/// if the axis is periodic.
 fn continued(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
     let cells = grid.cells[axis];
     if cells == 1 {
@@ -162,7 +162,7 @@ fn continued(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
     [(first, 1.0 - (at - low)), (first + 1, at - low)]
 }
 
-/// The same, but constant beyond the last centres: weights are never negative.
+/// Returns the planes and weights of a coordinate, constant beyond the last centres: weights are never negative.
 pub(super) fn clamped(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
     continued(position, grid, axis).map(|(plane, weight)| (plane, weight.clamp(0.0, 1.0)))
 }

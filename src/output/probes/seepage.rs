@@ -18,7 +18,7 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// The plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
     pub(super) fn new(scene: &Scene, axis: usize, position: f64, part: Option<&Block>) -> Self {
         let place = (position - scene.origin[axis]) / scene.spacing[axis];
         let ranges = std::array::from_fn(|a| match part {
@@ -38,7 +38,7 @@ impl Section {
         }
     }
 
-    /// Discharge, open area, mean heads before and behind.
+    /// Returns the discharge, open area, mean heads before and behind.
     pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> [f64; 4] {
         let pressure = seepage.pressure();
         let through = pressure.through(self.axis, self.plane, &self.ranges);
@@ -47,8 +47,8 @@ impl Section {
     }
 }
 
-/// Velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell; NaN outside the grid and in cells
-/// without water. Cells beside are not asked: a sheet pile may be between.
+/// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
+/// NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may be between.
 pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();

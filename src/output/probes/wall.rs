@@ -1,9 +1,9 @@
 //! Force of the fluid on a face of the domain, from the momentum that the links through it carry.
 //!
-//! [`Flux`](lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of density one on every
-//! patch. This reference is subtracted link by link, in the same integers, and the gauge pressure remains. Away from edges the reference is 1/3
-//! per cell along the normal. A link through an edge or a corner belongs to the face with the strongest condition (see
-//! [`lbm::boundary`]).
+//! [`Flux`](lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of
+//! density one on every patch. This reference is subtracted link by link, in the same integers, and the gauge pressure
+//! remains. Away from edges the reference is 1/3 per cell along the normal. A link through an edge or a corner belongs
+//! to the face with the strongest condition (see [`lbm::boundary`]).
 //!
 //! On a face through which fluid passes the force includes the momentum of that fluid.
 
@@ -26,12 +26,13 @@ pub(super) struct Wall {
     faces: Vec<Face>,
     reference: [i128; 3],
     cells: f64,
-    /// Without it nothing has crossed the face before the step after this one.
+    /// Step before which nothing has crossed the face; none if the fluid has moved since it was made or read.
     first: Option<u64>,
 }
 
 impl Wall {
-    /// `first`: the step at which the fluid was made or read back, with fluxes of no step; none where it has moved since.
+    /// Makes the probe. `first`: the step at which the fluid was made or read back, with fluxes of no step; none where
+    /// it has moved since.
     pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
         let velocities = flow.lattice.velocities();
         Self {
@@ -46,13 +47,13 @@ impl Wall {
         }
     }
 
-    /// Nothing has crossed a face before the first step of this process.
+    /// Returns `true` unless nothing has crossed a face yet: before the first step of this process.
     pub(super) fn has_flux(&self, step: u64) -> bool {
         self.first.is_none_or(|first| step > first)
     }
 
-    /// Force, its normal part (positive towards the wall) and the size of its part along the face, both per area, mass
-    /// leaving per time. Collective.
+    /// Returns the force, its normal part (positive towards the wall) and the size of its part along the face, both per
+    /// area, mass leaving per time. Collective.
     pub(super) fn sample(
         &self,
         fluid: &dyn FluidView,
@@ -113,7 +114,7 @@ impl Wall {
     }
 }
 
-/// The force of a fluid of density one at rest on a face, in quanta.
+/// Returns the force of a fluid of density one at rest on a face, in quanta.
 fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [i128; 3] {
     let mut sum = [0; 3];
     let (mut from, mut to) = ([0; 3], grid.cells);
@@ -136,12 +137,12 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     let owner = (0..3)
                         .filter(|&a| outside[a])
                         .map(|a| Face::ALL[2 * a + usize::from(c[a] > 0)])
-                        .max_by_key(|face| nature(condition(*face, cell, flow)).strength);
+                        .max_by_key(|face| wall_kind(condition(*face, cell, flow)).strength);
                     if owner != Some(face) {
                         continue;
                     }
                     // A population leaves with c and comes back reversed, or mirrored at the faces it crosses.
-                    let surface = nature(condition(face, cell, flow)).surface;
+                    let surface = wall_kind(condition(face, cell, flow)).surface;
                     let mirrored = surface == Surface::Symmetry;
                     for a in 0..3 {
                         if outside[a] || !mirrored {
@@ -155,7 +156,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
     sum
 }
 
-/// What holds at a face next to a cell: the last of its patches there.
+/// Returns the condition at a face next to a cell: the last of its patches there.
 fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
     let patches = flow.faces[face.index()].iter().rev();
     patches
@@ -166,8 +167,8 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
         .next()
 }
 
-/// What it is to what surrounds it; a wall at rest where nobody names a condition.
-fn nature(condition: Option<&Condition>) -> Nature {
+/// Returns the condition type of the wall; a wall at rest if no condition is given.
+fn wall_kind(condition: Option<&Condition>) -> Nature {
     condition.map_or(Nature::WALL, |condition| condition.model().nature())
 }
 
@@ -227,7 +228,7 @@ mod tests {
         }
     }
 
-    /// What the case imposes, but for the pressure.
+    /// Returns the rule that the case imposes, without the pressure.
     fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
         match patch {
             "in" => Box::new(pressure::Links::new(0, Ramp::constant(deviation))),

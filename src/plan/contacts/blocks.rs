@@ -10,8 +10,8 @@ use dem::contact::blocks::{self, Blocks};
 use dem::polyhedron::{Law, Model, Polyhedron, Stiffness};
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
-/// The shortest step (s) that a free block with one face at something fixed does not bear, and that with all faces at neighbours that
-/// swing against it.
+/// Returns the shortest step (s) that a free block with one face at something fixed does not bear, and that with all
+/// faces at neighbours that swing against it.
 pub(super) fn limits(scene: &Scene, law: &Blocks) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
@@ -91,8 +91,9 @@ impl Block<'_> {
         found
     }
 
-    /// What a face with springs `normal` and `shear` does against small motions of the block, over its masses. It resists rocking where
-    /// what acts along the normal is `spread` over it, as dashpots are; springs push at one point (dem::polyhedron::force).
+    /// Returns the resistance of a face with springs `normal` and `shear` to small motions of the block, over its
+    /// masses. It resists rocking if the load along the normal is distributed over it (`spread`), as for dashpots;
+    /// springs push at one point (dem::polyhedron::force).
     fn resistance(&self, face: usize, [normal, shear]: [f64; 2], spread: bool) -> Matrix6<f64> {
         let inertia = self.shape.inertia(self.mass / self.shape.volume());
         let n = self.shape.half_spaces()[face].normal;
@@ -118,8 +119,8 @@ impl Block<'_> {
         total
     }
 
-    /// Points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One point where springs
-    /// do not grow with the area.
+    /// Returns points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One
+    /// point where springs do not grow with the area.
     fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
         let corners: Vec<Vector3<f64>> = self
             .shape
@@ -147,15 +148,15 @@ impl Block<'_> {
     }
 }
 
-/// At this damping ratio dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that a point of contact was
-/// seen to add.
+/// Damping ratio at which dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that
+/// a point of contact was seen to add.
 const DAMPS: f64 = 0.05;
 
 /// Says where contacts of free blocks without damping have no energy.
 ///
-/// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the energy of motion by less than
-/// 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at 1e8, 1e9 and 1e10 Pa/m, a stiffness per contact by half, and 200
-/// impacts multiply it with points (`dem::polyhedron::tests::energy`).
+/// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the energy
+/// of motion by less than 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at 1e8, 1e9 and 1e10
+/// Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points (`dem::polyhedron::tests::energy`).
 pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
     let bare = |pair: &&Law| pair.normal_damping < DAMPS;
     let Some(pair) = law.parameters.rows().find(bare) else {
@@ -173,19 +174,22 @@ pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
     match (law.model, pair.stiffness) {
         (Model::Point { .. }, _) => findings.unstable(
             "contact.blocks.model",
-            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an impact of edges or corners",
+            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an \
+             impact of edges or corners",
             remedy(),
         ),
         (_, Stiffness::PerContact { .. }) => findings.warn(
             "contact.blocks.normal_stiffness",
-            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs by half over a thousand impacts",
+            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs \
+             by half over a thousand impacts",
             Remedy::from(
                 "use a stiffness `per_area` with the model `pressure`, or a normal damping ratio of 0.05 or more",
             ),
         ),
         (Model::Patch, Stiffness::PerArea { .. }) => findings.warn(
             "contact.blocks.model",
-            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % of it over a thousand impacts",
+            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % \
+             of it over a thousand impacts",
             remedy(),
         ),
         (Model::Pressure, Stiffness::PerArea { .. }) => {}

@@ -67,7 +67,8 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// Two grains of 1 mm, their centres so far apart \[m\]: `true` if the plan warns that nothing is bonded.
+    /// Returns `true` if the plan warns that nothing is bonded, for two grains of 1 mm with their centres so far apart
+    /// \[m\].
     fn warns(apart: f64) -> bool {
         let case = serde_json::json!({
             "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.002},

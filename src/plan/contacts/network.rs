@@ -26,7 +26,7 @@ struct Node {
 struct Spring {
     first: usize,
     second: Option<usize>,
-    /// From the first on.
+    /// Unit normal from the first on.
     normal: [f64; 3],
     /// Distances of the point of contact from both centres (m).
     arms: [f64; 2],
@@ -55,7 +55,7 @@ const MOST_PARTNERS: usize = 100;
 const ROUNDS: usize = 400;
 
 impl Network {
-    /// The contacts of bodies, and of grains where `listed`.
+    /// Returns the contacts of bodies, and of grains where `listed`.
     pub(super) fn of(scene: &Scene, law: &dyn ContactModel, listed: bool, depth: Depth) -> Self {
         let mut network = Self {
             nodes: nodes(scene, listed),
@@ -75,9 +75,9 @@ impl Network {
         network
     }
 
-    /// The part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away springs lowers every
-    /// eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is alike everywhere it differs by the
-    /// square of the inverse of its width.
+    /// Returns the part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away
+    /// springs lowers every eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is
+    /// alike everywhere it differs by the square of the inverse of its width.
     pub(super) fn stiffest_part(self) -> Self {
         if self.nodes.len() <= LARGEST {
             return self;
@@ -194,7 +194,7 @@ impl Network {
         }
     }
 
-    /// Whether whatever moves by forces touches something, but for one in ten.
+    /// Returns `true` if at least nine of ten bodies that move by forces touch another body.
     pub(super) fn holds_all(&self) -> bool {
         let mut free: Vec<bool> = self.nodes.iter().map(|n| n.roots[0] > 0.0).collect();
         let moving = free.iter().filter(|f| **f).count();
@@ -218,7 +218,7 @@ impl Network {
         }
     }
 
-    /// The longest stable step (s), from above; infinite without contacts.
+    /// Returns the longest stable step (s), from above; infinite without contacts.
     pub(super) fn limit(&self) -> f64 {
         if self.springs.is_empty() {
             return f64::INFINITY;
@@ -244,7 +244,7 @@ impl Network {
         found
     }
 
-    /// The eigenvector of `dt² K + 2 dt C` with the largest eigenvalue, of length 1; of K where `dt` is zero.
+    /// Returns the eigenvector of `dt² K + 2 dt C` with the largest eigenvalue, of length 1; of K where `dt` is zero.
     fn highest(&self, dt: f64) -> Vec<Motion> {
         let weights = |c: &Springs| {
             if dt > 0.0 {
@@ -290,7 +290,7 @@ impl Network {
     }
 }
 
-/// What contacts are made of.
+/// Data from which contacts are made.
 struct Maker<'a> {
     law: &'a dyn ContactModel,
     bonded: bool,
@@ -339,12 +339,12 @@ impl Maker<'_> {
 }
 
 impl Spring {
-    /// The nodes at its ends.
+    /// Returns the nodes at its ends.
     fn ends(&self) -> impl Iterator<Item = usize> {
         [Some(self.first), self.second].into_iter().flatten()
     }
 
-    /// How far the second's side of the contact moves against the first's: along the normal, and across it.
+    /// Returns the motion of the second's side of the contact relative to the first's: along the normal, and across it.
     fn stretch(&self, nodes: &[Node], vector: &[Motion]) -> (f64, [f64; 3]) {
         let first = unscaled(&nodes[self.first], &vector[self.first]);
         let second = self
@@ -361,7 +361,7 @@ impl Spring {
         )
     }
 
-    /// Twice the energy with these springs.
+    /// Returns twice the energy with these springs.
     fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Springs) -> [f64; 2]) -> f64 {
         let (along, across) = self.stretch(nodes, vector);
         let [normal, shear] = which(&self.constants);
@@ -410,7 +410,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Numbers without a pattern: multiples of the golden mean without their whole parts.
+/// Returns the numbers without a pattern: multiples of the golden mean without their whole parts.
 fn start(nodes: usize) -> Vec<Motion> {
     let mut value = 0.5;
     let mut next = || {

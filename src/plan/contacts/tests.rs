@@ -17,7 +17,8 @@ fn plan(case: &Value) -> Result<Plan, Vec<base::error::Problem>> {
 
 const STIFFNESS: f64 = 1e5;
 
-/// Equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the normal one.
+/// Returns equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the
+/// normal one.
 fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Value {
     let axes = &["x", "y", "z"][..size.len()];
     let list = places
@@ -35,7 +36,7 @@ fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Val
     })
 }
 
-/// w² m/k that a limit 2/w stands for.
+/// Returns w² m/k that a limit 2/w stands for.
 fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
     4.0 * scene.mass(0, 0.01) / STIFFNESS / (limit * limit)
 }
@@ -83,7 +84,7 @@ fn triangles(columns: u32, rows: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     )
 }
 
-/// A cubic face-centred lattice of n³ cells.
+/// Returns a cubic face-centred lattice of n³ cells.
 fn cubic(n: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     let a = 0.0199 * 2.0_f64.sqrt();
     let mut places = Vec::new();
@@ -96,8 +97,8 @@ fn cubic(n: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     (vec![a * f64::from(n); 3], places)
 }
 
-/// Smooth grains in the densest lattices come to the bound of a packing; rough ones have twice the partners of a random packing, or half as
-/// many again in the plane.
+/// Smooth grains in the densest lattices come to the bound of a packing; rough ones have twice the partners of a random
+/// packing, or half as many again in the plane.
 #[test]
 fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
     for (size, places, smooth, rough) in [
@@ -121,7 +122,8 @@ fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
     }
 }
 
-/// Refused beyond the limit of what touches at the start, quiet below that of the densest packing, with the step that passes.
+/// Refused beyond the limit of what touches at the start, quiet below that of the densest packing, with the step that
+/// passes.
 #[test]
 fn a_step_beyond_the_limit_is_refused_with_the_largest_that_passes() {
     let (size, places) = triangles(4, 4);
@@ -152,7 +154,8 @@ fn a_step_beyond_the_limit_is_refused_with_the_largest_that_passes() {
     assert!(passes < limit && passes > 0.95 * limit, "{passes} {limit}");
 }
 
-/// Two grains that start apart may come together: what they could come to is a warning, and a pair alone bears a longer step.
+/// Two grains that start apart may come together: what they could come to is a warning, and a pair alone bears a longer
+/// step.
 #[test]
 fn what_may_come_to_touch_is_a_warning() {
     let places = [vec![0.05, 0.1], vec![0.15, 0.1]];
@@ -166,8 +169,8 @@ fn what_may_come_to_touch_is_a_warning() {
     assert_eq!(plan(&case).unwrap().warnings.len(), 1);
 }
 
-/// A cube with springs k_n and k_s over its faces of area A turns with 16 k_s A/m against neighbours that turn alike, and shifts with
-/// (4 k_n + 8 k_s) A/m against those that shift the other way; a face alone gives k_n A/m.
+/// A cube with springs k_n and k_s over its faces of area A turns with 16 k_s A/m against neighbours that turn alike,
+/// and shifts with (4 k_n + 8 k_s) A/m against those that shift the other way; a face alone gives k_n A/m.
 #[test]
 fn a_cube_with_all_its_faces_in_touch() {
     let cube = |friction: f64, ratio: f64| {
@@ -198,8 +201,8 @@ fn a_cube_with_all_its_faces_in_touch() {
     }
 }
 
-/// Rain takes a fifth of the critical step, and at most twice the limit of the densest packing: with a damping of 0.8 a bed of 800 spheres
-/// never came to rest at a fifth, and does so.
+/// Rain takes a fifth of the critical step, and at most twice the limit of the densest packing: with a damping of 0.8 a
+/// bed of 800 spheres never came to rest at a fifth, and does so.
 #[test]
 fn strong_dashpots_shorten_the_step_of_a_packing() {
     let places = [
@@ -255,7 +258,8 @@ fn points_of_contact_want_damping() {
     assert!(!said(json!("pressure"), 0.0, "free"));
 }
 
-/// Three discs with strong dashpots: the automatic step is one that the program accepts, and a stated one above the limit is not.
+/// Three discs with strong dashpots: the automatic step is one that the program accepts, and a stated one above the
+/// limit is not.
 #[test]
 fn the_automatic_step_is_accepted() {
     let pile = |damping: f64, time: Value| {

@@ -29,9 +29,9 @@ const POINT: f64 = 80.0;
 const SAMPLE: f64 = 73.0;
 /// A column of the surface of the ground in a table.
 const SURFACE: f64 = 140.0;
-/// What describes a checkpoint.
+/// Size of the metadata of a checkpoint \[bytes\].
 const CHECKPOINT: f64 = 1.2e4;
-/// What describes the columns of grains and their contacts in a checkpoint.
+/// Size of the metadata of the columns of grains and their contacts in a checkpoint \[bytes\].
 const CHECKPOINT_OF_GRAINS: f64 = 2.5e4;
 /// A grain in a checkpoint with its contacts.
 const SAVED_GRAIN: f64 = 420.0;
@@ -54,7 +54,7 @@ fn bytes(precision: Precision) -> f64 {
     }
 }
 
-/// One checkpoint \[bytes\].
+/// Returns one checkpoint \[bytes\].
 pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
     let mut size = CHECKPOINT + tables(amounts);
     if amounts.moving() > 0.0 {
@@ -70,7 +70,7 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
     size
 }
 
-/// What a checkpoint holds of grains, blocks and the seepage.
+/// Returns the size of grains, blocks and the seepage in a checkpoint \[bytes\].
 pub(super) fn tables(amounts: &Amounts) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK

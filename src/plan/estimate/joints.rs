@@ -1,8 +1,8 @@
-//! Blocks that stand beside others: their cells exchange populations with those of their neighbours.
+//! Blocks that are next to others: their cells exchange populations with those of their neighbours.
 
 use crate::scene::Scene;
 
-/// The box of a block, its area, and whether another block is beside it.
+/// Box of a block, its area, and a flag that another block is next to it.
 struct Boxed {
     low: [f64; 3],
     high: [f64; 3],
@@ -10,7 +10,7 @@ struct Boxed {
     joined: bool,
 }
 
-/// The share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
+/// Returns the share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
 pub(super) fn share(scene: &Scene) -> f64 {
     let reach = scene.grid.spacing;
     let mut boxes: Vec<Boxed> = scene

@@ -9,7 +9,8 @@ use lbm::populations::Layout;
 
 /// The program itself, MPI and HDF5 included, where small blocks come from huge pages.
 const PROGRAM: f64 = 3.95e7;
-/// What is left empty of the huge pages of a lattice's arrays, which begin and end within one, and the buffers of its files.
+/// Unused part of the huge pages of a lattice's arrays, which begin and end within one, and the buffers of its files
+/// \[bytes\].
 const PAGES: f64 = 3.5e6;
 /// Kind of a cell, and what guards and boundaries keep of it.
 const CELL: f64 = 4.0;
@@ -31,7 +32,7 @@ const MAP_GHOSTS: f64 = 4.0;
 const SURFACE: f64 = 300.0;
 /// A cell of the seepage, on every rank: coefficients, vectors and levels.
 const SEEPAGE: f64 = 450.0;
-/// A cell of the seepage beside structures: its cuts.
+/// Memory of a cell of the seepage next to structures: its cuts \[bytes\].
 const CUTS: f64 = 600.0;
 /// A grain with its neighbours, contacts and history.
 const GRAIN: f64 = 1700.0;
@@ -89,7 +90,8 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         estimate.bytes_per_cell = SEEPAGE + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
-    // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in pieces.
+    // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in
+    // pieces.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
     memory += estimate.checkpoint_bytes.min(PIECE);
     estimate.memory_bytes = memory;

@@ -1,7 +1,8 @@
 //! Time of a run on one core.
 //!
-//! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of `jobs/plans`. The pass over the
-//! lattice scales with the measured speed of the fluid, everything else with that of grains in contact ([`Machine`]).
+//! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of
+//! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
+//! grains in contact ([`Machine`]).
 
 use super::{Amounts, Machine, outputs};
 use crate::Clock;
@@ -35,7 +36,7 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// All phases together \[s\].
+    /// Returns all phases together \[s\].
     #[must_use]
     pub fn sum(&self) -> f64 {
         self.start_and_end
@@ -49,7 +50,7 @@ impl Seconds {
     }
 }
 
-/// Million updates per second of one core in cells without solids.
+/// Returns the updates per second of one core in cells without solids, in millions.
 pub(super) fn mlups(lattice: VelocitySet, storage: Precision, eddies: bool) -> f64 {
     let nanoseconds = match (lattice, storage) {
         (VelocitySet::D2Q9, Precision::F64) => 5.3,
@@ -81,25 +82,26 @@ const LINK: f64 = 4.3e-9;
 const LINKS: [f64; 2] = [2.5, 5.0];
 /// A covered cell of D2Q9, D3Q19 and D3Q27.
 const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
-/// What a cell at the surface of a block beside other blocks adds in D3Q27: populations towards cells of those. D3Q19 has it in its covered cells.
+/// Time that a cell at the surface of a block next to other blocks adds in D3Q27 \[s\]: populations towards cells of
+/// those. D3Q19 has it in its covered cells.
 const JOINT: f64 = 2.2e-7;
-/// What eddies add to a covered cell of D3Q19.
+/// Time that eddies add to a covered cell of D3Q19 \[s\].
 const COVERED_EDDIES: f64 = 6e-8;
 /// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
 const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
-/// What a cell at a surface takes beside eddies in each step in which bodies move.
+/// Time that a cell at a surface adds with eddies in each step in which bodies move \[s\].
 const BESIDE_EDDIES: f64 = 4e-8;
-/// The same of grains in a bonded bed, most of which rest.
+/// Time of grains in a bonded bed, most of which are at rest \[s\].
 const RESTING: f64 = 6e-10;
-/// A look of the guards at a population of a cell.
+/// Time of a check by the guards of a population of a cell \[s\].
 const GUARD: f64 = 1.05e-9;
-/// Steps between looks of the guards.
+/// Steps between checks by the guards.
 const GUARD_EVERY: f64 = 100.0;
 /// A solid step.
 const SOLID_STEP: f64 = 1.3e-7;
 /// A disc and a sphere in contact.
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
-/// What bonds add to a grain.
+/// Time that bonds add to a grain \[s\].
 const BONDS: f64 = 3.1e-8;
 /// A block among few, and in a pile.
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
@@ -125,9 +127,9 @@ const GROWTH_STEPS: f64 = 1.8e4;
 pub struct Parts {
     /// A cell of the lattice.
     pub cell: f64,
-    /// What a cell costs more where a solid covers it.
+    /// Additional cost of a cell that a solid covers.
     pub covered: f64,
-    /// What a cell at the surface of a solid costs more: its links, or the joints of blocks.
+    /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
     pub linked: f64,
     /// The map of such a cell, of a grain in a bed and of another solid.
     pub mapped: [f64; 2],
@@ -138,7 +140,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Those of a scene.
+    /// Returns those of a scene.
     #[must_use]
     pub fn of(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
@@ -272,7 +274,7 @@ impl Seconds {
     }
 }
 
-/// Solid steps of a preparation.
+/// Returns the solid steps of a preparation.
 fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
     match source {
         GrainSource::Growth { .. } => GROWTH_STEPS,

@@ -1,15 +1,17 @@
-//! Automatic choices for fields that a case leaves out, from its values and its accuracy: spacing, time step, operator, eddy viscosity,
-//! storage precision, coupling, contact law. Values that a case states are never changed.
+//! Automatic choices for fields that a case leaves out, from its values and its accuracy: spacing, time step, operator,
+//! eddy viscosity, storage precision, coupling, contact law. Values that a case states are never changed.
 //!
 //! 1. The coupling, from the shapes ([`solids`]).
-//! 2. The spacing, from the features that the flow must resolve ([`features`]) and the measured errors ([`measured`]), so that every edge of the
-//!    domain is a whole number of cells ([`spacing`]).
-//! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require finer cells; the
-//!    scene is then resolved once more.
-//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval follow from the load on the
-//!    bed ([`seepage`]), and the error of the law of resistance from resolved flow ([`resistance`]).
+//! 2. The spacing, from the features that the flow must resolve ([`features`]) and the measured errors ([`measured`]),
+//!    so that every edge of the domain is a whole number of cells ([`spacing`]).
+//! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require
+//!    finer cells; the scene is then resolved once more.
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval
+//!    follow from the load on the bed ([`seepage`]), and the error of the law of resistance from resolved flow
+//!    ([`resistance`]).
 //!
-//! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time step.
+//! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
+//! step.
 
 mod bound;
 pub mod density;
@@ -41,13 +43,14 @@ use serde_json::json;
 use spacing::Spacing;
 use std::borrow::Cow;
 
-/// What was chosen.
+/// Choices made for a case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Bound of the relative error of forces and flows at a confidence of 95 %; none where the case lies outside what was measured. Of a body that
-    /// crosses cells it is that of the mean force over some cells: in the single steps the force swings as nodes are covered and laid bare.
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none if the case lies outside what
+    /// was measured. Of a body that crosses cells it is that of the mean force over some cells: in the single steps the
+    /// force swings as nodes are covered and laid bare.
     pub promised: Option<f64>,
     /// The features that the promise was made from, each with its cells and its bound, and what it does not cover.
     pub details: Vec<String>,
@@ -55,7 +58,7 @@ pub struct Chosen {
     pub reasons: Vec<Reason>,
     /// The contact law, where it was chosen.
     pub law: Option<Contact>,
-    /// What bounds the time step, where it was chosen.
+    /// Limits of the time step, if it was chosen.
     pub limits: Vec<Limit>,
     /// The edges of the domain \[m\], where they were rounded up to whole cells of the chosen spacing.
     pub size: Option<Vec<f64>>,
@@ -64,7 +67,7 @@ pub struct Chosen {
 /// A choice and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reason {
-    /// What is chosen: `spacing`, `time step`, `collision` and so on.
+    /// Name of the choice: `spacing`, `time step`, `collision` and so on.
     pub what: &'static str,
     /// Why.
     pub text: String,
@@ -73,21 +76,22 @@ pub struct Reason {
 /// A bound of the time step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
-    /// What it keeps.
+    /// Requirement that it keeps.
     pub what: String,
     /// The longest time step that does \[s\].
     pub time_step: f64,
 }
 
 impl Chosen {
-    /// Why something was chosen; none where it was not.
+    /// Returns why something was chosen; none if it was not.
     #[must_use]
     pub fn why(&self, what: &str) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);
         found.map(|reason| reason.text.as_str())
     }
 
-    /// A remedy that states a spacing which divides the edges of the scene, and these edges where they were rounded.
+    /// Returns a remedy that states a spacing which divides the edges of the scene, and these edges where they were
+    /// rounded.
     pub(crate) fn state_spacing(&self, remedy: Remedy, spacing: f64) -> Remedy {
         let remedy = remedy.set("domain.spacing", spacing);
         match &self.size {
@@ -102,7 +106,7 @@ impl Chosen {
     }
 }
 
-/// The accuracy of the automatic choices; none if the case states all values and no accuracy.
+/// Returns the accuracy of the automatic choices; none if the case states all values and no accuracy.
 pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     let lbm = features::lattice(case);
     let no_step = lbm.is_some_and(|lbm| {
@@ -115,14 +119,14 @@ pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
     case.accuracy.or(chosen.then(Accuracy::default))
 }
 
-/// The coupling of a case, stated or chosen; none without solids in water on a lattice.
+/// Returns the coupling of a case, stated or chosen; none without solids in water on a lattice.
 pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
     let solid = super::has_solids(case) && features::lattice(case).is_some();
     let chosen = || solid.then(|| solids::coupling(case).0);
     case.coupling.clone().or_else(chosen)
 }
 
-/// The case with its spacing, whole cells along every edge of its domain, and its coupling.
+/// Returns the case with its spacing, whole cells along every edge of its domain, and its coupling.
 pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen) -> Cow<'a, Case> {
     let mut filled = Cow::Borrowed(case);
     if case.domain.spacing.is_none() {
@@ -141,7 +145,7 @@ pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen)
     filled
 }
 
-/// Takes what the case leaves out from the scene whose state it goes on with: no choice moves with an end, an output or a drive.
+/// Copies the resolved choices of the scene being continued; end time, outputs and drives do not change them.
 pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;
@@ -189,7 +193,8 @@ fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
         findings.warn(
             path,
             format!(
-                "no water passes along {axis}: the solids touch across the domain, and even at the widest place there is no {}",
+                "no water passes along {axis}: the solids touch across the domain, and even at the widest place there \
+                 is no {}",
                 gap.what
             ),
             "move the solids apart, or make them smaller",

@@ -17,13 +17,13 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether a point is inside; lower faces belong to the box, upper ones do not.
+    /// Returns `true` if a point is inside; lower faces belong to the box, upper ones do not.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..self.dimension).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
     }
 
-    /// Whether a disc or sphere touches the box.
+    /// Returns `true` if a disc or sphere touches the box.
     #[must_use]
     pub fn touches(&self, centre: [f64; 3], radius: f64) -> bool {
         let gap = |a: usize| {
@@ -35,7 +35,7 @@ impl Block {
         squared <= radius * radius
     }
 
-    /// Area (2-D) or volume (3-D).
+    /// Returns the area (2-D) or volume (3-D).
     #[must_use]
     pub fn measure(&self) -> f64 {
         (0..self.dimension)
@@ -43,7 +43,7 @@ impl Block {
             .product()
     }
 
-    /// A vector with the right number of components, or a finding.
+    /// Returns a vector with the right number of components, or a finding.
     pub(crate) fn vector(
         grid: &Grid,
         vector: &Vector,
@@ -53,7 +53,7 @@ impl Block {
         vector.resolve(grid.dimension, path, findings)
     }
 
-    /// A box inside the domain, or a finding.
+    /// Returns a box inside the domain, or a finding.
     pub(crate) fn resolve(
         grid: &Grid,
         extent: &Extent,

@@ -18,17 +18,18 @@ use serde::Serialize;
 use std::path::PathBuf;
 use structure::surface::judge_unit;
 
-/// No rock mass is cut into more: every rank makes them all before the run starts. Larger ones come from a file.
+/// Maximum number of blocks of a rock mass: every rank makes them all before the run starts. Larger ones come from a
+/// file.
 const MOST_BLOCKS: f64 = 2e4;
-/// No set has more planes.
+/// Maximum number of planes of a set.
 const MOST_PLANES: f64 = 1e5;
 
 /// Blocks and where they go.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Blocks {
-    /// How many.
+    /// Number of blocks.
     pub number: usize,
-    /// How many of them never move.
+    /// Number of blocks that never move.
     pub fixed: usize,
     /// Volume of all together \[m3\].
     pub volume: f64,
@@ -40,7 +41,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Diameter of the largest sphere in the thinnest block \[m\].
+    /// Returns the diameter of the largest sphere in the thinnest block \[m\].
     #[must_use]
     pub fn thinnest(&self) -> Option<f64> {
         let blocks = self.list.iter();
@@ -53,7 +54,7 @@ impl Blocks {
 /// A block as it starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RockBlock {
-    /// Its shape, and where that stands.
+    /// Shape and position.
     pub solid: Solid,
     /// Velocity [m/s].
     pub velocity: [f64; 3],
@@ -61,7 +62,7 @@ pub struct RockBlock {
     pub angular_velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
-    /// Whether it never moves.
+    /// `true` if it never moves.
     pub fixed: bool,
 }
 
@@ -131,7 +132,7 @@ pub(crate) fn blocks(
     })
 }
 
-/// The blocks of a jointed mass, or findings.
+/// Returns the blocks of a jointed mass, or findings.
 fn jointed(
     case: &Case,
     grid: &Grid,
@@ -178,7 +179,7 @@ fn jointed(
     }
 }
 
-/// The rock before it is cut, with its joints, or findings.
+/// Returns the rock before it is cut, with its joints, or findings.
 fn rock_mass(
     case: &Case,
     grid: &Grid,
@@ -309,7 +310,7 @@ fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Opt
     None
 }
 
-/// What could be made, or a finding.
+/// Returns the solid, or reports a finding if it could not be made.
 fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> Option<Solid> {
     match made {
         Ok(solid) => Some(solid),
@@ -320,7 +321,7 @@ fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> O
     }
 }
 
-/// A convex solid from a file, or a finding.
+/// Returns a convex solid from a file, or a finding.
 fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
     let file = case.directory.join(&mesh.path);
@@ -341,7 +342,7 @@ fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Opt
     usable(made, &format!("{path}.path"), findings)
 }
 
-/// The solid of a shape, turned about its centroid, or findings.
+/// Returns the solid of a shape, turned about its centroid, or findings.
 pub(super) fn solid(
     case: &Case,
     shape: &Shape,
@@ -401,7 +402,7 @@ fn turned(
     solid
 }
 
-/// The blocks of a file, or findings.
+/// Returns the blocks of a file, or findings.
 fn read(
     case: &Case,
     path: &PathBuf,
@@ -437,7 +438,7 @@ fn read(
     Some(blocks)
 }
 
-/// The blocks of a list, or findings.
+/// Returns the blocks of a list, or findings.
 fn listed(
     case: &Case,
     grid: &Grid,

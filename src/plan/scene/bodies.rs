@@ -15,7 +15,7 @@ use serde::Serialize;
 /// A named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Body {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
     pub radius: f64,
@@ -28,14 +28,14 @@ pub struct Body {
     pub velocity: [f64; 3],
     /// Rotation rate at the start [rad/s], or at all times if driven.
     pub angular_velocity: [f64; 3],
-    /// How it moves.
+    /// Kind of motion.
     pub mobility: Mobility,
     /// Index of its material.
     pub material: usize,
 }
 
 impl Body {
-    /// Diameter of the largest sphere in a polyhedron \[m\].
+    /// Returns the diameter of the largest sphere in a polyhedron \[m\].
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.solid
@@ -44,15 +44,15 @@ impl Body {
     }
 }
 
-/// How a body moves.
+/// Kind of motion of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mobility {
-    /// Not at all.
+    /// Fixed body.
     Fixed,
-    /// With a prescribed velocity.
+    /// Body with a prescribed velocity.
     Driven,
-    /// By the forces on it.
+    /// Body that moves by the forces on it.
     Free,
 }
 

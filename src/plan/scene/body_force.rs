@@ -9,7 +9,7 @@ use serde::Serialize;
 /// Force per volume [N/m3].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum BodyForce {
-    /// The same at all times; may be zero.
+    /// Constant force; may be zero.
     Constant([f64; 3]),
     /// amplitude cos(2 pi t/period + phase).
     Oscillating {
@@ -23,7 +23,7 @@ pub enum BodyForce {
 }
 
 impl BodyForce {
-    /// The force at a time \[s\].
+    /// Returns the force at a time \[s\].
     #[must_use]
     pub fn at(&self, time: f64) -> [f64; 3] {
         match self {
@@ -39,7 +39,7 @@ impl BodyForce {
         }
     }
 
-    /// The largest force at any time.
+    /// Returns the largest force at any time.
     #[must_use]
     pub fn largest(&self) -> [f64; 3] {
         match self {

@@ -16,7 +16,7 @@ use std::path::Path;
 /// A condition on the cells next to a part of a face.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Patch {
-    /// Name in the case; that of the face for a wall nobody named.
+    /// Name in the case; that of the face for a default wall.
     pub name: String,
     /// The face.
     pub face: Face,
@@ -24,25 +24,25 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Its lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may
-    /// end within a cell.
+    /// Lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may end
+    /// within a cell.
     pub ends: [[f64; 2]; 3],
-    /// Which faces of the domain are walls, by axis, the lower one first.
+    /// `true` for the faces of the domain that are walls, by axis, the lower one first.
     pub walls: [[bool; 2]; 3],
-    /// What holds there.
+    /// Condition imposed there.
     pub condition: Condition,
-    /// Position in the list of boundaries of the case; none for a wall nobody named.
+    /// Position in the list of boundaries of the case; none for a default wall.
     pub index: Option<usize>,
 }
 
 impl Patch {
-    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     #[must_use]
     pub fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
     }
 
-    /// JSON path of a field of the condition; none for a wall nobody named.
+    /// Returns the JSON path of a field of the condition; none for a default wall.
     #[must_use]
     pub fn path(&self, field: &str) -> Option<String> {
         let name = self.condition.name();
@@ -50,7 +50,7 @@ impl Patch {
         self.index.map(path)
     }
 
-    /// Where the condition is imposed; `path` is that of its parameters.
+    /// Returns the place where the condition is imposed; `path` is that of its parameters.
     #[must_use]
     pub fn place<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
         Place {
@@ -63,7 +63,7 @@ impl Patch {
     }
 }
 
-/// The openings among some patches.
+/// Returns the openings among some patches.
 pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Vec<Opening> {
     let open = patches.filter(|patch| patch.condition.model().passes_water());
     let opening = |patch: &Patch| {
@@ -191,7 +191,7 @@ fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> Patch {
     }
 }
 
-/// Returns true for a face that can have conditions, and refuses others.
+/// Returns `true` for a face that can have conditions, and refuses others.
 fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) -> bool {
     if face.axis() >= grid.dimension {
         findings.error(
@@ -249,7 +249,7 @@ fn part(
     patch
 }
 
-/// Returns a place in cells, moved to a face between cells where it lies beside one by rounding.
+/// Returns a coordinate in cells, moved to a face between cells if it differs from it by rounding.
 fn on_face(x: f64) -> f64 {
     if (x - x.round()).abs() < AT_FACE {
         x.round()
@@ -271,7 +271,7 @@ fn check_overlap(patch: &Patch, others: &[Patch], path: &str, findings: &mut Fin
     }
 }
 
-/// Part of a cell by which an end of a patch may lie beside a face between cells and count as on it.
+/// Distance in cells between an end of a patch and a face between cells below which it counts as on the face.
 const AT_FACE: f64 = 1e-6;
 /// Part of the width of an opening by which an end moves to a face between cells without a word.
 const MOVES: f64 = 0.02;

@@ -13,7 +13,7 @@ use case::collapse::StageThresholds;
 use serde::Serialize;
 use serde_json::json;
 
-/// More cells than this are a slip of a unit; the state of the analysis holds a number for each.
+/// Maximum number of cells: more are a slip of a unit; the state of the analysis holds a number for each.
 pub const MOST_CELLS: f64 = 1e6;
 
 /// Analysis of ground collapse.
@@ -25,7 +25,7 @@ pub struct GroundCollapse {
     pub points: Vec<SeepagePoint>,
     /// Long horizontal axis, the other horizontal axis, vertical axis: 0, 1 or 2 each.
     pub axes: [usize; 3],
-    /// Whether gravity points to smaller coordinates.
+    /// `true` if gravity points to smaller coordinates.
     pub upright: bool,
     /// Edge of the cells \[m\]; from the grains without it.
     pub cell_size: Option<f64>,
@@ -35,16 +35,16 @@ pub struct GroundCollapse {
     pub loose_diameters: f64,
     /// Percentile of the settlement.
     pub settlement_percentile: f64,
-    /// As written.
+    /// Thresholds as given in the case.
     pub stages: StageThresholds,
 }
 
 /// A place through which grains leave the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeepagePoint {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its box.
+    /// Box.
     pub block: Block,
     /// The region of this name, whose removals count; where there is none, all removals within the box do.
     pub region: Option<usize>,
@@ -145,7 +145,7 @@ pub(crate) fn resolve(
     })
 }
 
-/// The points named, or every region that removes.
+/// Returns the points named, or every region that removes.
 fn points(
     case: &Case,
     grid: &Grid,
@@ -216,7 +216,8 @@ fn points(
 }
 
 impl GroundCollapse {
-    /// Cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more than allowed.
+    /// Returns the cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more
+    /// than allowed.
     #[must_use]
     pub fn cells(&self, domain: [f64; 3], size: f64) -> [usize; 3] {
         let least = (domain.iter().product::<f64>() / MOST_CELLS).cbrt();

@@ -23,13 +23,13 @@ pub struct ContactTable {
 }
 
 impl ContactTable {
-    /// The law as plan, preparation and outputs see it.
+    /// Returns the law as plan, preparation and outputs see it.
     #[must_use]
     pub fn model(&self) -> &dyn ContactModel {
         self.law.model()
     }
 
-    /// Whether no contact has a dashpot, and nothing else takes energy from an impact but friction.
+    /// Returns `true` if no contact has a dashpot, and nothing else takes energy from an impact but friction.
     #[must_use]
     pub fn is_elastic(&self) -> bool {
         let law = self.model();
@@ -99,14 +99,15 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
     {
         findings.warn(
             "contact",
-            "the law states no friction angle: contacts have no friction, although friction is a property of the solids",
+            "the law states no friction angle: contacts have no friction, although friction is a property of the \
+             solids",
             "state friction_angle_degrees as measured, or 0 if there is to be none",
         );
     }
 }
 
 impl Scene {
-    /// The contact law of a scene; one without forces where nothing can touch.
+    /// Returns the contact law of a scene; one without forces where nothing can touch.
     #[must_use]
     pub fn contact_law(&self) -> Law {
         self.contact.as_ref().map_or_else(
@@ -116,8 +117,8 @@ impl Scene {
     }
 }
 
-/// Upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds at the start and that of a
-/// fall through the domain.
+/// Returns the upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds
+/// at the start and that of a fall through the domain.
 pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
@@ -161,7 +162,8 @@ mod tests {
                 r#"{{"domain": {{"size": [1, 1, 1]}}, "materials": {{"glass": {{"density": 2500}}}},
                 "bodies": [{{"name": "ball", "shape": {{"sphere": {{"radius": 0.1}}}}, "position": [0.5, 0.5, 0.5],
                     "motion": {{"free": {{}}}}, "material": "glass"}}],
-                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}}, "friction_angle_degrees": 20{damping}}}}},
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}},
+                "friction_angle_degrees": 20{damping}}}}},
                 "time": {{"end": 0.01}}}}"#
             );
             let document = Document::read(&text, &[], Path::new(".")).unwrap();

@@ -14,7 +14,7 @@ pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
 /// Sections of a case on which neither its plan nor other sections depend.
 const OBSERVING: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
 
-/// `true` if a path is that of a section or of a field below it.
+/// Returns `true` if a path is that of a section or of a field below it.
 fn within(path: &str, section: &str) -> bool {
     let below = path.strip_prefix(section);
     below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
@@ -24,9 +24,10 @@ fn within(path: &str, section: &str) -> bool {
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {
     case: &'a Case,
-    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it lists.
+    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it
+    /// lists.
     tree: OnceCell<Value>,
-    /// In the order found.
+    /// Problems in the order found.
     pub(crate) problems: Vec<Problem>,
     /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
     unlisted: Vec<(Severity, usize, usize)>,
@@ -73,20 +74,20 @@ impl<'a> Findings<'a> {
         wrong.chain(errors.map(|p| p.path.as_str()))
     }
 
-    /// `true` if a field of one of the sections is wrong.
+    /// Returns `true` if a field of one of the sections is wrong.
     pub(crate) fn wrong_in(&self, sections: &[&str]) -> bool {
         self.errors()
             .any(|path| sections.iter().any(|section| within(path, section)))
     }
 
-    /// `true` if a field is wrong on which the plan depends.
+    /// Returns `true` if a field is wrong on which the plan depends.
     pub(crate) fn stop_plan(&self) -> bool {
         self.errors()
             .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
     }
 
-    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field that
-    /// contains, or lies in, one that was found wrong before.
+    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field
+    /// that contains, or lies in, one that was found wrong before.
     pub(crate) fn drop_consequences(&mut self) {
         let dependent = std::mem::take(&mut self.dependent);
         let sections = |n: usize| {
@@ -128,7 +129,7 @@ impl<'a> Findings<'a> {
         self.problems = kept;
     }
 
-    /// The case is refused.
+    /// Adds an error: the case is refused.
     pub(crate) fn error(
         &mut self,
         path: &str,
@@ -138,7 +139,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Error);
     }
 
-    /// The case runs, and the user should know.
+    /// Adds a warning: the case runs, and the user should know.
     pub(crate) fn warn(
         &mut self,
         path: &str,
@@ -148,7 +149,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Warning);
     }
 
-    /// The case runs, but runs like it were seen to fail.
+    /// Adds a finding of instability: the case runs, but similar runs have failed.
     pub(crate) fn unstable(
         &mut self,
         path: &str,
@@ -213,7 +214,7 @@ impl<'a> Findings<'a> {
         self.problems[*at].value = format!("{count} more");
     }
 
-    /// Whether the case is refused.
+    /// Returns `true` if the case is refused.
     pub(crate) fn refused(&self) -> bool {
         refused(&self.problems)
     }
@@ -239,13 +240,13 @@ impl Report for Findings<'_> {
     }
 }
 
-/// Whether any of the problems refuses the case.
+/// Returns `true` if any of the problems refuses the case.
 #[must_use]
 pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)
 }
 
-/// The multiple of a spacing nearest to a number of cells, without the digits of round-off.
+/// Returns the multiple of a spacing nearest to a number of cells, without the digits of round-off.
 pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
     format!("{:.12e}", cells * spacing)
         .parse()

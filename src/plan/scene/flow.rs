@@ -39,15 +39,15 @@ pub struct Flow {
     pub turbulence: Option<Turbulence>,
     /// Storage precision of the populations.
     pub storage: Precision,
-    /// What it runs on.
+    /// Device that it runs on.
     pub device: Device,
     /// Time step \[s\].
     pub time_step: f64,
     /// Relaxation time tau.
     pub relaxation_time: f64,
-    /// Which field of the case fixed the time step; `accuracy` where it was chosen.
+    /// Field of the case that fixed the time step; `accuracy` if it was chosen.
     pub fixed_by: &'static str,
-    /// Force per volume beside gravity.
+    /// Force per volume in addition to gravity.
     pub body_force: BodyForce,
     /// Along which axes gravity acts on the fluid.
     pub gravity_acts: [bool; 3],
@@ -61,7 +61,7 @@ pub struct Flow {
 }
 
 impl Flow {
-    /// What solids do to the cells that they cover: as written, or by the relaxation time.
+    /// Returns the operator of the cells that solids cover: as given, or chosen by the relaxation time.
     #[must_use]
     pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
         let slow = self.collision.model().antisymmetric_rate().is_some()
@@ -74,7 +74,7 @@ impl Flow {
         })
     }
 
-    /// The scales of the lattice.
+    /// Returns the scales of the lattice.
     #[must_use]
     pub fn units(&self, grid: &Grid) -> LatticeUnits {
         LatticeUnits {
@@ -85,7 +85,7 @@ impl Flow {
         }
     }
 
-    /// All patches of all faces.
+    /// Returns all patches of all faces.
     pub fn patches(&self) -> impl Iterator<Item = &Patch> {
         self.faces.iter().flatten()
     }
@@ -185,7 +185,7 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
     lattice
 }
 
-/// What the operator finds about its parameters at a relaxation time.
+/// Reports the finding of the operator about its parameters at a relaxation time.
 pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Findings) {
     let operator = lbm.collision.unwrap_or_default();
     if let Some(finding) = operator.model().check(&format!("{PATH}.collision"), tau) {
@@ -244,7 +244,7 @@ fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Op
     check_time_step(lbm, h, &fixed, findings).then_some(fixed)
 }
 
-/// Refuses one of two velocities without the other. Returns false where no time step follows.
+/// Refuses one of two velocities without the other. Returns `true` if a time step follows.
 fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings) -> bool {
     let of_lattice = lbm.lattice_velocity.is_some();
     if of_lattice == lbm.reference_velocity.is_some() {
@@ -292,7 +292,7 @@ fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findi
 /// Fields that decide about a time step with it.
 const STEP: [&str; 2] = ["domain", "fluid.lattice_boltzmann.kinematic_viscosity"];
 
-/// Returns true for a time step with a relaxation time in the stable range, and refuses others.
+/// Returns `true` for a time step with a relaxation time in the stable range, and refuses others.
 fn check_time_step(
     lbm: &LatticeBoltzmann,
     h: f64,

@@ -41,11 +41,11 @@ pub struct FreeSurface {
 /// A part of the water at the start.
 #[derive(Clone, Debug, Serialize)]
 pub enum Part {
-    /// Below a height \[m\].
+    /// Water below a height \[m\].
     Level(f64),
     /// Inside a solid.
     Solid(#[serde(skip)] Arc<Images>),
-    /// Below a wave.
+    /// Water below a wave.
     Wave(WaveForm),
 }
 
@@ -401,7 +401,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// The surface of the dam break with other water.
+    /// Returns the surface of the dam break with other water.
     fn surface(water: &str) -> FreeSurface {
         let text = examples::find("dam-break").unwrap().text;
         let set = [

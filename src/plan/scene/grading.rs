@@ -17,7 +17,7 @@ pub struct Class {
 }
 
 impl Class {
-    /// The class as a part of a sieve curve.
+    /// Returns the class as a part of a sieve curve.
     fn span(&self) -> Span {
         Span {
             from: 2.0 * self.min,
@@ -26,7 +26,7 @@ impl Class {
         }
     }
 
-    /// Mean of the square or cube of the radius.
+    /// Returns the mean of the square or cube of the radius.
     fn mean_power(&self, power: i32) -> f64 {
         let (a, b) = (self.min, self.max);
         if b - a > 1e-9 * b {
@@ -50,7 +50,7 @@ pub enum Grading {
 }
 
 impl Grading {
-    /// The grading of a sieve curve.
+    /// Returns the grading of a sieve curve.
     #[must_use]
     pub fn of_sieves(curve: &[Sieve]) -> Self {
         let class = |span: Span| Class {
@@ -61,7 +61,7 @@ impl Grading {
         Self::Sieve(spans(curve).map(class).collect())
     }
 
-    /// The classes.
+    /// Returns the classes.
     #[must_use]
     pub fn classes(&self) -> &[Class] {
         match self {
@@ -69,7 +69,7 @@ impl Grading {
         }
     }
 
-    /// Mean over the grains of a class of the square (2-D) or cube (3-D) of the radius.
+    /// Returns the mean over the grains of a class of the square (2-D) or cube (3-D) of the radius.
     fn mean_measure(&self, class: &Class, dimension: usize) -> f64 {
         let power = if dimension == 2 { 2 } else { 3 };
         match self {
@@ -78,12 +78,12 @@ impl Grading {
         }
     }
 
-    /// Radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class; `first`: how many grains were
-    /// drawn from it before. Those between two sieves
-    /// divide the curve into parts of equal number with one draw in each, so that few large grains do not change the curve.
+    /// Returns the radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class;
+    /// `first`: how many grains were drawn from it before. Those between two sieves divide the curve into parts of
+    /// equal number with one draw in each, so that few large grains do not change the curve.
     ///
     /// # Errors
-    /// As [`Self::numbers`].
+    /// Those of [`Self::numbers`].
     pub fn radii(
         &self,
         number: usize,
@@ -109,10 +109,10 @@ impl Grading {
         Ok(radii)
     }
 
-    /// How many grains of each class there are among `number` in a space of 2 or 3 dimensions.
+    /// Returns the number of grains of each class among `number` in a space of 2 or 3 dimensions.
     ///
     /// # Errors
-    /// A sentence where ranges or parts make no sense, or a class is left without a grain.
+    /// A sentence if ranges or parts are inconsistent, or a class has no grain.
     pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
         let classes = self.classes();
         if classes.is_empty() {
@@ -155,7 +155,8 @@ impl Grading {
         }
         if let Some(n) = numbers.iter().position(|n| *n == 0) {
             return Err(format!(
-                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met with fewer than about {} grains",
+                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met with fewer \
+                 than about {} grains",
                 classes[n].min,
                 classes[n].max,
                 exact[n],
@@ -165,10 +166,10 @@ impl Grading {
         Ok(numbers)
     }
 
-    /// Area (2-D) or volume (3-D) of `number` grains on average.
+    /// Returns the area (2-D) or volume (3-D) of `number` grains on average.
     ///
     /// # Errors
-    /// As [`Self::numbers`].
+    /// Those of [`Self::numbers`].
     pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
         let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
         let numbers = self.numbers(number, dimension)?;
@@ -178,7 +179,7 @@ impl Grading {
             .sum())
     }
 
-    /// Smallest and largest radius \[m\].
+    /// Returns the smallest and largest radius \[m\].
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         self.classes()
@@ -192,8 +193,8 @@ impl Grading {
 /// Purpose of the random numbers of the sizes.
 const SIZES: u32 = 11;
 
-/// The solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs ends at 0.547, of equal
-/// spheres at 0.384.
+/// Returns the solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs
+/// ends at 0.547, of equal spheres at 0.384.
 #[must_use]
 pub fn densest_cloud(dimension: usize) -> f64 {
     if dimension == 2 { 0.45 } else { 0.3 }
@@ -232,7 +233,7 @@ mod tests {
         assert!(refused(wrong, 100).contains("class 0"));
     }
 
-    /// The curve of a medium sand with some silt and gravel.
+    /// Returns the curve of a medium sand with some silt and gravel.
     fn curve() -> Vec<Sieve> {
         let sieve = |diameter, passing| Sieve { diameter, passing };
         vec![

@@ -28,7 +28,7 @@ use structure::Images;
 pub struct Grains {
     /// Index of the material of grains that name none.
     pub material: usize,
-    /// Where they come from.
+    /// Source of the grains.
     pub source: GrainSource,
     /// File to which the prepared sample goes; relative to the output folder.
     pub save: Option<PathBuf>,
@@ -36,17 +36,17 @@ pub struct Grains {
     pub zones: Vec<Zone>,
     /// Boxes emptied after the preparation, with their names.
     pub cut: Vec<(String, Block)>,
-    /// Whether contacts are bonded after preparation and cutting.
+    /// `true` if contacts are bonded after preparation and cutting.
     pub bond_at_start: bool,
     /// Smallest and largest radius \[m\].
     pub radii: Option<(f64, f64)>,
-    /// How many before cutting.
+    /// Number before cutting.
     pub expected: usize,
 }
 
 impl Grains {
-    /// How many after cutting: exact for grains that are listed, from the volumes of the boxes for grains that grow. How many deposited
-    /// grains a cut removes is not known before they have fallen.
+    /// Returns the number after cutting: exact for grains that are listed, from the volumes of the boxes for grains
+    /// that grow. The number of deposited grains that a cut removes is not known before they have fallen.
     #[must_use]
     pub fn remaining(&self) -> f64 {
         match &self.source {
@@ -85,20 +85,20 @@ pub struct Cloud {
     pub block: Block,
     /// Sizes.
     pub grading: grading::Grading,
-    /// How many grains.
+    /// Number of grains.
     pub number: usize,
     /// Index of their material.
     pub material: usize,
 }
 
-/// Where grains come from.
+/// Source of grains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum GrainSource {
     /// Growth of a loose cloud in a box.
     Growth {
         /// The box.
         block: Block,
-        /// How many grains.
+        /// Number of grains.
         number: usize,
         /// The rest as written.
         growth: Growth,
@@ -114,7 +114,7 @@ pub enum GrainSource {
     File {
         /// The file.
         path: PathBuf,
-        /// Its grains.
+        /// Grains.
         #[serde(skip)]
         grains: Vec<Grain>,
     },
@@ -125,9 +125,9 @@ pub enum GrainSource {
 /// A region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct Zone {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Lower corner \[m\]; infinite where it has no end.
+    /// Lower corner \[m\]; infinite if it has no end.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
@@ -136,14 +136,14 @@ pub struct Zone {
     pub solid: Option<Arc<Images>>,
     /// Index of the material.
     pub material: usize,
-    /// Velocity at the start [m/s]; none where it stays.
+    /// Velocity at the start [m/s]; none if it stays.
     pub velocity: Option<[f64; 3]>,
-    /// Listed grains that are in the zone and in no later one; none where grains are prepared.
+    /// Listed grains that are in the zone and in no later one; none if grains are prepared.
     pub listed: Option<usize>,
 }
 
 impl Zone {
-    /// Whether a point lies in the zone.
+    /// Returns `true` if a point is in the zone.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
@@ -247,8 +247,8 @@ impl Grains {
         std::iter::once(self.material).chain(zones).chain(clouds)
     }
 
-    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of a uniform
-    /// distribution that will grow.
+    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of
+    /// a uniform distribution that will grow.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
         let number = self.expected.min(MOST_SIZES);
@@ -438,7 +438,7 @@ struct Materials<'a> {
 
 type Source = (GrainSource, Option<(f64, f64)>, usize);
 
-/// Smallest and largest radius.
+/// Returns the smallest and largest radius.
 fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
     let bounds = grains.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
         (lo.min(g.radius), hi.max(g.radius))
@@ -462,7 +462,7 @@ fn span(grid: &Grid, grains: &[Grain]) -> String {
         .join(", ")
 }
 
-/// A saved sample, or findings.
+/// Checks a saved sample and reports findings.
 fn sample(
     case: &Case,
     written: &Path,
@@ -503,10 +503,12 @@ fn sample(
     (GrainSource::File { path: file, grains }, radii, expected)
 }
 
-/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer numbers.
+/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer
+/// numbers.
 const SMALLEST: f64 = 1e-10;
 
-/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image round a periodic axis.
+/// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image
+/// round a periodic axis.
 pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
     if radius < SMALLEST {
         findings.error(
@@ -541,7 +543,8 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
         findings.error(
             path,
             format!(
-                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, the length of the domain",
+                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, \
+                 the length of the domain",
                 number(2.0 * radius),
                 number(grid.size[axis])
             ),
@@ -553,7 +556,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
     }
 }
 
-/// A radius distribution that can be used, or findings.
+/// Returns `true` for a radius distribution that can be used, and reports findings for others.
 pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {
     let good = match radii {
         Radii::Uniform { min, max } => {
@@ -594,7 +597,7 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// A cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+/// Returns a cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
 fn cloud(
     (written, region, number_of): (&Grading, &Extent, u32),
     path: &str,
@@ -729,7 +732,8 @@ fn falls(
             "gravity",
             "a deposition needs gravity along one axis",
             Remedy::from(format!(
-                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the file under the inclined \
+                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the \
+                 file under the inclined \
                  gravity; a `body_force` of the fluid drives the water alone"
             ))
             .set("gravity", down),
@@ -821,7 +825,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     ))
 }
 
-/// Returns true where the largest grain fits the box in which the grains grow, and refuses it where it does not.
+/// Returns `true` if the largest grain fits the box in which the grains grow, and refuses it otherwise.
 fn fits_box(growth: &Growth, block: &Block, path: &str, findings: &mut Findings) -> bool {
     let largest = 2.0 * growth.radii.bounds().1;
     let narrowest = (0..block.dimension)
@@ -877,7 +881,8 @@ impl Packing {
         } else if fraction < least {
             findings.warn(
                 path,
-                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more", number(fraction)),
+                format!("the grains fill {} of the box at full size: a compact sample needs about {least} or more",
+                    number(fraction)),
                 "use more or larger grains if the sample should hold together",
             );
         }

@@ -1,17 +1,18 @@
-//! Where gravity acts on the water of a lattice.
+//! Axes along which gravity acts on the water of a lattice.
 //!
-//! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0. Without it P is
-//! hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with -rho g V, its buoyancy. Axis by axis
-//! either holds, never both and never neither:
+//! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0.
+//! Without it P is hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with
+//! -rho g V, its buoyancy. Axis by axis either holds, never both and never neither:
 //!
 //! | along an axis | force on the water [N/m3] | force of P on a solid \[N\] |
 //! |---|---|---|
 //! | gravity acts | rho g | 0 |
 //! | gravity is balanced by P | 0 | -rho g V |
 //!
-//! Along a periodic axis P would rise from one end to the other. In a closed vessel or conduit it may. Below a surface it cannot: the
-//! pressure there is that of the air everywhere, and the weight along the slope, rho g sin(slope), drives the stream (Chow,
-//! Open-channel hydraulics, 1959, section 3-1). Its balance, once it is steady, is rho g sin(slope) V = shear of the walls + force on the solids.
+//! Along a periodic axis P would rise from one end to the other. In a closed vessel or conduit it may. Below a surface
+//! it cannot: the pressure there is that of the air everywhere, and the weight along the slope, rho g sin(slope),
+//! drives the stream (Chow, Open-channel hydraulics, 1959, section 3-1). Its balance, once it is steady, is rho g
+//! sin(slope) V = shear of the walls + force on the solids.
 
 use super::body_force::BodyForce;
 use super::findings::{Findings, LATTICE_PATH as PATH, number};
@@ -45,7 +46,7 @@ pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
     }
 }
 
-/// The axes along which gravity acts on the water; what contradicts itself goes to the findings.
+/// Returns the axes along which gravity acts on the water; what contradicts itself goes to the findings.
 pub(super) fn acts(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -90,7 +91,8 @@ pub(super) fn acts(
         findings.warn(
             &path,
             format!(
-                "under the surface `{}` nothing holds the weight of the water along {}, but solids get the buoyancy of water that is held: it pushes them up the slope",
+                "under the surface `{}` nothing holds the weight of the water along {}, but solids get the buoyancy \
+                 of water that is held: it pushes them up the slope",
                 surface.name, AXES[axis]
             ),
             Remedy::from("write along_periodic_axes; or, for a closed conduit, make that face a wall")
@@ -132,7 +134,7 @@ pub(super) fn acts(
     acts
 }
 
-/// Gravity on the water for `plan`; none where there is no gravity.
+/// Returns the gravity on the water for `plan`; none if there is no gravity.
 pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, String)> {
     let names = |which: bool| -> Vec<&str> {
         (0..3)
@@ -156,7 +158,8 @@ pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, St
         (false, false) => (
             format!("acts along {driven}"),
             format!(
-                "it drives the water there; along {held} pressure is the excess over the hydrostatic one, solids have their buoyancy"
+                "it drives the water there; along {held} pressure is the excess over the hydrostatic one, solids have \
+                 their buoyancy"
             ),
         ),
     })

@@ -17,7 +17,7 @@ pub struct Grid {
     pub size: [f64; 3],
     /// Edge h of a cell \[m\].
     pub spacing: f64,
-    /// Whether the domain repeats along each axis; false along z in 2-D.
+    /// `true` for each axis along which the domain repeats; false along z in 2-D.
     pub periodic: [bool; 3],
     /// Axis along which slabs are cut: 0, 1 or 2.
     pub split_axis: usize,
@@ -25,23 +25,23 @@ pub struct Grid {
     pub slab_bounds: Option<Vec<usize>>,
 }
 
-/// More cells than this along an axis are a slip of a unit, not a problem to solve.
+/// Maximum number of cells along an axis: more are a slip of a unit, not a problem to solve.
 const MOST_CELLS: f64 = 1e9;
 
 impl Grid {
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// The centre of a cell \[m\].
+    /// Returns the centre of a cell \[m\].
     #[must_use]
     pub fn centre(&self, cell: [usize; 3]) -> [f64; 3] {
         cell.map(|i| (real(i) + 0.5) * self.spacing)
     }
 
-    /// Whether a point is in the domain.
+    /// Returns `true` if a point is in the domain.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
         (0..self.dimension).all(|a| point[a] >= 0.0 && point[a] <= self.size[a])

@@ -47,14 +47,14 @@ pub enum Initial {
         flow: usize,
         /// Axis from wall to wall: 0, 1 or 2.
         across: usize,
-        /// Where the flow begins and ends along that axis \[m\].
+        /// Coordinates at which the flow begins and ends along that axis \[m\].
         between: [f64; 2],
         /// Velocity in the middle [m/s].
         peak: f64,
         /// Fluctuations about it.
         fluctuations: Option<Fluctuations>,
     },
-    /// From a file.
+    /// State from a file.
     File(PathBuf),
 }
 
@@ -74,7 +74,7 @@ pub struct Weight {
 }
 
 impl Weight {
-    /// The pressure at a place \[Pa\].
+    /// Returns the pressure at a place \[Pa\].
     #[must_use]
     pub fn pressure(&self, at: [f64; 3]) -> f64 {
         let rise = |a: usize| self.force[a] * (at[a] - self.place[a]);

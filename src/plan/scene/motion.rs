@@ -23,7 +23,7 @@ pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     }
 }
 
-/// Velocity [m/s] and rotation rate [rad/s] at the start.
+/// Returns the velocity [m/s] and rotation rate [rad/s] at the start.
 pub(super) fn motion(
     grid: &Grid,
     velocity: Option<&Vector>,

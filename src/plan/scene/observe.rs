@@ -21,15 +21,15 @@ use serde::Serialize;
 /// A box in which something happens to grains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Region {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Where.
+    /// Box of the region.
     pub block: Block,
-    /// What.
+    /// Action in the region.
     pub action: Action,
 }
 
-/// What happens in a region.
+/// Action in a region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Action {
     /// Grains are taken out.
@@ -49,7 +49,7 @@ pub enum Action {
         seed: u64,
         /// Index of the material.
         material: usize,
-        /// At most this many.
+        /// Maximum number, if any.
         at_most: Option<u32>,
     },
     /// Entries and exits are logged.
@@ -63,11 +63,11 @@ pub struct Probe {
     pub name: String,
     /// Time between samples \[s\].
     pub every: f64,
-    /// Where.
+    /// Location of the samples.
     pub at: ProbeAt,
 }
 
-/// Where a probe samples.
+/// Location of the samples of a probe.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum ProbeAt {
     /// Velocity and pressure at a point \[m\].
@@ -85,7 +85,7 @@ pub enum ProbeAt {
     Plane {
         /// Axis normal to it: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate \[m\].
+        /// Coordinate \[m\].
         position: f64,
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
@@ -96,7 +96,7 @@ pub enum ProbeAt {
     Section {
         /// Axis normal to it: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate \[m\].
+        /// Coordinate \[m\].
         position: f64,
         /// The part.
         part: Option<Block>,
@@ -221,7 +221,7 @@ fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) ->
     from.unwrap_or(0.5 * end)
 }
 
-/// Something that happens every so often happens at least once, but for a run that was made shorter on purpose.
+/// Checks that periodic events happen at least once, but for a run that was made shorter on purpose.
 pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
     // A run without a length is refused for that.
     if case.time.end > 0.0 && every > case.time.end * (1.0 + 1e-12) {

@@ -1,9 +1,11 @@
-//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with structures.
+//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with
+//! structures.
 //!
-//! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the springs would turn into
-//! an explosion. The sources differ only in the path of their findings: grains and blocks of a list or a file, blocks of a rock mass and
-//! bodies are compared by one function, round periodic axes too. Walls of facets count where they reach into the largest sphere around
-//! the centroid of a polyhedron. Prepared grains have no positions before the run: they are checked by the box in which they start.
+//! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the
+//! springs would turn into an explosion. The sources differ only in the path of their findings: grains and blocks of a
+//! list or a file, blocks of a rock mass and bodies are compared by one function, round periodic axes too. Walls of
+//! facets count where they reach into the largest sphere around the centroid of a polyhedron. Prepared grains have no
+//! positions before the run: they are checked by the box in which they start.
 
 use super::block::Block;
 use super::blocks::Blocks;
@@ -274,7 +276,8 @@ impl<'a> Start<'a> {
             };
             let name = ["x", "y", "z"][axis];
             let reason = format!(
-                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own image",
+                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own \
+                 image",
                 self.name(one.origin),
                 number(width),
                 number(self.grid.size[axis])
@@ -322,7 +325,7 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Names solids of the case that reach into something at rest, and counts those of a sample.
+    /// Reports solids of the case that reach into something at rest, and counts those of a sample.
     fn report(
         &self,
         reaching: &[(&Standing<'_>, f64)],
@@ -420,7 +423,8 @@ impl<'a> Start<'a> {
                 let count = number(real(count));
                 format!("{least}{count} pairs of the sample overlap; the deepest: {sentence}")
             };
-            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it was made for; radii, not diameters, in m";
+            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it \
+                was made for; radii, not diameters, in m";
             findings.error("grains.initial.file.path", reason, remedy);
         }
     }
@@ -436,8 +440,8 @@ impl<'a> Start<'a> {
         format!("{other} overlaps {one} by {depth} m at the start{across}")
     }
 
-    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks, and for grains that
-    /// grow also walls. What a cut empties does not count.
+    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks,
+    /// and for grains that grow also walls. What a cut empties does not count.
     fn prepared(&self, findings: &mut Findings) {
         let Some(grains) = self.grains else {
             return;
@@ -516,7 +520,8 @@ impl<'a> Start<'a> {
                 findings.error(
                     "grains.initial.growth.box",
                     format!(
-                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their box",
+                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their \
+                         box",
                         number(-lowest),
                         wall.name
                     ),
@@ -588,11 +593,13 @@ mod tests {
         let text = examples::find("deposition").unwrap().text;
         let problems = |height: f64, cut: bool| {
             let mut set = vec![format!(
-                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}}, "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
+                r#"bodies=[{{"name": "ball", "material": "soil", "shape": {{"sphere": {{"radius": 0.002}}}},
+                    "position": [0.012, 0.01, {height}], "motion": {{"fixed": {{}}}}}}]"#
             )];
             if cut {
                 set.push(
-                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014, 0.02]}}]"#.into(),
+                    r#"grains.cut=[{"name": "hole", "box": {"from": [0.008, 0.006, 0.01], "to": [0.016, 0.014,
+                        0.02]}}]"#.into(),
                 );
             }
             let document = Document::read(text, &set, Path::new(".")).unwrap();
@@ -610,7 +617,7 @@ mod tests {
         assert_eq!(problems(0.015, true), 0, "in a hole");
     }
 
-    /// The errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
+    /// Returns the errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
     fn errors(parts: &serde_json::Value, folder: &Path) -> Vec<Problem> {
         let mut case = serde_json::json!({
             "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005, "periodic": ["x"]},
@@ -627,7 +634,7 @@ mod tests {
         errors.filter(|p| p.severity == Severity::Error).collect()
     }
 
-    /// Grains of a list and the same grains of a file.
+    /// Returns grains of a list and the same grains of a file.
     fn of_both_sources(grains: &[[f64; 4]], more: &serde_json::Value) -> [Vec<Problem>; 2] {
         let folder = tempfile::tempdir().expect("a folder");
         let rows = grains

@@ -1,4 +1,4 @@
-//! Whether grains lie packed, touching others on all sides as in a bed, and how heavy they must be then.
+//! Tests if grains are packed, with contacts on all sides as in a bed, and the density they must then have.
 
 use super::Scene;
 use super::grains::GrainSource;
@@ -11,7 +11,8 @@ use std::ops::ControlFlow;
 /// Gap over diameter up to which grains count as touching.
 const GAP: f64 = 0.05;
 
-/// Grains that grow or fall lie packed; those of a list or file where one touches half as many others as in the densest packing.
+/// Returns `true` for grains that grow or fall, and for those of a list or file if one touches half as many others as
+/// in the densest packing.
 pub(crate) fn lie_packed(scene: &Scene) -> bool {
     match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::Growth { .. }) => true,
@@ -25,7 +26,8 @@ pub(crate) fn lie_packed(scene: &Scene) -> bool {
     }
 }
 
-/// Density ratio from which on packed grains of radius R in cells hold; 0 where it was not measured, as with links.
+/// Returns the density ratio from which on packed grains of radius R in cells hold; 0 if it was not measured, as with
+/// links.
 pub(crate) fn in_a_bed(
     coupling: &Coupling,
     operator: Option<SolidOperator>,
@@ -46,7 +48,7 @@ pub(crate) fn in_a_bed(
     }
 }
 
-/// Half of the neighbours that discs or spheres have in the densest packing.
+/// Returns half of the neighbours that discs or spheres have in the densest packing.
 fn neighbours(scene: &Scene) -> usize {
     if scene.grid.dimension == 2 { 3 } else { 6 }
 }
@@ -115,7 +117,8 @@ mod tests {
         assert_eq!(rows, 140);
     }
 
-    /// A bed of 4 cells per diameter, as dense as `density`, with a relaxation time: whether the plan warns of its added mass.
+    /// Returns `true` if the plan warns of the added mass of a bed of 4 cells per diameter, with this density and
+    /// relaxation time.
     fn warns(density: f64, tau: f64, initial: &serde_json::Value) -> bool {
         let case = json!({
             "domain": {"size": [0.016, 0.016, 0.032], "spacing": 1e-3, "periodic": ["x", "y"]},

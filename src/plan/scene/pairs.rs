@@ -1,9 +1,9 @@
 //! Pairs of nearby discs or spheres, at a cost proportional to their number.
 //!
-//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as wide as its largest
-//! ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The balls of a row of cells are sorted
-//! by x and swept; adjacent rows are found by index. Neither a slab full of grains nor a wide range of sizes costs more than the number of
-//! nearby pairs.
+//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as
+//! wide as its largest ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The
+//! balls of a row of cells are sorted by x and swept; adjacent rows are found by index. Neither a slab full of grains
+//! nor a wide range of sizes costs more than the number of nearby pairs.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
@@ -27,8 +27,9 @@ struct Entry {
     image: bool,
 }
 
-/// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their reaches apart, until
-/// `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite place or a positive reach are near to nothing.
+/// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their
+/// reaches apart, until `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite
+/// place or a positive reach are near to nothing.
 pub(crate) fn near(
     balls: &[Ball],
     period: [Option<f64>; 3],
@@ -37,7 +38,7 @@ pub(crate) fn near(
     counted(balls, period, visit, &mut 0)
 }
 
-/// As [`near`]; `compared` counts the pairs that were looked at.
+/// Visits pairs like [`near`]; `compared` counts the pairs that were compared.
 fn counted(
     balls: &[Ball],
     period: [Option<f64>; 3],
@@ -125,7 +126,7 @@ fn counted(
     ControlFlow::Continue(())
 }
 
-/// The level of a size: the exponent of the next power of two.
+/// Returns the level of a size: the exponent of the next power of two.
 fn level(reach: f64) -> i32 {
     // The exponent of a finite number fits.
     #[expect(
@@ -143,7 +144,7 @@ fn touch(one: &Entry, other: &Entry) -> bool {
     squared <= reach * reach * (1.0 + 1e-12)
 }
 
-/// The balls of a level with those of their periodic images that lie up to `edge` beyond the domain.
+/// Returns the balls of a level with those of their periodic images that lie up to `edge` beyond the domain.
 fn with_images(balls: &[Entry], period: [Option<f64>; 3], edge: f64) -> Vec<Entry> {
     let mut all = balls.to_vec();
     for (axis, length) in period.into_iter().enumerate() {
@@ -183,7 +184,7 @@ fn in_rows(balls: &mut [Entry], edge: f64) -> HashMap<(i64, i64), Range<usize>> 
     rows
 }
 
-/// The cell of a coordinate; what is too far away for a number of cells shares the last one.
+/// Returns the cell of a coordinate; what is too far away for a number of cells shares the last one.
 fn cell(x: f64, edge: f64) -> i64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -247,8 +248,8 @@ mod tests {
 
     #[test]
     fn only_what_is_near_is_compared() {
-        // A cube of grains one diameter and a bit apart, with one that is far away and one as large as all: no sweep along one axis
-        // gets by with so few visits.
+        // A cube of grains one diameter and a bit apart, with one that is far away and one as large as all: no sweep
+        // along one axis gets by with so few visits.
         let mut balls = Vec::new();
         for n in 0..20_u8 {
             for m in 0..20_u8 {

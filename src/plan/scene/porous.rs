@@ -1,8 +1,8 @@
 //! Porous zones of a resolved flow: where they are, and what a plan has to know of them.
 //!
-//! A cell takes the part of a resistance that the zone has of its volume, φ = ½ - d/h between 0 and 1 with the signed distance d of
-//! its centre: exact for faces of boxes, so that a zone of any thickness loses the pressure of its own thickness. Zones that
-//! overlap add up.
+//! A cell takes the part of a resistance that the zone has of its volume, φ = ½ - d/h between 0 and 1 with the signed
+//! distance d of its centre: exact for faces of boxes, so that a zone of any thickness loses the pressure of its own
+//! thickness. Zones that overlap add up.
 
 use super::findings::{Findings, LATTICE_PATH as PATH, number};
 use super::grid::Grid;
@@ -23,7 +23,7 @@ pub struct PorousZone {
     pub name: String,
     /// JSON path of the zone.
     pub path: String,
-    /// Its place, with periodic images.
+    /// Place, with periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
     /// Coefficients of its resistance.
@@ -47,7 +47,7 @@ struct Thickness {
 
 /// Resistance of a step, a + b |u| in lattice units, up to which the trapezoidal rule does not swing.
 const WITHOUT_SWINGS: f64 = 2.0;
-/// The same beside an eddy viscosity: the velocity that it reads in a zone errs by half of it.
+/// Limit for a zone with an eddy viscosity: the velocity that the model reads in a zone has half of it as error.
 const BESIDE_EDDIES: f64 = 0.2;
 /// Columns through the domain, along each axis across, that the thickness of a zone is sampled on.
 const COLUMNS: usize = 16;
@@ -153,8 +153,8 @@ impl PorousZone {
     }
 }
 
-/// Returns the cells of a part of the domain that zones resist, in lattice units at a time step \[s\]. `first` is the first cell of the part and
-/// `cells` its size.
+/// Returns the cells of a part of the domain that zones resist, in lattice units at a time step \[s\]. `first` is the
+/// first cell of the part and `cells` its size.
 pub fn cells(
     zones: &[PorousZone],
     (grid, time_step): (&Grid, f64),
@@ -185,8 +185,8 @@ pub fn cells(
     found
 }
 
-/// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m2/s2] along an axis drives through zones that
-/// close a section; infinite where the water passes all zones by.
+/// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m2/s2] along an axis drives through
+/// zones that close a section; infinite if the water passes all zones by.
 pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
     let bounds = zones.iter().map(|zone| {
         let Thickness { least, .. } = zone.thickness(grid, axis);
@@ -199,7 +199,8 @@ pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64)
     bounds.fold(f64::INFINITY, f64::min)
 }
 
-/// Returns the losses of pressure over the density [m2/s2] of a discharge through zones along an axis, with the paths of the zones.
+/// Returns the losses of pressure over the density [m2/s2] of a discharge through zones along an axis, with the paths
+/// of the zones.
 pub(crate) fn losses<'a>(
     zones: &'a [PorousZone],
     grid: &'a Grid,
@@ -212,7 +213,8 @@ pub(crate) fn losses<'a>(
         let Thickness { most, open, .. } = zone.thickness(grid, axis);
         let speed = discharge / area;
         let through = zone.coefficients.deceleration(speed) * most;
-        // Where the zone leaves a part of the section open, all the water may take that: a contraction loses at most (U/open)².
+        // Where the zone leaves a part of the section open, all the water may take that: a contraction loses at most
+        // (U/open)².
         let past = (speed / open).powi(2);
         (zone.path.as_str(), through.min(past))
     })

@@ -1,8 +1,9 @@
-//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the names of the columns.
+//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the
+//! names of the columns.
 //!
-//! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`, across z `x` and
-//! `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators and units are read.
-//! [`Table`] interpolates between the rows.
+//! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`,
+//! across z `x` and `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators
+//! and units are read. [`Table`] interpolates between the rows.
 
 use io::sheet::{Column, Refusal, Sheet, Unit};
 use lbm::boundary::profile::Table;
@@ -89,7 +90,7 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     Ok(rows)
 }
 
-/// No coordinate and no velocity is larger, as anywhere in a case.
+/// Maximum coordinate and velocity, as anywhere in a case.
 const LARGEST: f64 = 1e30;
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::findings::{Findings, number};
 use super::grid::Grid;
 use case::geometry::{Axis, Region};
 
-/// Lower and upper corner of a region \[m\], infinite where it has no end; findings where it makes no sense.
+/// Returns the lower and upper corner of a region \[m\], infinite if it has no end; findings where it makes no sense.
 pub(crate) fn region(
     grid: &Grid,
     region: &Region,

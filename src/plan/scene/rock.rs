@@ -1,11 +1,13 @@
 //! A rock mass cut into blocks by joint sets.
 //!
-//! The mass is a convex solid. The planes of the sets cut, one after another, the blocks that they cross, each with the probability
-//! `persistence` of the set. This is the definition of persistence in 3DEC (Itasca, `block cut joint-set`): a block must stay convex, and a
-//! joint cannot end inside one. A cut that would leave a part thinner or smaller than the given limits is not made, so that the blocks always
-//! fill the mass. Finally the faces on joints are moved apart by the aperture, so that water can enter.
+//! The mass is a convex solid. The planes of the sets cut, one after another, the blocks that they cross, each with the
+//! probability `persistence` of the set. This is the definition of persistence in 3DEC (Itasca, `block cut joint-set`):
+//! a block must stay convex, and a joint cannot end inside one. A cut that would leave a part thinner or smaller than
+//! the given limits is not made, so that the blocks always fill the mass. Finally the faces on joints are moved apart
+//! by the aperture, so that water can enter.
 //!
-//! Random numbers are functions of the seed and of the cuts that made a block; they do not depend on the order in which blocks are processed.
+//! Random numbers are functions of the seed and of the cuts that made a block; they do not depend on the order in which
+//! blocks are processed.
 
 pub mod joints;
 pub mod list;
@@ -35,7 +37,7 @@ pub struct RockMass {
 type Part = (Piece, u64);
 
 impl RockMass {
-    /// About how many blocks the joints make, from above.
+    /// Returns an estimate of the number of blocks that the joints make, from above.
     #[must_use]
     pub fn expected(&self) -> f64 {
         let whole = Piece::of(&self.solid);
@@ -46,7 +48,7 @@ impl RockMass {
         self.sets.iter().map(cuts).product()
     }
 
-    /// The blocks.
+    /// Returns the blocks.
     ///
     /// # Errors
     /// An aperture as wide as a block, which leaves nothing of it.
@@ -112,7 +114,7 @@ impl RockMass {
         done.push((rest, line));
     }
 
-    /// Whether a part is no sliver.
+    /// Returns `true` if a part is no sliver.
     fn lasts(&self, part: &Piece) -> bool {
         part.volume() >= self.smallest_volume && part.thickness() >= self.smallest_thickness
     }

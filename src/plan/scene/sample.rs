@@ -11,9 +11,9 @@
 //! | `angular_velocity_x`, `_y` (3-D only), `angular_velocity_z` | [rad/s] | 0 |
 //! | `id` | whole number, each once: grains stand in its order | the order of the lines |
 //!
-//! Other columns are refused. Numbers are written with all their digits, so that a sample is read back with the same bits.
-//! [`io::sheet`] states which separators and units are read. Files of other programs are converted first ([`foreign`]); columns that a
-//! sample does not have are not read from them.
+//! Other columns are refused. Numbers are written with all their digits, so that a sample is read back with the same
+//! bits. [`io::sheet`] states which separators and units are read. Files of other programs are converted first
+//! ([`foreign`]); columns that a sample does not have are not read from them.
 
 mod foreign;
 
@@ -71,12 +71,13 @@ const SPIN: [&str; 3] = [
     "angular_velocity_z",
 ];
 
-/// The columns of the rotation rate: in 2-D that about z.
+/// Returns the columns of the rotation rate: in 2-D that about z.
 fn spin(dimension: usize) -> &'static [&'static str] {
     &SPIN[if dimension == 2 { 2 } else { 0 }..]
 }
 
-/// The sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it where one is not zero.
+/// Returns the sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it
+/// where one is not zero.
 #[must_use]
 pub fn write(grains: &[Grain], dimension: usize, materials: &[String]) -> String {
     let axes = dimension.min(3);
@@ -247,7 +248,8 @@ pub fn read(
             if z.total_cmp(&first).is_ne() {
                 let line = row.line();
                 return Err(format!(
-                    "line {line}: z is {z}, that of the first grain {first}: grains of a problem in two dimensions lie in one plane"
+                    "line {line}: z is {z}, that of the first grain {first}: grains of a problem in two dimensions \
+                     lie in one plane"
                 ));
             }
         }

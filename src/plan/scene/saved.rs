@@ -1,4 +1,5 @@
-//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's own files.
+//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's
+//! own files.
 
 use super::findings::Findings;
 use case::Case;
@@ -34,10 +35,10 @@ const OWN: [&str; 23] = [
 const OWN_ENDINGS: [&str; 5] = [".xmf", ".vtkhdf", ".h5", ".part", ".lock"];
 /// Beginnings of the names of tables and checkpoints.
 const OWN_BEGINNINGS: [&str; 3] = ["probe_", "checkpoint", "."];
-/// Longest name \[bytes\], with room for the ending of a file that is being written.
+/// Longest name \[bytes\], with space for the ending of a file that is being written.
 const LONGEST: usize = 200;
 
-/// Looks at every name that a case gives to a file of its run.
+/// Checks every name that a case gives to a file of its run.
 pub(crate) fn names(case: &Case, findings: &mut Findings) {
     let grains = case.grains.as_ref().and_then(|grains| grains.save.as_ref());
     let blocks = case.blocks.as_ref().and_then(|blocks| blocks.save.as_ref());
@@ -59,7 +60,7 @@ pub(crate) fn names(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// What keeps a name from being one inside the run's folder.
+/// Returns the reason why a name is not valid inside the run's folder.
 fn wrong(written: &Path) -> Option<String> {
     let name = written.to_str().unwrap_or_default();
     let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');

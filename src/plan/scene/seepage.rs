@@ -21,12 +21,13 @@ use serde_json::json;
 use std::sync::Arc;
 use structure::Images;
 
-/// Where the seepage stands in a case.
+/// Path of the seepage in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
-/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean
+/// diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
 /// A resolved seepage, in SI.
@@ -38,7 +39,7 @@ pub struct Seepage {
     pub coupling_time: Option<f64>,
     /// Cells of the coarse grid; 1 along z in 2-D.
     pub cells: [usize; 3],
-    /// Its lower corner \[m\].
+    /// Lower corner \[m\].
     pub origin: [f64; 3],
     /// Edges of a cell \[m\]; 1 along z in 2-D.
     pub spacing: [f64; 3],
@@ -59,7 +60,7 @@ pub struct Seepage {
 /// A condition on a part of a face of the coarse grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Patch {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The face.
     pub face: Face,
@@ -72,7 +73,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Cells along an axis; none where a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
     }
@@ -128,7 +129,7 @@ impl Seepage {
         Some(scene)
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
@@ -148,7 +149,7 @@ impl Seepage {
         self.written.coupling_interval.unwrap_or(chosen)
     }
 
-    /// Centre of a patch \[m\].
+    /// Returns the centre of a patch \[m\].
     #[must_use]
     pub fn centre(&self, patch: &Patch) -> [f64; 3] {
         std::array::from_fn(|a| {
@@ -163,7 +164,7 @@ impl Seepage {
         })
     }
 
-    /// The smallest edge of a cell \[m\].
+    /// Returns the smallest edge of a cell \[m\].
     #[must_use]
     pub fn smallest_edge(&self, dimension: usize) -> f64 {
         self.spacing[..dimension]
@@ -172,7 +173,7 @@ impl Seepage {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Height of the grid along gravity; its longest edge without gravity \[m\].
+    /// Returns the height of the grid along gravity; its longest edge without gravity \[m\].
     pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
         let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
         let axis = (0..dimension).max_by(|&a, &b| {
@@ -182,7 +183,7 @@ impl Seepage {
         axis.map_or(0.0, edge)
     }
 
-    /// Largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    /// Returns the largest difference between imposed pressures beyond those of water at rest \[Pa\].
     pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
         let density = self.written.density;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -296,8 +297,8 @@ impl Seepage {
         patches
     }
 
-    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other side: water that a sheet
-    /// pile separates from a patch does not belong to it.
+    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other
+    /// side: water that a sheet pile separates from a patch does not belong to it.
     fn end_beside_structures(
         &self,
         face: Face,
@@ -314,7 +315,8 @@ impl Seepage {
         };
         let [from, to] = found;
         let (first, last) = (*from, *to);
-        // Where the water of a layer of cells across an axis is, in the mean over the patch; none where there is no water.
+        // Where the water of a layer of cells across an axis is, in the mean over the patch; none if there is no
+        // water.
         let water = |a: usize, at: usize| {
             let others: Vec<usize> = (0..grid.dimension)
                 .filter(|&b| b != a && b != axis)
@@ -351,7 +353,7 @@ impl Seepage {
         }
     }
 
-    /// The coarse grid in `dimension` axes.
+    /// Returns the coarse grid in `dimension` axes.
     #[must_use]
     pub fn coarse_grid(&self, dimension: usize) -> CoarseGrid {
         CoarseGrid {
@@ -362,7 +364,7 @@ impl Seepage {
         }
     }
 
-    /// Whether structures hold the cells of a patch.
+    /// Returns `true` if structures hold the cells of a patch.
     fn covered(&self, patch: &Patch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
@@ -386,7 +388,7 @@ impl Seepage {
         })
     }
 
-    /// Whether the enclosure shuts a patch: every cell face of it lies wholly behind one plane.
+    /// Returns `true` if the enclosure closes a patch: every cell face of it is wholly behind one plane.
     fn closed(&self, patch: &Patch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let level = if patch.face.is_max() {

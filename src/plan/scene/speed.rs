@@ -1,9 +1,9 @@
 //! The speeds that the water of a scene will reach, before a single step.
 //!
-//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow
-//! U = dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by
-//! U = f b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step, it also
-//! asks how fast bodies settle ([`settling`]).
+//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow U = dP
+//! b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by U = f b²/(8
+//! rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step,
+//! it also asks how fast bodies settle ([`settling`]).
 
 pub(crate) mod settling;
 
@@ -21,7 +21,7 @@ pub(crate) const PILOT_MARGIN: f64 = 1.25;
 
 /// A velocity the fluid will reach.
 pub(crate) struct Speed {
-    /// What makes it.
+    /// Cause of the speed.
     pub(crate) what: String,
     /// JSON path of what decides it.
     pub(crate) path: String,
@@ -29,7 +29,8 @@ pub(crate) struct Speed {
     pub(crate) value: f64,
 }
 
-/// All speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of what settles.
+/// Returns all speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of
+/// what settles.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
@@ -53,8 +54,8 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// The speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures, of body
-/// forces and of what settles.
+/// Returns the speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures,
+/// of body forces and of what settles.
 pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);
@@ -83,7 +84,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
 /// The name of the speed of what settles or rises.
 pub(crate) const SETTLING: &str = "settling (estimate)";
 
-/// That of what settles or rises.
+/// Returns the speed of bodies that settle or rise.
 fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
     let what = SETTLING.into();
@@ -199,7 +200,7 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
         .max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// That of a pressure difference.
+/// Returns the speed that a pressure difference drives.
 fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
     let what = "the pressure difference (estimate)".into();
@@ -216,7 +217,7 @@ pub(crate) struct PressureDifference {
     pub(crate) axis: usize,
 }
 
-/// The difference of the pressures that boundaries impose; outflows beside them are at the reference.
+/// Returns the difference of the pressures that boundaries impose; outflows elsewhere are at the reference.
 pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
     let mut bounds: Option<[f64; 2]> = None;
     let mut largest: Option<(f64, String, usize)> = None;
@@ -257,8 +258,8 @@ fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((path, free.min(viscous).min(resisted)))
 }
 
-/// Length and open height of the way through the domain along an axis: the holes cut into the grains (boxes that do
-/// not reach from wall to wall), or the whole domain.
+/// Returns the length and open height of the way through the domain along an axis: the holes cut into the grains (boxes
+/// that do not reach from wall to wall), or the whole domain.
 pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     let grid = &scene.grid;
     let across: Vec<usize> = (0..grid.dimension)
@@ -283,8 +284,9 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     .unwrap_or((grid.size[axis], full))
 }
 
-/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D: discs) of the smallest size in the
-/// densest packing. None where grains have nowhere to settle, or where the stream goes through a hole cut into them.
+/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D:
+/// discs) of the smallest size in the densest packing. None where grains have nowhere to settle, or where the stream
+/// goes through a hole cut into them.
 fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     let grid = &scene.grid;
     let down = (0..grid.dimension)
@@ -308,8 +310,8 @@ fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     grains.remaining() * volume / (densest * floor)
 }
 
-/// The largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3]; along the others it makes
-/// pressure.
+/// Returns the largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3];
+/// along the others it makes pressure.
 fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
     let body = flow.body_force.largest();
     std::array::from_fn(|a| {
@@ -364,8 +366,9 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     estimate.is_finite().then_some(estimate)
 }
 
-/// The speed that body force and gravity give to the water along an axis on which the domain repeats itself: in a film under a surface
-/// without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies as far as these hold it.
+/// Returns the speed that body force and gravity give to the water along an axis on which the domain repeats itself: in
+/// a film under a surface without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between
+/// bodies as far as these hold it.
 fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     let forces = driving_force(scene, flow);
     let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
@@ -405,8 +408,8 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     Some(steady.min(force * time / flow.density).min(resisted))
 }
 
-/// Velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the logarithmic law (Pope 2000,
-/// section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
+/// Returns the velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the
+/// logarithmic law (Pope 2000, section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
 fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
     let friction_velocity = (0.5 * force * height / flow.density).sqrt();
     let reynolds = 0.5 * friction_velocity * height / flow.kinematic_viscosity;
@@ -429,7 +432,8 @@ mod tests {
                 "gravity": [0, -9.81, 0],
                 "materials": {"glass": {"density": density}},
                 "fluid": {"lattice_boltzmann": {
-                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8, "body_force": {"constant": [8, 0, 0]}
+                    "density": 1000, "kinematic_viscosity": 1e-2, "relaxation_time": 0.8,
+                        "body_force": {"constant": [8, 0, 0]}
                 }},
                 "grains": {"material": "glass", "initial": {"deposition": {
                     "number": number, "grading": {"by_count": [{"min": 5e-3, "max": 5e-3, "fraction": 1}]}, "seed": 1,

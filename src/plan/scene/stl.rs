@@ -1,11 +1,12 @@
 //! Triangulated surfaces from STL files, as text or binary.
 //!
-//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into one vertex, which gives
-//! the neighbours of a triangle. Triangles without an area are left out. The normals of the file are not used, because walls act
-//! on both sides.
+//! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into
+//! one vertex, which gives the neighbours of a triangle. Triangles without an area are left out. The normals of the
+//! file are not used, because walls act on both sides.
 //!
-//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single precision, its messages name
-//! the line, and it compares the number of triangles with the length of the file before it allocates memory.
+//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single
+//! precision, its messages name the line, and it compares the number of triangles with the length of the file before it
+//! allocates memory.
 
 use dem::Surface;
 use nalgebra::Vector3;
@@ -14,7 +15,7 @@ use std::collections::HashMap;
 /// Corners closer than this over the extent of the surface are one.
 const MERGE: f64 = 1e-7;
 
-/// The surface of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the surface of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
 /// A sentence about the error.
@@ -36,7 +37,7 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
     Surface::new(vertices, &facets).map_err(|e| e.to_string())
 }
 
-/// The triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
 ///
 /// # Errors
 /// A sentence about the error.
@@ -59,7 +60,7 @@ pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 
     [low.into(), high.into()]
 }
 
-/// The corners of all triangles, one after the other.
+/// Returns the corners of all triangles, one after the other.
 fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
     let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
     let corners: Vec<Vector3<f64>> = corners
@@ -72,7 +73,8 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever its first word.
+/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever
+/// its first word.
 fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
     let end = 84 + 50 * count;
@@ -100,7 +102,7 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     Some(corners.collect())
 }
 
-/// The words of a text with their lines, which end by a line feed, a carriage return or both.
+/// Returns the words of a text with their lines, which end by a line feed, a carriage return or both.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.split('\n').flat_map(|line| {
         let line = line.strip_suffix('\r').unwrap_or(line);
@@ -111,7 +113,8 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
 }
 
-/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any letters of any code.
+/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any
+/// letters of any code.
 fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     let padding = |byte: &u8| *byte == 0;
     let end = bytes
@@ -171,7 +174,7 @@ fn no_text(bytes: &[u8]) -> String {
     )
 }
 
-/// Vertices, and the vertex of each corner.
+/// Returns the vertices, and the vertex of each corner.
 fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
@@ -224,8 +227,10 @@ mod tests {
     use super::*;
 
     const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 1 1 0\n \
-        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 1 1e-9\n  vertex 0 1 0\n endloop\n\
-        endfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 0 0 0\n  vertex 0 1 0\n endloop\nendfacet\nendsolid\n";
+        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 1 1e-9\n  vertex 0 1 0\n \
+        endloop\n\
+        endfacet\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 0 0 0\n  vertex 0 1 0\n \
+        endloop\nendfacet\nendsolid\n";
 
     fn as_binary() -> Vec<u8> {
         let mut bytes = vec![b's'; 80];
@@ -259,7 +264,8 @@ mod tests {
         }
     }
 
-    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals, padding.
+    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals,
+    /// padding.
     #[test]
     fn text_is_read_as_it_is_found() {
         let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();

@@ -17,12 +17,12 @@ use structure::{Frame, Images, Shape};
 /// A solid at rest.
 #[derive(Clone, Debug, Serialize)]
 pub struct Structure {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The solid with its periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
-    /// What it stops.
+    /// Materials that it stops.
     pub stops: Stops,
     /// Index of its material.
     pub material: Option<usize>,
@@ -31,7 +31,7 @@ pub struct Structure {
 /// Cells round the domain in which solids are known.
 const MARGIN: f64 = 3.0;
 
-/// The structures of a case.
+/// Returns the structures of a case.
 pub(crate) fn structures(
     case: &Case,
     grid: &Grid,
@@ -70,7 +70,7 @@ pub(crate) fn structures(
     all
 }
 
-/// A solid with its periodic images; findings where it cannot be had, or lies outside the domain.
+/// Returns a solid with its periodic images; findings where it cannot be had, or lies outside the domain.
 pub(crate) fn images(
     case: &Case,
     grid: &Grid,
@@ -132,8 +132,8 @@ pub(crate) fn images(
 /// Length over that of a cell below which a solid has no shape on the lattice, even where it cuts a link.
 const NO_SHAPE: f64 = 0.1;
 
-/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of them or is far smaller
-/// than a cell.
+/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of
+/// them or is far smaller than a cell.
 fn is_lost(images: &Images, grid: &Grid) -> bool {
     let [low, high] = images.solid().extent();
     let axes = 0..grid.dimension;
@@ -172,7 +172,7 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
     })
 }
 
-/// Whether a part of the solid, however thin, lies in the domain.
+/// Returns `true` if a part of the solid, however thin, is in the domain.
 fn meets(images: &Images, grid: &Grid) -> bool {
     images
         .extents()
@@ -189,13 +189,13 @@ fn meets(images: &Images, grid: &Grid) -> bool {
 /// Grains reach into a structure at the start where they do by more than this part of their radius.
 const ALLOWED: f64 = 0.05;
 
-/// How deep a grain reaches into a structure that stops grains \[m\], where that is more than contacts explain.
+/// Returns the overlap of a grain with a structure that stops grains \[m\], if it is more than contacts explain.
 fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
     let depth = grain.radius - structure.solid.distance(grain.position);
     (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
 }
 
-/// Whether a grain starts in a structure, deeper than a twentieth of its radius.
+/// Returns `true` if a grain starts in a structure, deeper than a twentieth of its radius.
 #[must_use]
 pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
     structures.iter().any(|one| depth(one, grain).is_some())
@@ -260,7 +260,7 @@ mod tests {
         read.map_or_else(|problems| problems, |plan| plan.warnings)
     }
 
-    /// Water with a ball of this radius \[cells\] at a place \[cells\].
+    /// Returns `true` if water is lost with a ball of this radius \[cells\] at a position \[cells\].
     fn is_lost(centre: [f64; 3], radius: f64) -> bool {
         let case = json!({
             "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},

@@ -37,11 +37,11 @@ pub struct Wall {
     pub velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
-    /// Whether it is gone as the run begins.
+    /// `true` if it is removed as the run begins.
     pub temporary: bool,
-    /// Time from which it exists \[s\]; none where it does from the start.
+    /// Time from which it exists \[s\]; none if it does from the start.
     pub from: Option<f64>,
-    /// Time until which it exists \[s\]; none where it does to the end.
+    /// Time until which it exists \[s\]; none if it does to the end.
     pub until: Option<f64>,
     /// The face of the domain it lies on, if it is a box wall.
     pub face: Option<Face>,
@@ -50,13 +50,13 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Whether it comes or goes during the run.
+    /// Returns `true` if it is added or removed during the run.
     #[must_use]
     pub fn is_timed(&self) -> bool {
         self.from.is_some() || self.until.is_some()
     }
 
-    /// Whether it exists at a time of the run \[s\].
+    /// Returns `true` if it exists at a time of the run \[s\].
     #[must_use]
     pub fn exists(&self, time: f64) -> bool {
         !self.temporary
@@ -65,7 +65,7 @@ impl Wall {
     }
 }
 
-/// Grains that nothing stops where they fall.
+/// Reports grains that nothing stops where they fall.
 fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
     let Some(gravity) = case.gravity.as_ref().map(case::geometry::Vector::to_array) else {
         return;
@@ -232,7 +232,7 @@ fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut F
     }
 }
 
-/// Returns the index of the material of walls on faces; a missing one is told at the first wall only.
+/// Returns the index of the material of walls on faces; a missing one is reported at the first wall only.
 fn box_material(
     case: &Case,
     names: &[String],
@@ -258,14 +258,14 @@ fn box_material(
     names.iter().position(|known| Some(known.as_str()) == usual)
 }
 
-/// The periodic axis along which a unit normal points, at least in part.
+/// Returns the periodic axis along which a unit normal points, at least in part.
 fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
     (0..grid.dimension)
         .find(|&a| grid.periodic[a] && normal[a].abs() > 0.0)
         .map(|a| ["x", "y", "z"][a])
 }
 
-/// The periods of the domain \[m\], 0 along axes that are not periodic.
+/// Returns the periods of the domain \[m\], 0 along axes that are not periodic.
 fn periods(grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|a| {
         if a < grid.dimension && grid.periodic[a] {
@@ -276,7 +276,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// Grains that are too large for facets in a domain that repeats so soon.
+/// Reports grains that are too large for facets in a domain that repeats so soon.
 fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
@@ -294,7 +294,7 @@ fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) 
     }
 }
 
-/// The times at which a wall comes and goes.
+/// Checks the times at which a wall comes and goes.
 fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
     let stated = [("from", wall.from), ("until", wall.until)];
     let end = case.time.end;
@@ -338,8 +338,8 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
     }
 }
 
-/// A wall of the preparation needs one in which grains move: a deposition, or the rest of bonded grains. A sample from a file may have
-/// been held by such a wall when it was made: there it is only said.
+/// Checks that a case with a wall of the preparation has a preparation in which grains move: a deposition, or the
+/// relaxation of bonded grains. A sample from a file may have been held by such a wall when it was made: there it is only said.
 fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     let source = case.grains.as_ref().map(|grains| &grains.initial);
     let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);
@@ -369,7 +369,7 @@ fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     }
 }
 
-/// The facets of a wall that is not a plane, or findings.
+/// Returns the facets of a wall that is not a plane, or findings.
 fn facets(
     case: &Case,
     grid: &Grid,

@@ -6,7 +6,7 @@ use base::number::{real, whole};
 use base::random::Stream;
 use dem::{Components, Space};
 
-/// A place for each grain at the cloud's sizes, without overlap, the largest placed first.
+/// Returns a place for each grain at the cloud's sizes, without overlap, the largest placed first.
 pub(super) fn scatter<S: Space>(
     settings: &PackingSettings<S>,
     radii: &[f64],

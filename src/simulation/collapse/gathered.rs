@@ -10,7 +10,7 @@ use plan::scene::collapse::{GroundCollapse, SeepagePoint};
 /// Id, radius, position, displacement.
 const NUMBERS: usize = 2 + 2 * 3;
 
-/// What rank 0 measures.
+/// Data that rank 0 measures.
 pub(super) struct Gathered {
     /// The grains of all ranks by rising id.
     pub(super) grains: Vec<Grain>,
@@ -18,7 +18,7 @@ pub(super) struct Gathered {
     pub(super) bonds: Vec<[u64; 2]>,
 }
 
-/// All grains and the bonds of loose ones on rank 0; none on other ranks. Collective.
+/// Returns all grains and the bonds of loose ones on rank 0; none on other ranks. Collective.
 pub(super) fn gather<S: Space>(
     view: &View<'_, S>,
     asked: &GroundCollapse,
@@ -95,7 +95,7 @@ pub(super) fn gather<S: Space>(
     }))
 }
 
-/// How far an owned grain is from where it started \[m\].
+/// Returns the displacement of an owned grain from its start \[m\].
 fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
     let moved = view.particles.displacement(k);
     moved.map_or([0.0; 3], |moved| {
@@ -109,12 +109,12 @@ fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
     })
 }
 
-/// Length of a vector.
+/// Returns the length of a vector.
 pub(super) fn length(v: [f64; 3]) -> f64 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// The box of a point in the frame of the analysis.
+/// Returns the box of a point in the frame of the analysis.
 pub(super) fn in_frame(asked: &GroundCollapse, domain: [f64; 3], point: &SeepagePoint) -> Point {
     let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
     let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));

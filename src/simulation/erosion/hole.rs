@@ -73,7 +73,7 @@ impl Hole {
         0.5 * (self.from[self.across] + self.to[self.across])
     }
 
-    /// Whether a coordinate lies in the box along an axis, which in 2-D includes the third.
+    /// Returns `true` if a coordinate is in the box along an axis, which in 2-D includes the third.
     pub(super) fn spans(&self, axis: usize, x: f64, dimension: usize) -> bool {
         axis >= dimension || (self.from[axis]..self.to[axis]).contains(&x)
     }
@@ -119,7 +119,7 @@ impl Sums {
             .collect()
     }
 
-    /// Returns the mean solid fraction of the rows beside the hole.
+    /// Returns the mean solid fraction of the rows next to the hole.
     pub(super) fn solid_fraction_beside(&self, hole: &Hole) -> f64 {
         let beside = |values: &[i64]| -> i64 {
             let rows = values.iter().enumerate();
@@ -130,7 +130,7 @@ impl Sums {
         real(beside(&self.solid)) / real(beside(&self.cells).max(1))
     }
 
-    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN where it cannot be
+    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN if it cannot be
     /// measured.
     pub(super) fn shear(&self, units: &LatticeUnits, faces: HoleFaces, viscosity: f64) -> f64 {
         let rows = self.velocity.iter().zip(&self.cells);
@@ -255,7 +255,8 @@ pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
     sums
 }
 
-/// Force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m], N/m.
+/// Returns the force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m],
+/// N/m.
 pub(super) fn excess_force<S: Space>(
     view: &View<'_, S>,
     hole: &Hole,
@@ -291,7 +292,7 @@ pub(super) fn excess_force<S: Space>(
     (force.value() - seepage) / hole.depth
 }
 
-/// How far a point across the hole lies behind the nearer face \[m\]; negative in the hole.
+/// Returns the distance of a point across the hole behind the nearer face \[m\]; negative in the hole.
 pub(super) fn depth(faces: HoleFaces, at: f64) -> f64 {
     (faces.lower - at).max(at - faces.upper)
 }

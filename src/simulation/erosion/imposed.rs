@@ -1,10 +1,10 @@
-//! What a piping case imposes: its pressures and the cohesion of its bonds.
+//! Conditions that a piping case imposes: its pressures and the cohesion of its bonds.
 
 use base::number::to_u32;
 use dem::contact::Scaled;
 use plan::Plan;
 
-/// Start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
+/// Returns start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
     patches.filter_map(|patch| {
@@ -13,7 +13,7 @@ pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     })
 }
 
-/// Largest less smallest; NaN for fewer than two.
+/// Returns the largest value minus the smallest; NaN for fewer than two.
 pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
     let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
     for value in values {
@@ -24,7 +24,7 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
     if n < 2 { f64::NAN } else { high - low }
 }
 
-/// C/d [N/m] of a pair of grains of mean size.
+/// Returns C/d [N/m] of a pair of grains of mean size.
 pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
         return 0.0;
@@ -37,7 +37,7 @@ pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     }
 }
 
-/// The difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
+/// Returns the difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
 pub(super) fn pressure_difference(plan: &Plan, time: f64) -> f64 {
     spread(pressures(plan).map(|[from, value, ramp]| {
         if time >= ramp {

@@ -1,11 +1,13 @@
-//! How a hole erodes, in numbers: at its faces, bond by bond, while the bulk stands; or by failure of the bulk.
+//! Measures of the erosion of a hole: at its faces, bond by bond, while the bulk stands; or by failure of the bulk.
 //!
-//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of discs whose
-//!   contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six) without friction.
-//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall of the hole.
-//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk are the grains that
-//!   started beside the hole and more than [`BEHIND`] mean diameters behind its present faces and from its ends, as far as they are
-//!   still there.
+//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of
+//!   discs whose contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six)
+//!   without friction.
+//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall
+//!   of the hole.
+//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk
+//!   are the grains that started next to the hole and more than [`BEHIND`] mean diameters behind its present faces and
+//!   from its ends, as far as they are still there.
 
 use super::hole::{BEHIND, Hole, depth};
 use crate::removal::boxed;
@@ -19,19 +21,19 @@ use serde::{Deserialize, Serialize};
 /// The part of the mass that leaves while the mechanism is looked at.
 const FIRST: f64 = 0.1;
 
-/// What is known of the mechanism so far; part of a checkpoint.
+/// Mechanism of erosion so far; part of a checkpoint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Mechanism {
     /// Bonds broken inside and at the wall of the hole when the first [`FIRST`] of the mass had left.
     at_first: Option<[u64; 2]>,
     /// Displacement of the bulk in the last row up to and including the first one of that time.
     displacement: Option<f64>,
-    /// Whether that row is written.
+    /// `true` if that row is written.
     complete: bool,
 }
 
 impl Mechanism {
-    /// Whether the bonds broken so far are those that count: the first part of the mass has just left.
+    /// Returns `true` if the bonds broken so far are those that count: the first part of the mass has just left.
     pub(super) fn is_due(&self, eroded_fraction: f64) -> bool {
         self.at_first.is_none() && eroded_fraction >= FIRST
     }
@@ -41,7 +43,7 @@ impl Mechanism {
         self.at_first = Some(broken);
     }
 
-    /// Takes note of the displacement of a row, NaN where there is none.
+    /// Takes note of the displacement of a row, NaN if there is none.
     pub(super) fn note_displacement(&mut self, diameters: f64) {
         if !self.complete {
             if diameters.is_finite() {
@@ -51,7 +53,8 @@ impl Mechanism {
         }
     }
 
-    /// The share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond broke.
+    /// Returns the share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond
+    /// broke.
     pub(super) fn face_share(&self, broken: [u64; 2]) -> Option<f64> {
         let [inside, at_wall] = self.at_first.unwrap_or(broken).map(real);
         (inside + at_wall > 0.0).then(|| at_wall / (inside + at_wall))
@@ -62,7 +65,7 @@ impl Mechanism {
     }
 }
 
-/// Contacts and bonds a grain, the mean over all `grains` of all ranks; none without contacts to look at. Collective.
+/// Returns contacts and bonds a grain, the mean over all `grains` of all ranks; none without contacts. Collective.
 pub(super) fn contacts_per_grain<S: Space>(
     view: &View<'_, S>,
     first_grain: u64,
@@ -86,7 +89,7 @@ pub(super) fn contacts_per_grain<S: Space>(
     (view.dem.is_some() && grains > 0).then(|| ends.map(|n| real(n) / real(grains)))
 }
 
-/// The displacement of the bulk in mean diameters; NaN where no grain belongs to it. Collective.
+/// Returns the displacement of the bulk in mean diameters; NaN if no grain belongs to it. Collective.
 pub(super) fn bulk_displacement<S: Space>(
     view: &View<'_, S>,
     hole: &Hole,

@@ -25,25 +25,28 @@ const RAMP: f64 = 0.02;
 /// Spacing of the discs, m.
 const PITCH: f64 = 2e-4;
 
-/// A box of 4 mm x 1.6 mm on a spacing of 40 um with a hole of 2.8 mm x 0.8 mm.
+/// Returns a box of 4 mm x 1.6 mm on a spacing of 40 um with a hole of 2.8 mm x 0.8 mm.
 fn plan() -> Plan {
     let text = r#"{"title": "hole", "domain": {"size": [0.004, 0.0016], "spacing": 4e-5},
         "materials": {"soil": {"density": 2000}},
         "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 1.1,
             "boundaries": [
-                {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 0.02, "ramp": {"duration": 0.02}}}},
+                {"name": "inlet", "face": "x_min", "condition": {"pressure": {"value": 0.02,
+                "ramp": {"duration": 0.02}}}},
                 {"name": "outlet", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
         "grains": {"material": "soil", "initial": {"list": [{"position": [0.001, 0.0001], "radius": 1e-4}]}},
-        "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e3}, "cohesion": {"per_diameter": 0.506}}},
+        "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e3},
+        "cohesion": {"per_diameter": 0.506}}},
         "coupling": {"bounce_back": {}},
         "regions": [{"name": "left", "box": {"from": [0, 0], "to": [0.0002, 0.0016]}, "action": {"remove": {}}},
             {"name": "out", "box": {"from": [0.0038, 0], "to": [0.004, 0.0016]}, "action": {"remove": {}}}],
         "time": {"end": 1},
-        "analysis": {"erosion_law": {"hole": {"from": [0.0006, 0.0004], "to": [0.0034, 0.0012]}, "every": 0.01, "outlet": "out"}}}"#;
+        "analysis": {"erosion_law": {"hole": {"from": [0.0006, 0.0004], "to": [0.0034, 0.0012]}, "every": 0.01,
+        "outlet": "out"}}}"#;
     Plan::prepare(Document::read(text, &[], Path::new(".")).unwrap()).unwrap()
 }
 
-/// Two rows of 14 discs on either side of the hole.
+/// Returns two rows of 14 discs on either side of the hole.
 fn packing(radius: f64) -> Particles<Plane> {
     let mut particles = Particles::new();
     let mut id = 0;
@@ -83,7 +86,7 @@ impl Channel {
             gradient: DROP / 2.8e-3,
         }
     }
-    fn at(&self, cell: usize) -> f64 {
+    fn coordinate(&self, cell: usize) -> f64 {
         (real(cell) + 0.5) * self.units.spacing
     }
 }
@@ -99,7 +102,7 @@ impl FluidView for Channel {
         [0; 3]
     }
     fn state(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        let (x, y) = (self.at(cell[0]), self.at(cell[1]));
+        let (x, y) = (self.coordinate(cell[0]), self.coordinate(cell[1]));
         let speed = (self.gradient / 2e-3 * (y - self.lower) * (self.upper - y)).max(0.0);
         let pressure = DROP - self.gradient * (x - 6e-4);
         (
@@ -111,7 +114,7 @@ impl FluidView for Channel {
         [[0.0; 3]; 3]
     }
     fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
-        let y = self.at(cell[1]);
+        let y = self.coordinate(cell[1]);
         let inside = (15..85).contains(&cell[0]);
         (inside && !(self.lower..self.upper).contains(&y)).then_some(0)
     }
@@ -351,13 +354,13 @@ fn the_ledger_is_ordered_and_says_where_bonds_broke() {
     );
 }
 
-/// The step of half interval `n`.
+/// Returns the step of half interval `n`.
 fn half(plan: &Plan, n: u64) -> u64 {
     let every = plan.clock.every(0.01);
     every.step(n / 2) + (n % 2) * every.step(1) / 2
 }
 
-/// Half intervals `from..=to`, each with a grain gone through either region and a broken bond.
+/// Runs half intervals `from..=to`, each with a grain gone through either region and a broken bond.
 fn run(recorder: &mut ErosionRecorder, plan: &Plan, from: u64, to: u64) {
     let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(0.7e-4));
     for step in from..=to {
@@ -423,7 +426,7 @@ fn a_resumed_run_leaves_the_tables_of_a_straight_one() {
     assert!((rows[0].face_share - 1.0).abs() < 1e-15);
     let summary = recorder.summary(&plan).unwrap().unwrap();
     assert_eq!(summary["face_share"], 0.5);
-    // No contacts to look at, and no starts of the grains.
+    // No contacts, and no initial positions of the grains.
     assert!(summary["bonds_per_grain"].is_null() && summary["bulk_displacement"].is_null());
 }
 

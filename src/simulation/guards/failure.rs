@@ -1,7 +1,7 @@
 //! The message about a cell that fails a check: its position, its values, its surroundings, and a remedy.
 //!
-//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records the outcomes. For all other
-//! failures the message names the nearest limit and refers to `solver plan`.
+//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records
+//! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
 use base::error::Error;
@@ -17,14 +17,14 @@ use plan::Plan;
 use plan::margin::Margin;
 use plan::scene::findings::number;
 
-/// How a cell fails.
+/// Kind of failure of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Its numbers are not finite.
+    /// Numbers that are not finite.
     NotFinite,
-    /// It moves faster than `guards.max_lattice_velocity`.
+    /// Speed above `guards.max_lattice_velocity`.
     TooFast,
-    /// Its density is further from that at rest than `guards.max_compression`.
+    /// Density further from that at rest than `guards.max_compression`.
     TooDense,
 }
 
@@ -32,13 +32,13 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Failure {
     pub(super) kind: Kind,
-    /// Its place in the order of the lattice; the same on every rank.
+    /// Index of the cell in the order of the lattice; the same on every rank.
     pub(super) place: u64,
 }
 
 impl Failure {
-    /// The whole sentence, on every rank; `flows` is what goes through the openings, and whether it only
-    /// enters or only leaves. Collective.
+    /// Returns the whole sentence, on every rank; `flows` is what goes through the openings, and whether it only enters
+    /// or only leaves. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,
@@ -67,7 +67,7 @@ impl Failure {
         if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
             let often = (plan.scene.guards.check_every_steps / 20).max(1);
             parts.push(format!(
-                "{lost} of {} cells are not finite by now, so that this cell does not tell where it began: --set \
+                "{lost} of {} cells are not finite by now, so that this cell does not show where it began: --set \
                  guards.check_every_steps={often} finds it sooner",
                 plan.scene.grid.cell_count()
             ));
@@ -95,10 +95,10 @@ impl Failure {
     }
 }
 
-/// Part of the cells from which a failure has spread too far for the first of them to tell where it began.
+/// Part of the cells from which on a failure has spread too far for the first of them to show where it began.
 const SPREAD: f64 = 0.01;
 
-/// Cells without finite numbers. Collective.
+/// Returns the cells without finite numbers. Collective.
 fn lost<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>, communicator: &Communicator) -> usize {
     let fluid = flow.fluid();
     let broken = |&(_, cell): &([usize; 3], usize)| {
@@ -117,7 +117,7 @@ pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// What holds in a cell of the domain; none where another rank has it.
+/// Returns the state of a cell of the domain in words; none if another rank has it.
 fn state<Sp: Space, S: Stored>(
     kind: Kind,
     cell: [usize; 3],
@@ -149,7 +149,7 @@ fn state<Sp: Space, S: Stored>(
     })
 }
 
-/// A density deviation in words.
+/// Returns a density deviation in words.
 pub(super) fn density(drho: f64, plan: &Plan) -> String {
     let pressure = plan
         .units
@@ -162,7 +162,7 @@ pub(super) fn density(drho: f64, plan: &Plan) -> String {
     )
 }
 
-/// The boundary nearest to a cell: its name and its distance from the centre of the cell \[m\].
+/// Returns the boundary nearest to a cell: its name and its distance from the centre of the cell \[m\].
 fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
     let (flow, grid) = (plan.scene.flow.as_ref()?, &plan.scene.grid);
     let away = |axis: usize, upper: bool| {
@@ -186,8 +186,8 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the sphere round them.
-/// Collective.
+/// Returns the body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the
+/// sphere round them. Collective.
 fn solid<Sp: Space>(
     at: [f64; 3],
     particles: &Particles<Sp>,
@@ -222,7 +222,7 @@ fn solid<Sp: Space>(
     (id != u64::MAX && away.is_finite()).then(|| (name(id, plan), away))
 }
 
-/// What a body, block or grain is called.
+/// Returns the name of a body, block or grain.
 pub(super) fn name(id: u64, plan: &Plan) -> String {
     let bodies = &plan.scene.bodies;
     match usize::try_from(id).ok().and_then(|n| bodies.get(n)) {
@@ -232,7 +232,7 @@ pub(super) fn name(id: u64, plan: &Plan) -> String {
     }
 }
 
-/// The message about a grain, block or body with values that are not finite.
+/// Returns the message about a grain, block or body with values that are not finite.
 pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     let mut parts = vec![format!(
         "{} has a position or velocity that is not finite",
@@ -243,7 +243,7 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
     parts.join("; ")
 }
 
-/// Message for a contact deeper than `guards.max_overlap`.
+/// Returns the message for a contact deeper than `guards.max_overlap`.
 pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     let with = match deepest.with {
         With::Unknown => "another body".into(),
@@ -265,16 +265,17 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     )];
     parts.extend(nearest(plan, |limit| limit.starts_with(IMPACT)).map(limit));
     parts.push(
-        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part that is too much stops it"
+        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part \
+         that is too much stops it"
             .into(),
     );
     parts.join("; ")
 }
 
-/// How the limit of [`plan`] of impacts begins.
+/// Beginning of the name of the limit of [`plan`] for impacts.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
-/// The engine's message about a failure, with the nearest limit and a remedy.
+/// Returns the engine's message about a failure, with the nearest limit and a remedy.
 #[must_use]
 pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
@@ -292,15 +293,15 @@ pub fn of_solids(error: Error, plan: &Plan) -> Error {
     Error::Numerical(parts.join("; "))
 }
 
-/// How the limits of the solids begin.
+/// Beginning of the names of the limits of the solids.
 const SOLID: &str = "solid time step";
-/// How the limit of [`plan`] of the cell Reynolds number begins.
+/// Beginning of the name of the limit of [`plan`] for the cell Reynolds number.
 const CELL_REYNOLDS: &str = "cell Reynolds number";
 
-/// How the limits of imposed pressures begin.
+/// Beginning of the names of the limits of imposed pressures.
 const PRESSURE: &str = "density change";
 
-/// The limit of the plan with the smallest margin, of those selected.
+/// Returns the limit of the plan with the smallest margin, of those selected.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
         .iter()
@@ -308,8 +309,8 @@ fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
         .max_by(|a, b| a.used.total_cmp(&b.used))
 }
 
-/// As [`nearest`], of what the water must keep. That tau is above 1/2 says nothing, and time steps that the program chose for
-/// accuracy are at their limits by choice.
+/// Returns the [`nearest`] limit of those for the water. The limit tau > 1/2 is left out, and time steps that the
+/// program chose for accuracy are at their limits by choice.
 fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
     let own = |limit: &str| {
         limit.starts_with(SOLID)
@@ -329,22 +330,29 @@ fn limit(margin: &Margin) -> String {
     )
 }
 
-/// A remedy that helped in such a case; otherwise a hint.
+/// Returns a remedy that helped in a similar case; otherwise a hint.
 ///
-/// | scene | failed still with | ended with |
-/// |---|---|---|
-/// | channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52 | 1/2 and 1/4 of the time step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga | half the spacing, 2/3 of the speed, 3/2 of the viscosity, cumulants |
-/// | lid at cell Reynolds number 1000, tau = 0.5006 | 1/3 and 1/15 of the time step, 1/2 to 1/8 of the spacing, cumulants, MRT | a viscosity that brings it to 25 |
-/// | vortices at cell Reynolds number 300, TRT | half the time step, half the spacing | a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants |
-/// | wires across a channel without a gap | | every second wire taken out |
-/// | disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6 | | half the time step (tau = 0.55), and that with half the spacing or half the speed |
-/// | pressure imposed at once, 30 % of compression, tau = 0.8 | larger time steps, a ramp | half the time step (tau = 0.65) |
+/// Runs that failed, the changes with which they failed still, and those with which they ended:
+///
+/// - Channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52. Failed still with 1/2 and 1/4 of the time
+///   step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga; ended with half the spacing, 2/3 of the
+///   speed, 3/2 of the viscosity, cumulants.
+/// - Lid at cell Reynolds number 1000, tau = 0.5006. Failed still with 1/3 and 1/15 of the time step, 1/2 to 1/8 of the
+///   spacing, cumulants, MRT; ended with a viscosity that brings it to 25.
+/// - Vortices at cell Reynolds number 300, TRT. Failed still with half the time step, half the spacing; ended with a
+///   tenth of the speed, ten times the viscosity, BGK, MRT, cumulants.
+/// - Wires across a channel without a gap. Ended with every second wire taken out.
+/// - Disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6. Ended with half the time step (tau = 0.55), and
+///   with that and half the spacing or half the speed.
+/// - Pressure imposed at once, 30 % of compression, tau = 0.8. Failed still with larger time steps, a ramp; ended with
+///   half the time step (tau = 0.65).
 fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
         return format!(
-            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of at most {} m, a slower flow or a larger viscosity",
+            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of \
+             at most {} m, a slower flow or a larger viscosity",
             number(margin.allowed),
             number(finest)
         );
@@ -354,7 +362,8 @@ fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
         Kind::TooDense if one_way => "check that an open path of several cells leads from inlet to outlet",
         Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
         Kind::TooDense if pressure => {
-            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a ramp did not"
+            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a \
+             ramp did not"
         }
         Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }

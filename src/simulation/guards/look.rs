@@ -1,9 +1,11 @@
-//! A check of every cell of a slab: the fastest cell, the most compressed cell, and the first cell whose values are not finite.
+//! A check of every cell of a slab: the fastest cell, the most compressed cell, and the first cell whose values are not
+//! finite.
 //!
-//! The threads of the rank reduce each row to its extreme values, several cells at a time. Only rows that may contain the result are
-//! then processed cell by cell, the most extreme first, because the extreme value of a row may be in a cell inside a body, which does not
-//! count. Values and cells do not depend on ranks and threads: rows are the same on any number of ranks, a cell has the same
-//! bits alone and in its row, and of equal values the first cell in the order of the lattice counts.
+//! The threads of the rank reduce each row to its extreme values, several cells at a time. Only rows that may contain
+//! the result are then processed cell by cell, the most extreme first, because the extreme value of a row may be in a
+//! cell inside a body, which does not count. Values and cells do not depend on ranks and threads: rows are the same on
+//! any number of ranks, a cell has the same bits alone and in its row, and of equal values the first cell in the order
+//! of the lattice counts.
 
 use coupling::lattice::LatticeFlow;
 use dem::space::Space;
@@ -32,7 +34,7 @@ impl At {
     }
 }
 
-/// What a look found on this rank.
+/// Results of a check on this rank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
     /// Largest squared speed of the water, over C².
@@ -58,12 +60,12 @@ impl Order {
         }
     }
 
-    fn place(&self, at: [usize; 3]) -> u64 {
+    fn index(&self, at: [usize; 3]) -> u64 {
         let [slow, middle, fast] = self.axes;
         ((at[slow] * self.cells[middle] + at[middle]) * self.cells[fast] + at[fast]) as u64
     }
 
-    /// The cell at a place, in coordinates of the domain.
+    /// Returns the cell at a place, in coordinates of the domain.
     pub(super) fn cell(&self, place: u64) -> [usize; 3] {
         let [slow, middle, fast] = self.axes;
         let place = usize::try_from(place).unwrap_or(0);
@@ -75,12 +77,12 @@ impl Order {
     }
 }
 
-/// Room that looks use again.
+/// Buffers that checks reuse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Look {
     /// Moments of a row.
     row: [Vec<f64>; 4],
-    /// How much of its cells bodies cover.
+    /// Fraction of each cell of a row that bodies cover.
     covered: Vec<f32>,
     /// The extreme values of each row.
     rows: Rows,
@@ -89,7 +91,7 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// Looks at every cell of the slab.
+    /// Checks every cell of the slab.
     pub(super) fn at<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) -> Seen {
         self.rows.look(flow.fluid());
         let mut seen = Seen {
@@ -127,7 +129,7 @@ impl Look {
     }
 }
 
-/// Looks at each cell of a row of the slab.
+/// Checks each cell of a row of the slab.
 fn go_through<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     row: usize,
@@ -149,7 +151,7 @@ fn go_through<Sp: Space, S: Stored>(
     let (order, start) = (Order::of(flow), fluid.start());
     for k in 0..cells[fast] {
         at[fast] = k;
-        let place = order.place(std::array::from_fn(|a| at[a] + start[a]));
+        let place = order.index(std::array::from_fn(|a| at[a] + start[a]));
         let [drho, x, y, z] = [0, 1, 2, 3].map(|n| moments[n][k]);
         let squared = squared_speed(drho, [x, y, z], half);
         if !squared.is_finite() {

@@ -1,12 +1,13 @@
 //! Comparison of inflow and outflow through the openings of a lattice.
 //!
-//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly and over all
-//! ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are averaged over a *window* of
-//! checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least [`LEAST_LOOKS`] checks. A lattice fluid is
-//! compressible, so that inflow and outflow differ while pressure builds up. They are compared when all ramps of the boundaries have
-//! ended and two whole windows have passed since:
+//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly
+//! and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are
+//! averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
+//! [`LEAST_LOOKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up.
+//! They are compared when all ramps of the boundaries have ended and two whole windows have passed since:
 //!
-//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than [`IMBALANCE`];
+//! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than
+//!   [`IMBALANCE`];
 //! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
 //!
 //! Both are warnings: the density ends the run of a domain that continues to fill (`guards.max_compression`).
@@ -26,7 +27,7 @@ use plan::scene::boundaries::Patch;
 
 /// Times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
-/// Looks in a window at least.
+/// Minimum number of checks in a window.
 const LEAST_LOOKS: usize = 10;
 /// Imbalance that is worth a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
@@ -43,12 +44,12 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    /// (inflow - outflow) / max(inflow, outflow).
+    /// Returns (inflow - outflow) / max(inflow, outflow).
     pub(super) fn imbalance(&self) -> f64 {
         (self.inflow - self.outflow) / self.inflow.max(self.outflow)
     }
 
-    /// In m3/s, or m2/s per metre of depth in 2-D.
+    /// Converts to m3/s, or m2/s per metre of depth in 2-D.
     pub(super) fn to_si(self, units: &LatticeUnits) -> Self {
         let cell = units.spacing.powi(if units.dimension == 2 { 2 } else { 3 });
         let scale = cell / units.time_step;
@@ -59,12 +60,12 @@ impl Rates {
     }
 }
 
-/// The unit of flows.
+/// Returns the unit of flows.
 pub(super) fn unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2/s" } else { "m3/s" }
 }
 
-/// The looks of the window in a checkpoint. A number that is not finite is null there.
+/// Checks of the window in a checkpoint. A number that is not finite is null there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct State {
@@ -73,20 +74,20 @@ pub(super) struct State {
     looks: Vec<[Option<f64>; 2]>,
 }
 
-/// What the openings let through.
+/// Flow through the openings.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Openings {
-    /// Whether there are any.
+    /// `true` if there are any.
     exist: bool,
-    /// Looks in a window; 0 before the first.
+    /// Number of checks in a window; 0 before the first.
     window: usize,
     /// Steps at which ramps are over.
     ramps_end: u64,
     /// Mass per step below which nothing flows.
     still: f64,
-    /// Looks since the ramps are over.
+    /// Number of checks since the ramps are over.
     settled: usize,
-    /// The looks of the window.
+    /// Checks of the window.
     looks: VecDeque<Rates>,
     /// Sums since the last call, and their number.
     since: (Rates, u64),
@@ -147,7 +148,7 @@ impl Openings {
         self.since.1 += 1;
     }
 
-    /// Finds the window, once, and makes room for its looks.
+    /// Finds the window, once, and allocates a buffer for its checks.
     pub(super) fn prepare<Sp: Space, S: Stored>(
         &mut self,
         every: u64,
@@ -170,7 +171,7 @@ impl Openings {
         self.masses.reserve(fluid.boundaries().names().count());
     }
 
-    /// Means over the window; none before the first look, and without openings.
+    /// Returns the means over the window; none before the first check, and without openings.
     pub(super) fn mean(&self) -> Option<Rates> {
         let number = real(self.looks.len());
         (!self.looks.is_empty()).then(|| Rates {
@@ -179,7 +180,7 @@ impl Openings {
         })
     }
 
-    /// Whether a mean is more than nothing.
+    /// Returns `true` if a mean differs from zero by more than rounding.
     pub(super) fn flows(&self, mean: &Rates) -> bool {
         mean.inflow.max(mean.outflow) > self.still
     }
@@ -194,14 +195,14 @@ impl Openings {
         })
     }
 
-    /// The means of the window, where inflow and outflow should agree by now and do not.
+    /// Returns the means of the window, where inflow and outflow should agree by now and do not.
     pub(super) fn disagree(&self) -> Option<Rates> {
         let mean = self.mean()?;
         let judged = self.settled >= 2 * self.window && self.flows(&mean);
         (judged && mean.imbalance().abs() > IMBALANCE).then_some(mean)
     }
 
-    /// The state for a checkpoint.
+    /// Returns the state for a checkpoint.
     pub(super) fn state(&self) -> State {
         State {
             settled: self.settled,

@@ -56,7 +56,7 @@ impl Outside {
         Ok(outside)
     }
 
-    /// Returns whether this rank prints messages.
+    /// Returns `true` if this rank prints messages.
     pub(super) fn speaks(&self) -> bool {
         self.communicator.rank() == 0 && !self.start.quiet
     }

@@ -72,34 +72,34 @@ impl Origin {
         resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
     }
 
-    /// Returns true if the case has changed since the checkpoint.
+    /// Returns `true` if the case has changed since the checkpoint.
     pub(super) fn changed(&self) -> bool {
         self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
     }
 
-    /// Returns the index in the earlier run of each wall; none where the walls are the same.
+    /// Returns the index in the earlier run of each wall; none if the walls are the same.
     pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.walls.as_deref()
     }
 
-    /// Returns the index in the earlier run of each region; none where the regions are the same.
+    /// Returns the index in the earlier run of each region; none if the regions are the same.
     fn regions(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.regions.as_deref()
     }
 
-    /// Returns `true` if the sums over time go on from those of the checkpoint.
+    /// Returns `true` if the sums over time continue from those of the checkpoint.
     pub(super) fn sums_go_on(&self) -> bool {
         self.resumed
             .as_ref()
             .is_none_or(|resumed| resumed.sums_go_on)
     }
 
-    /// Returns whether the run was past its preparation.
+    /// Returns `true` if the run was past its preparation.
     pub(super) fn runs(&self) -> bool {
         matches!(self.stage, Some(Stage::Run))
     }
 
-    /// Returns whether the fluid had been advanced.
+    /// Returns `true` if the fluid had been advanced.
     pub(super) fn flowed(&self) -> bool {
         matches!(self.stage, Some(Stage::Run | Stage::WarmUp(_)))
     }
@@ -113,7 +113,7 @@ impl Origin {
     }
 }
 
-/// Parts of a run beside the simulated state.
+/// Parts of a run in addition to the simulated state.
 pub(super) struct Parts {
     pub(super) notes: Value,
     pub(super) removal: Removal,
@@ -121,7 +121,7 @@ pub(super) struct Parts {
     pub(super) guards: Guards,
     /// States of the recorders, of a run past its preparation.
     pub(super) recorders: Option<Recorders>,
-    /// Velocities of the last look of an unfinished warm-up.
+    /// Velocities at the last check of an unfinished warm-up.
     pub(super) earlier: Option<Vec<f64>>,
 }
 

@@ -34,7 +34,7 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
     pub(super) threads: usize,
     /// Step and reason of the first checkpoint for which there was no space.
     pub(super) unsaved: Option<(u64, String)>,
-    /// Whether the slabs may change: the case does not list them.
+    /// `true` if the slabs may change: the case does not list them.
     pub(super) may_cut: bool,
     /// Slabs that cost less than those of now, found at the newest checkpoint.
     pub(super) better: Option<Slabs>,
@@ -97,7 +97,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         outcome.map_err(Ended::Later)
     }
 
-    /// The same run from its newest checkpoint, which is that of now, with other slabs. Collective.
+    /// Restarts the run from its newest checkpoint, which is that of now, with other slabs. Collective.
     fn with_slabs(self, start: impl FnOnce(RunFolder, Resumed) -> Start) -> Result<Self, Error> {
         let Self {
             simulation,
@@ -112,7 +112,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let Simulation { now, phases, .. } = simulation;
         let communicator = now.domain.communicator().clone();
         let plan = now.plan.clone();
-        // The old state makes room for the new one.
+        // The old state is dropped before the new one is allocated.
         drop((now.flow, now.dem, now.particles, now.averages));
         let found = resume::find(&folder, &communicator)?;
         let start = Start {
@@ -210,7 +210,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 break;
             }
             if step >= ask_at {
-                self.tell();
+                self.report();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
                 ask_at = step + self.watch.steps();
                 self.folder.beat();
@@ -226,7 +226,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                     }
                     Request::Stop => {
                         self.save(Occasion::Stop)?;
-                        self.simulation.look()?;
+                        self.simulation.check_state()?;
                         if self.simulation.now.domain.rank() == 0 {
                             self.watch.forget_file();
                         }
@@ -239,7 +239,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                 }
             }
         }
-        self.simulation.look()?;
+        self.simulation.check_state()?;
         // The state comes first: whatever fails afterwards, a restart ends the run from here.
         if self.first_step == self.simulation.now.step {
             self.progress.note(&format!(
@@ -251,7 +251,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             self.save(Occasion::End)?;
         }
         self.folder.forget_preparation();
-        // No checkpoint may be written after this: rows at the end are no part of what a run that goes on remembers.
+        // No checkpoint may be written after this: rows at the end are no part of the state of a run that continues.
         self.simulation.record_end()?;
         for line in self.simulation.collapse.take_news() {
             self.progress.note(&line);
@@ -263,19 +263,19 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         Ok(Pause::Done)
     }
 
-    /// Whether there is a step left to do; the same on every rank.
+    /// Returns `true` if there is a step left to do; equal on every rank.
     fn goes_on(&self) -> bool {
         self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
     }
 
-    /// Whether so much has left that the case calls the run done; the same on every rank.
+    /// Returns `true` if so much has left that the case calls the run done; equal on every rank.
     fn eroded(&self) -> bool {
         let law = self.simulation.now.plan.scene.erosion_law.as_ref();
         law.and_then(|law| law.end_at_eroded_fraction)
             .is_some_and(|end| self.simulation.recorder.eroded_fraction() >= end)
     }
 
-    fn tell(&mut self) {
+    fn report(&mut self) {
         if !self.progress.due() {
             return;
         }
@@ -288,7 +288,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(
-                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} implicit",
+                "inflow {:.3e} outflow {:.3e} m3/s, pores Re {:.2e}, {} iterations to {:.0e}, closure {:.1e}, {} \
+                 implicit",
                 report.inflow,
                 report.outflow,
                 balance.reynolds,
@@ -381,7 +382,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
                             |saved| format!("the newest checkpoint is that of step {saved}"),
                         );
                         return Err(Error::Io(format!(
-                            "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; free {} bytes before `solver restart {}`",
+                            "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; \
+                             free {} bytes before `solver restart {}`",
                             needed.saturating_sub(free),
                             self.folder.path().display()
                         )));
@@ -396,18 +398,18 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
     }
 }
 
-/// Why the loop over the steps ended.
+/// Reason why the loop over the steps ended.
 enum Pause {
     /// The run is done.
     Done,
-    /// It continues with these slabs.
+    /// Restart with these slabs.
     NewSlabs(Slabs),
 }
 
-/// Why a checkpoint is written.
+/// Reason why a checkpoint is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Occasion {
-    /// It is due, or a signal requested it.
+    /// Checkpoint that is due, or that a signal requested.
     Asked,
     /// The run stops.
     Stop,

@@ -232,7 +232,7 @@ fn build_fluid<S: Saved>(
     })
 }
 
-/// Tells the water where the solids are. Collective.
+/// Marks the positions of the solids in the fluid. Collective.
 fn place_bodies<Sp: Space, S: Saved>(now: &mut Present<Sp, S>) -> Result<(), Error> {
     if now.dem.is_some() {
         now.particles.refresh_ghosts(&now.domain)?;

@@ -13,14 +13,14 @@ use output::checkpoint::{self, Saved, State};
 use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 
-/// Steps between two looks at whether the fluid is steady.
+/// Steps between two checks of steadiness of the fluid.
 const LOOK_EVERY: u64 = 100;
 
 /// The progress of a warm-up.
 pub(super) struct Reached {
     /// Steps taken.
     pub(super) steps: u64,
-    /// Velocities at the last look, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
+    /// Velocities at the last check, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
     pub(super) velocities: Option<Vec<f64>>,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
         guards.check_warm_up(step, flow, &now.particles, plan, domain)?;
         if step.is_multiple_of(LOOK_EVERY) {
             flow.fetch()?;
-            look.at(flow, domain.communicator());
+            look.compare(flow, domain.communicator());
             if look.change < relative_change {
                 break;
             }
@@ -86,7 +86,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
     Ok(step)
 }
 
-/// The velocities at the last look, and how much they differed from those at the look before.
+/// Velocities at the last check, and their difference from those at the check before.
 struct Look {
     /// Cells in the order of the velocities.
     cells: Vec<usize>,
@@ -107,8 +107,8 @@ impl Look {
         }
     }
 
-    /// Compares the velocities with those of the last look and stores them. Collective.
-    fn at<Sp: Space, S: Saved>(
+    /// Compares the velocities with those of the last check and stores them. Collective.
+    fn compare<Sp: Space, S: Saved>(
         &mut self,
         flow: &dyn LatticeFlow<Sp, S>,
         communicator: &Communicator,

@@ -10,8 +10,8 @@ use dem::space::Space;
 use plan::Plan;
 use std::sync::Arc;
 
-/// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added or after they
-/// were read; nothing happens in a scene without polyhedra.
+/// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added
+/// or after they were read; nothing happens in a scene without polyhedra.
 ///
 /// # Errors
 /// In the plane.

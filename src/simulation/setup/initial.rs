@@ -15,7 +15,7 @@ fn repeats(grid: &Grid) -> [Option<f64>; 3] {
     std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
 }
 
-/// The fluid at the start as a field on the lattice, by the formula of the case; none for a file.
+/// Returns the fluid at the start as a field on the lattice, by the formula of the case; none for a file.
 #[must_use]
 pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn Field>> {
     let cells = plan.scene.grid.cells.map(real);
@@ -62,8 +62,9 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
                     speed * (a / b) * x.sin() * y.cos() * z.cos(),
                     0.0,
                 ];
-                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²) and
-                // B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three times that.
+                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²)
+                // and B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three
+                // times that.
                 let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
                 let drho = -0.375
                     * speed
@@ -116,7 +117,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
     })
 }
 
-/// The fluid at the start from a field output of the same size.
+/// Returns the fluid at the start from a field output of the same size.
 ///
 /// # Errors
 /// Where the file cannot be read or has another number of cells.

@@ -1,11 +1,12 @@
 //! Crossings of a line with a triangulated surface, and how often the surface winds round a point.
 //!
-//! Every crossing counts +1 where the line leaves the inside and -1 where it enters. A point is inside where the sum of the crossings on the
-//! line from it is positive: inside at least one of several shells that cross, and outside in a cavity.
+//! Every crossing counts +1 where the line leaves the inside and -1 where it enters. A point is inside where the sum of
+//! the crossings on the line from it is positive: inside at least one of several shells that cross, and outside in a
+//! cavity.
 //!
-//! A line through an edge or a vertex, or in the plane of a triangle, is moved aside by [`ASIDE`] of its own size, in a direction that no
-//! drawing has. It crosses then each triangle in its face or not at all, and neighbours agree on it since they compute the same numbers
-//! for the edge that they share.
+//! A line through an edge or a vertex, or in the plane of a triangle, is moved aside by [`ASIDE`] of its own size, in a
+//! direction that no drawing has. It crosses then each triangle in its face or not at all, and neighbours agree on it
+//! since they compute the same numbers for the edge that they share.
 
 use super::super::{Point, cross, dot, minus, norm, plus, times};
 
@@ -47,8 +48,8 @@ impl Line {
         }
     }
 
-    /// Returns the place at which the line crosses a triangle, as a part of its length, with 1 where it leaves and -1 where it enters
-    /// (S. Woop, C. Benthin, I. Wald, J. Computer Graphics Techniques 2 (2013) 65).
+    /// Returns the place at which the line crosses a triangle, as a part of its length, with 1 where it leaves and -1
+    /// where it enters (S. Woop, C. Benthin, I. Wald, J. Computer Graphics Techniques 2 (2013) 65).
     pub(super) fn crossing(&self, corners: &[Point; 3]) -> Option<(f64, i32)> {
         let [x, y, z] = self.axes;
         let flat = corners.map(|corner| {

@@ -1,8 +1,8 @@
 //! The shells of a triangulated surface: parts that hang together by edges, each with one outside.
 //!
-//! Files of other programs wind their triangles in any order. From the first triangle of a shell the winding is carried over its edges. Of a
-//! closed surface all together have a positive volume; a shell that is inside out becomes a solid of its own, unless it lies in another
-//! one: then it bounds a cavity.
+//! Files of other programs wind their triangles in any order. From the first triangle of a shell the winding is carried
+//! over its edges. Of a closed surface all together have a positive volume; a shell that is inside out becomes a solid
+//! of its own, unless it lies in another one: then it bounds a cavity.
 
 use super::super::{Point, cross, dot, minus};
 use super::crossings;
@@ -106,8 +106,8 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
     })
 }
 
-/// Turns the shells of a closed surface that are inside out: all of them where their volumes add up to less than nothing, and then those
-/// that do not lie in another one.
+/// Turns the shells of a closed surface that are inside out: all of them where their volumes add up to less than
+/// nothing, and then those that do not lie in another one.
 pub(super) fn turn_outward(shells: &Shells, vertices: &[Point], triangles: &mut [[u32; 3]]) {
     let volume = |triangles: &[[u32; 3]], shell: Option<usize>| -> f64 {
         let base = vertices[0];

@@ -1,14 +1,15 @@
 //! Members drawn from the variations by a Latin hypercube instead of all their combinations.
 //!
-//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum holds exactly one member; the
-//! strata of different variations are paired at random. The mean over the members then has a smaller variance than with independent
-//! draws, most of all for outputs that are nearly sums of functions of one variable each.
+//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum holds
+//! exactly one member; the strata of different variations are paired at random. The mean over the members then has a
+//! smaller variance than with independent draws, most of all for outputs that are nearly sums of functions of one
+//! variable each.
 //!
-//! Source: M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input variables in the
-//! analysis of output from a computer code", Technometrics 21 (1979) 239-245.
+//! Source: M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input
+//! variables in the analysis of output from a computer code", Technometrics 21 (1979) 239-245.
 //!
-//! A list of m values has m parts of equal probability: each value is drawn n/m times, rounded up or down. Drawn numbers are rounded to four
-//! digits, so that tables, names and cases show them in full.
+//! A list of m values has m parts of equal probability: each value is drawn n/m times, rounded up or down. Drawn
+//! numbers are rounded to four digits, so that tables, names and cases show them in full.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -26,11 +27,13 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sample {
-    /// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of members.
+    /// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number
+    /// of members.
     LatinHypercube(LatinHypercube),
 }
 
-/// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of members.
+/// A Latin hypercube (McKay, Beckman, Conover 1979): each range and each list is covered evenly by a given number of
+/// members.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatinHypercube {
@@ -71,7 +74,7 @@ pub enum Scale {
 }
 
 impl Range {
-    /// The value below which a part `share` of all draws lies, to four digits.
+    /// Returns the value below which a part `share` of all draws lies, to four digits.
     #[must_use]
     pub fn at(&self, share: f64) -> f64 {
         let value = match self.scale {
@@ -82,7 +85,7 @@ impl Range {
         rounded.clamp(self.from, self.to)
     }
 
-    /// What is wrong with it.
+    /// Adds the problems of the range.
     pub(super) fn problems(&self, path: &str, found: &mut Vec<Problem>) {
         let value = format!("{} to {}", self.from, self.to);
         if self.from >= self.to {
@@ -106,13 +109,14 @@ impl Range {
 }
 
 impl LatinHypercube {
-    /// Whether a variation is drawn; the others are combined with each draw.
+    /// Returns `true` if a variation is drawn; the others are combined with each draw.
     #[must_use]
     pub fn draws(&self, variation: &str) -> bool {
         !self.crossed.iter().any(|name| name == variation)
     }
 
-    /// The place of every member in the range of variation number `variation`: from 0 to 1, one in each n-th part.
+    /// Returns the place of every member in the range of variation number `variation`: from 0 to 1, one in each n-th
+    /// part.
     #[must_use]
     pub fn places(&self, variation: usize) -> Vec<f64> {
         let mut random = Stream::new(self.seed, variation as u64, DRAWS);
@@ -131,7 +135,7 @@ impl LatinHypercube {
 /// The use of the random numbers, as of the streams of a run.
 const DRAWS: u32 = 0x4c48;
 
-/// Which of `count` equally probable values lies at a place from 0 to 1.
+/// Returns which of `count` equally probable values lies at a place from 0 to 1.
 #[must_use]
 pub fn choice(place: f64, count: usize) -> usize {
     whole((place * real(count)).floor()).min(count.saturating_sub(1))
@@ -171,8 +175,8 @@ mod tests {
         assert_eq!(hypercube(9, 1).places(0), hypercube(9, 1).places(0));
     }
 
-    /// The point of the method: for a sum of functions of one variable each, the variance of the mean is far below that of
-    /// independent draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
+    /// The point of the method: for a sum of functions of one variable each, the variance of the mean is far below that
+    /// of independent draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
     #[test]
     fn the_mean_of_a_sum_varies_less_than_with_independent_draws() {
         let (count, repeats) = (16_u32, 200_u32);

@@ -1,5 +1,5 @@
-//! The members of a study: every combination of the variations or a sample of them, and the listed members, each with its case checked
-//! and planned.
+//! The members of a study: every combination of the variations or a sample of them, and the listed members, each with
+//! its case checked and planned.
 
 use super::latin_hypercube::{Sample, choice};
 use super::problems::{problem, unknown};
@@ -21,17 +21,17 @@ const LIMITS: &str = "guards.limits";
 /// A member of a study.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Its name and that of its folder.
+    /// Name and that of its folder.
     pub name: String,
-    /// Its value of each varied thing, in their order; none for listed members that do not have the field.
+    /// Value of each varied field, in their order; none for listed members that do not have the field.
     pub labels: Vec<Option<String>>,
-    /// Its case as a tree.
+    /// Case as a tree.
     pub case: Value,
     /// The verdict of the plan on the case.
     pub verdict: Verdict,
     /// The findings of the plan.
     pub problems: Vec<Problem>,
-    /// What is run; none where nothing can be.
+    /// Case that is run; none if nothing can be.
     pub prepared: Option<Prepared>,
 }
 
@@ -49,13 +49,13 @@ pub struct Prepared {
 }
 
 impl Member {
-    /// A number of its case by path.
+    /// Returns a number of its case by path.
     #[must_use]
     pub fn number(&self, path: &str) -> Option<f64> {
         set::lookup(&self.case, path).and_then(Value::as_f64)
     }
 
-    /// Its value of a varied thing as a number.
+    /// Returns its value of a varied thing as a number.
     #[must_use]
     pub fn value(&self, varied: usize) -> Option<f64> {
         self.labels.get(varied)?.as_ref()?.parse().ok()
@@ -69,7 +69,7 @@ struct Draft {
     set: Vec<(String, Value)>,
 }
 
-/// All members with their cases; paths in the study start at `beside`.
+/// Returns all members with their cases; paths in the study start at `beside`.
 ///
 /// # Errors
 /// All that is wrong with the study or any member.
@@ -111,7 +111,7 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     }
 }
 
-/// The tree of the base case and where its paths start.
+/// Returns the tree of the base case and where its paths start.
 fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
     let one =
         |value: &str, reason: String, remedy: &str| vec![problem("case", value, reason, remedy)];
@@ -169,7 +169,8 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
     Ok(grid)
 }
 
-/// What the variations come to: all combinations, or the draws of the sample with the combinations of what is crossed with them.
+/// Returns the members of the variations: all combinations, or the draws of the sample with the combinations of the
+/// variations that are crossed with them.
 fn varied(study: &Study) -> Vec<Draft> {
     let draft = |name: String| Draft {
         name,
@@ -195,7 +196,7 @@ fn varied(study: &Study) -> Vec<Draft> {
         if let Some(sample) = sample.filter(|sample| sample.draws(field)) {
             let places = sample.places(place);
             for (n, draft) in &mut grid {
-                let (label, set) = variation.at(field, places[*n]);
+                let (label, set) = variation.value_at(field, places[*n]);
                 draft.labels.push(Some(label));
                 draft.set.extend(set);
             }
@@ -222,7 +223,7 @@ fn varied(study: &Study) -> Vec<Draft> {
 }
 
 impl Variation {
-    /// The fields that value number `n` sets; none of a range.
+    /// Returns the fields that value number `n` sets; none of a range.
     fn set(&self, field: &str, n: usize) -> Vec<(String, Value)> {
         match self {
             Self::Values(values) => {
@@ -240,8 +241,8 @@ impl Variation {
         }
     }
 
-    /// Label and fields of the value at a place from 0 to 1.
-    fn at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
+    /// Returns the label and fields of the value at a place from 0 to 1.
+    fn value_at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
         if let Self::Range(range) = self {
             let value = Value::from(range.at(place));
             return (label(&value), vec![(field.to_owned(), value)]);
@@ -255,7 +256,7 @@ impl Variation {
     }
 }
 
-/// The last word of a path, or the whole path where two varied fields share that word.
+/// Returns the last word of a path, or the whole path where two varied fields share that word.
 fn short<'a>(field: &'a str, study: &Study) -> &'a str {
     let last = |path: &'a str| path.rsplit('.').next().unwrap_or(path);
     let same = study
@@ -266,7 +267,7 @@ fn short<'a>(field: &'a str, study: &Study) -> &'a str {
     if same.count() > 1 { field } else { last(field) }
 }
 
-/// A text as part of a folder's name: what a shell would take for something else becomes one `-`.
+/// Returns a text as part of a folder's name: what a shell would take for something else becomes one `-`.
 fn file_name(text: &str) -> String {
     let mut name = String::new();
     for c in text.chars() {
@@ -279,7 +280,7 @@ fn file_name(text: &str) -> String {
     name.trim_end_matches('-').to_owned()
 }
 
-/// Names that are empty, duplicate, or referred to and missing.
+/// Returns problems for names that are empty, duplicate, or referred to and missing.
 fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
@@ -314,7 +315,7 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     found
 }
 
-/// A member, and what keeps the study from running because of it.
+/// Returns a member, and what keeps the study from running because of it.
 fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member, Vec<Problem>) {
     let mut case = base.clone();
     let common = study
@@ -370,7 +371,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     (member, found)
 }
 
-/// The formula to evaluate next: one that names no field that another is still to set; of a circle the first.
+/// Returns the formula to evaluate next: one that names no field that another is still to set; of a circle the first.
 fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     let waits = |(own, formula): &(String, String)| {
         let others = formulas.iter().filter(|(path, _)| path != own);

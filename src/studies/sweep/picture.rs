@@ -1,6 +1,6 @@
-//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without a reference, each
-//! output over the first field that is varied by numbers. `map.svg`: the outcome of the
-//! members over two varied fields, with the prediction of the plan.
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without
+//! a reference, each output over the first field that is varied by numbers. `map.svg`: the outcome of the members over
+//! two varied fields, with the prediction of the plan.
 
 use super::members::Member;
 use super::record::Outcome;
@@ -171,7 +171,8 @@ impl Front<'_> {
         }
     }
 
-    /// Colour, label and members by the value of the first variation; without variations each listed member is a group.
+    /// Returns the colour, label and members by the value of the first variation; without variations each listed member
+    /// is a group.
     fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
         let labels: Vec<String> = match self.study.vary.0.first() {
             Some((_, variation)) => variation.labels(),
@@ -211,13 +212,13 @@ struct Place {
     name: String,
     x: f64,
     y: f64,
-    /// What else is varied.
+    /// Values of the other variations.
     rest: String,
     verdict: Verdict,
     outcome: Outcome,
 }
 
-/// Which members finish, over two varied fields.
+/// Members that finish, over two varied fields.
 #[derive(Clone, Debug)]
 pub struct Map {
     axes: [String; 2],
@@ -265,7 +266,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
 ];
 
 impl Map {
-    /// The members that have a number on both axes and have been looked at.
+    /// Returns the members that have a number on both axes and have been looked at.
     #[must_use]
     pub fn of(axes: &[String; 2], study: &Study, members: &[Member], table: &Table) -> Self {
         let [x, y] = axes
@@ -309,7 +310,7 @@ impl Map {
         }
     }
 
-    /// A panel for every combination of what else is varied.
+    /// Returns a panel for every combination of what else is varied.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let mut rests: Vec<&str> = Vec::new();
@@ -366,7 +367,7 @@ impl Map {
         }
     }
 
-    /// A row for each member.
+    /// Returns a row for each member.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = String::new();
@@ -380,7 +381,7 @@ impl Map {
         text
     }
 
-    /// How often the plan and the runs agree.
+    /// Returns the number of agreements of plan and runs as a table.
     #[must_use]
     pub fn confusion(&self) -> String {
         let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");

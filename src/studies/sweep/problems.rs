@@ -3,7 +3,7 @@
 use base::error::{Problem, Severity};
 use case::check;
 
-/// A name that stands for nothing.
+/// Returns a name that stands for nothing.
 pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
     let remedy = match check::nearest(name, known) {
         Some(near) => format!("did you mean `{near}`?"),
@@ -18,7 +18,7 @@ pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Pro
     )
 }
 
-/// A problem that ends the study.
+/// Returns a problem that ends the study.
 pub(crate) fn problem(path: &str, value: &str, reason: String, remedy: &str) -> Problem {
     Problem {
         path: path.into(),

@@ -5,13 +5,13 @@ use base::error::Error;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How a member ended.
+/// Outcome of a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It got to its end.
+    /// Run that reached its end.
     Finished,
-    /// It got to its end with numbers that cannot be right: not what the study calls sound.
+    /// Run that reached its end with numbers that cannot be right: not what the study calls sound.
     Unsound,
     /// The plan, or the run itself, refused the case (exit code 3).
     Refused,
@@ -19,18 +19,18 @@ pub enum Outcome {
     NumericalRefusal,
     /// Anything else, such as a full disk or a signal.
     Failed,
-    /// It was given up.
+    /// Run that was given up.
     TimeLimit,
-    /// It was stopped from outside and is to go on.
+    /// Run that was stopped from outside and is to be continued.
     Stopped,
-    /// It is under way, or whoever ran it was ended by force.
+    /// Run that is under way, or whose program was ended by force.
     Running,
-    /// It has not been run.
+    /// Member that has not been run.
     Missing,
 }
 
 impl Outcome {
-    /// The outcome of an exit code.
+    /// Returns the outcome of an exit code.
     #[must_use]
     pub fn of_code(code: Option<i32>) -> Self {
         match code {
@@ -42,7 +42,7 @@ impl Outcome {
         }
     }
 
-    /// As in tables.
+    /// Returns the name used in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ impl Outcome {
         }
     }
 
-    /// Whether running it again would show nothing new.
+    /// Returns `true` if another run would show nothing new.
     fn is_final(self) -> bool {
         matches!(
             self,
@@ -67,12 +67,12 @@ impl Outcome {
     }
 }
 
-/// How a member ended and what all its attempts cost together.
+/// Outcome of a member and the total cost of its attempts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// How it ended.
+    /// Outcome of the member.
     pub outcome: Outcome,
-    /// Its last message, if it did not finish.
+    /// Last message, if it did not finish.
     pub message: String,
     /// Hash of its case.
     pub case_hash: String,
@@ -86,12 +86,12 @@ pub struct Record {
     pub wall_seconds: f64,
     /// Processor time of all ranks on this machine \[s\].
     pub processor_seconds: f64,
-    /// Whether the times are those of all attempts; not where one was ended by force.
+    /// `true` if the times are those of all attempts; not if one was ended by force.
     pub timed: bool,
 }
 
 impl Record {
-    /// Before the first attempt.
+    /// Returns the record before the first attempt.
     #[must_use]
     pub fn new(case_hash: &str, solver: &str, time_limit: Option<f64>) -> Self {
         Self {
@@ -107,7 +107,7 @@ impl Record {
         }
     }
 
-    /// The record in a folder; none where there is none that can be read.
+    /// Returns the record in a folder; none if there is none that can be read.
     #[must_use]
     pub fn read(folder: &Path) -> Option<Self> {
         let text = io::plain::text(&folder.join(FILE), io::plain::LONGEST_CASE).ok()?;
@@ -122,14 +122,14 @@ impl Record {
         io::atomic::write_json(&folder.join(FILE), self).map_err(|e| Error::Io(e.to_string()))
     }
 
-    /// Whether it is about this case under this version of the program.
+    /// Returns `true` if it is about this case under this version of the program.
     #[must_use]
     pub fn is_of(&self, member: &Member, solver: &str) -> bool {
         let prepared = member.prepared.as_ref();
         prepared.is_some_and(|p| p.hash == self.case_hash) && self.solver == solver
     }
 
-    /// Whether the member need not be run again.
+    /// Returns `true` if the member need not be run again.
     #[must_use]
     pub fn holds(&self, member: &Member, solver: &str, time_limit: Option<f64>) -> bool {
         let longer = self.outcome == Outcome::TimeLimit
@@ -138,5 +138,5 @@ impl Record {
     }
 }
 
-/// Its name in the folder of the member.
+/// Name of the record in the folder of the member.
 pub const FILE: &str = "member.json";

@@ -1,11 +1,11 @@
 //! Members as processes of this program, one or several at a time.
 //!
-//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number of ranks. A
-//! member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP` in the folder of the sweep or
-//! its wall time ends the sweep, and when a member reaches its time limit.
+//! The file `STOP` in its folder stops a member: the run writes a checkpoint and ends with exit code 75 on any number
+//! of ranks. A member that has not ended after one minute is killed. Members are stopped when a signal, a file `STOP`
+//! in the folder of the sweep or its wall time ends the sweep, and when a member reaches its time limit.
 //!
-//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command that starts MPI;
-//! default: `mpirun -n RANKS`, and none for one rank).
+//! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command
+//! that starts MPI; default: `mpirun -n RANKS`, and none for one rank).
 
 use super::Report;
 use super::members::Member;
@@ -22,11 +22,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Between two looks at the members that run; their times are taken by themselves.
+/// Time between two checks of the members that run; their times are taken by themselves.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// How long a member may take to write its checkpoint.
+/// Time that a member may take to write its checkpoint.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// What is kept back of the wall time of a sweep, for the checkpoints of its members.
+/// Part of the wall time of a sweep reserved for the checkpoints of its members.
 const RESERVE: Duration = Duration::from_secs(5);
 /// Ticks of a second in `/proc/PID/stat`: USER_HZ, 100 on all machines that Linux runs on today.
 const TICKS: f64 = 100.0;
@@ -57,7 +57,7 @@ struct Job<'a> {
     record: Record,
 }
 
-/// The program that runs members.
+/// Returns the program that runs members.
 fn solver() -> Result<PathBuf, Error> {
     match std::env::var_os("SOLVER") {
         Some(path) => Ok(path.into()),
@@ -66,7 +66,7 @@ fn solver() -> Result<PathBuf, Error> {
     }
 }
 
-/// The version that the program of the members prints.
+/// Returns the version that the program of the members prints.
 ///
 /// # Errors
 /// [`Error::Io`] where it cannot be started.
@@ -122,7 +122,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Whether a signal, the file STOP or the clock requests an end.
+    /// Returns `true` if a signal, the file STOP or the clock requests an end.
     fn is_to_stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
             || self.end.is_some_and(|end| Instant::now() >= end)
@@ -152,7 +152,7 @@ impl<'a> Runner<'a> {
             }
             let mut running = Vec::new();
             for mut job in jobs {
-                if !self.look(&mut job, stopping)? {
+                if !self.check(&mut job, stopping)? {
                     running.push(job);
                     continue;
                 }
@@ -162,7 +162,7 @@ impl<'a> Runner<'a> {
                 stopped += usize::from(job.record.outcome == Outcome::Stopped);
                 let left =
                     planned.max(0.0) * spent / of_plan.max(1e-9) / f64::from(self.run.at_once);
-                self.tell(&job, members.len(), left);
+                self.report(&job, members.len(), left);
             }
             jobs = running;
             if jobs.is_empty() && (stopping || queue.is_empty()) {
@@ -189,7 +189,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    fn tell(&self, job: &Job<'_>, count: usize, left: f64) {
+    fn report(&self, job: &Job<'_>, count: usize, left: f64) {
         let record = &job.record;
         let why = if record.message.is_empty() {
             String::new()
@@ -275,7 +275,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// The program without the command that starts its ranks.
+    /// Returns the program without the command that starts its ranks.
     fn launcher(&self) -> Command {
         let launch = std::env::var("LAUNCH")
             .ok()
@@ -296,7 +296,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Checks whether a member has ended, and stops it if required; true if it has ended and its record is written.
-    fn look(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
+    fn check(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
         let fail = |e: std::io::Error| Error::Io(format!("{}: {e}", job.member.name));
         let (ended, processor) = processor_time(job.child.id());
         job.processor = job.processor.max(processor);
@@ -357,7 +357,7 @@ impl Job<'_> {
     }
 }
 
-/// Planned time of a member on one core \[s\].
+/// Returns the planned time of a member on one core \[s\].
 fn seconds(member: &Member) -> f64 {
     member.prepared.as_ref().map_or(0.0, |p| p.seconds.max(0.1))
 }
@@ -380,7 +380,7 @@ fn empty(folder: &Path) -> Result<(), Error> {
     fs::remove_dir_all(folder).map_err(|e| Error::Io(format!("{}: {e}", folder.display())))
 }
 
-/// The last error message of a run.
+/// Returns the last error message of a run.
 fn last_words(folder: &Path) -> String {
     let text =
         io::plain::text(&folder.join("errors.txt"), io::plain::LONGEST_CASE).unwrap_or_default();
@@ -391,8 +391,8 @@ fn last_words(folder: &Path) -> String {
     line.chars().take(300).collect()
 }
 
-/// Whether a child has ended (it is kept until it is waited for), and the processor time of it and of those that it waited for,
-/// such as the ranks of mpirun \[s\].
+/// Returns `true` if a child has ended (it is kept until it is waited for), and the processor time of it and of those
+/// that it waited for, such as the ranks of mpirun \[s\].
 fn processor_time(process: u32) -> (bool, f64) {
     let Ok(text) = fs::read_to_string(format!("/proc/{process}/stat")) else {
         return (true, 0.0);

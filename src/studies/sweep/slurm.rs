@@ -3,7 +3,7 @@
 use super::study::Study;
 use std::path::Path;
 
-/// The script, with paths relative to the current folder.
+/// Returns the script, with paths relative to the current folder.
 #[must_use]
 pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> String {
     let absolute = |path: &Path| {
@@ -37,7 +37,8 @@ pub fn script(study: &Study, members: usize, file: &Path, output: &Path) -> Stri
 set -euo pipefail
 solver=${{SOLVER:-{program}}}
 {launch}
-# 300 s before the time limit this script gets SIGUSR2 and passes it on: the member writes a checkpoint, and the status is 75.
+# 300 s before the time limit this script gets SIGUSR2 and passes it on: the member writes a checkpoint, and
+# the status is 75.
 {sweep} --member "$SLURM_ARRAY_TASK_ID" &
 member=$!
 trap 'kill -USR2 "$member" 2>/dev/null || true' USR2 TERM
@@ -64,7 +65,7 @@ exit "$status""#,
     )
 }
 
-/// A text as one word of a shell.
+/// Returns a text as one word of a shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }

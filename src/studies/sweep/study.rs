@@ -21,7 +21,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// More members than this are a slip.
+/// Maximum number of members; more are a slip.
 pub(super) const MOST_MEMBERS: usize = 10_000;
 
 /// A parameter study: members of one base case, with error and cost of each.
@@ -36,12 +36,13 @@ pub struct Study {
     pub description: String,
     /// Base case: the path of a case file, relative to the study, or the case itself.
     pub case: Value,
-    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the case, evaluated
-    /// last: `"=domain.spacing/2"`.
+    /// Fields of every member by path, as in `--set`. A text that begins with `=` is a formula of other numbers of the
+    /// case, evaluated last: `"=domain.spacing/2"`.
     #[serde(default)]
     pub set: BTreeMap<String, Value>,
-    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name with named choices
-    /// that set several fields each, or a field with a range of numbers for `sample`. The first variation colours the picture.
+    /// Variations; every combination is a member. A variation is a field of the case with a list of values, or a name
+    /// with named choices that set several fields each, or a field with a range of numbers for `sample`. The first
+    /// variation colours the picture.
     #[serde(default)]
     pub vary: Ordered<Variation>,
     /// Draws members from the variations instead of all combinations.
@@ -55,7 +56,8 @@ pub struct Study {
     /// References of the outputs. Outputs without a reference are only listed.
     #[serde(default)]
     pub reference: BTreeMap<String, Reference>,
-    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as failed.
+    /// Condition on outputs and numbers of the case, such as `energy < 10*first`. A member that violates it counts as
+    /// failed.
     #[serde(default)]
     pub sound: Option<String>,
     /// Output whose error the picture and the Pareto set use. Default: the largest of all errors.
@@ -132,7 +134,7 @@ pub enum Reference {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FoundReference {
-    /// CSV file beside the study with the columns coordinate and value, for profiles.
+    /// CSV file in the folder of the study with the columns coordinate and value, for profiles.
     Table(PathBuf),
     /// The member with this name.
     Member(String),
@@ -162,8 +164,8 @@ pub enum Refused {
     Stop,
     /// The member is listed but not run.
     Record,
-    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are exceeded (`guards.limits`
-    /// of the case).
+    /// The member runs: an unstable one with `--allow-unstable`, a refused one if only limits of the method are
+    /// exceeded (`guards.limits` of the case).
     Run,
 }
 
@@ -207,7 +209,7 @@ impl<T> Default for Ordered<T> {
 }
 
 impl<T> Ordered<T> {
-    /// Place and value of a key.
+    /// Returns the place and value of a key.
     #[must_use]
     pub fn find(&self, key: &str) -> Option<(usize, &T)> {
         let mut all = self.0.iter().enumerate();
@@ -251,7 +253,7 @@ impl<T: JsonSchema> JsonSchema for Ordered<T> {
     }
 }
 
-/// The JSON schema of a study.
+/// Returns the JSON schema of a study.
 #[must_use]
 pub fn schema() -> Value {
     check::schema_of::<Study>()
@@ -293,7 +295,7 @@ impl Study {
         }
     }
 
-    /// What names something that is not there, or cannot be read as a formula.
+    /// Returns the problems of names without a target and of formulas that cannot be read.
     fn problems(&self) -> Vec<Problem> {
         let mut found = Vec::new();
         if self.vary.0.is_empty() && self.members.is_empty() {
@@ -388,7 +390,7 @@ impl Study {
 }
 
 impl Variation {
-    /// The labels of what it takes, in order; none for a range, whose values are drawn.
+    /// Returns the labels of what it takes, in order; none for a range, whose values are drawn.
     pub(crate) fn labels(&self) -> Vec<String> {
         match self {
             Self::Range(_) => Vec::new(),
@@ -397,7 +399,7 @@ impl Variation {
         }
     }
 
-    /// Whether all labels are numbers.
+    /// Returns `true` if all labels are numbers.
     pub(crate) fn is_numeric(&self) -> bool {
         self.labels()
             .iter()
@@ -405,7 +407,7 @@ impl Variation {
     }
 }
 
-/// A value in a table: a text without its quotes, else JSON.
+/// Returns a value in a table: a text without its quotes, else JSON.
 pub(crate) fn label(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -466,7 +468,7 @@ impl Output {
     }
 }
 
-/// A formula that no names could make readable is a problem.
+/// Reports a formula that no names could make readable.
 fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
@@ -474,7 +476,7 @@ fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     }
 }
 
-/// What is wrong with the sample of a study and with its ranges.
+/// Adds the problems of the sample of a study and of its ranges.
 fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     for (name, variation) in &study.vary.0 {
         let Variation::Range(range) = variation else {

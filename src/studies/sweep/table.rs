@@ -1,5 +1,5 @@
-//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a smaller error
-//! and a smaller cost.
+//! Outputs, errors and costs of the members, and the Pareto set: the members for which no other member has both a
+//! smaller error and a smaller cost.
 
 use super::members::Member;
 use super::record::{Outcome, Record};
@@ -13,25 +13,25 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// What the members came to, in their order.
+/// Results of the members, in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// A row for each member.
     pub rows: Vec<Row>,
 }
 
-/// What a member came to.
+/// Result of a member.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// How it ended.
+    /// Outcome of the member.
     pub outcome: Outcome,
-    /// Its outputs, in the order of the study; none for profiles and what could not be read.
+    /// Outputs, in the order of the study; none for profiles and values that could not be read.
     pub outputs: Vec<Option<f64>>,
-    /// By the names of the references: value and error. A member has no error against itself.
+    /// Value and error by the names of the references. A member has no error against itself.
     pub errors: BTreeMap<String, (Option<f64>, Option<f64>)>,
     /// The error of the picture.
     pub error: Option<f64>,
-    /// Core-seconds of the steps; none where they are not known.
+    /// Core-seconds of the steps; none if they are not known.
     pub core_seconds: Option<f64>,
     /// Core-seconds of the whole run.
     pub run_core_seconds: Option<f64>,
@@ -43,9 +43,9 @@ pub struct Row {
     pub steps: Option<u64>,
     /// Core-seconds or processor time, as selected by the study \[s\].
     pub cost: Option<f64>,
-    /// In the Pareto set of error against this cost.
+    /// `true` if it is in the Pareto set of error against this cost.
     pub pareto_time: bool,
-    /// In the Pareto set of error against memory.
+    /// `true` if it is in the Pareto set of error against memory.
     pub pareto_memory: bool,
     /// Hash of the last state.
     pub state_hash: String,
@@ -69,7 +69,7 @@ impl Table {
         let mut rows = Vec::new();
         let mut found = Vec::new();
         for member in members {
-            let mut row = Row::of(study, member, &output.join(&member.name));
+            let mut row = Row::new(study, member, &output.join(&member.name));
             let outputs = if row.outcome == Outcome::Finished {
                 row.read(study, member, beside, &output.join(&member.name))
             } else {
@@ -111,7 +111,7 @@ impl Table {
         Self { rows }
     }
 
-    /// A row for each member as CSV, with the units in the header.
+    /// Returns a row for each member as CSV, with the units in the header.
     #[must_use]
     pub fn to_csv(&self, study: &Study, members: &[Member]) -> String {
         let mut text = format!("# {}, {}\n", study.title.replace('\n', " "), machine());
@@ -152,7 +152,7 @@ impl Table {
         text
     }
 
-    /// How many members ended how, and the Pareto set of error and time.
+    /// Returns the number of members with each outcome, and the Pareto set of error and time.
     #[must_use]
     pub fn summary(&self, members: &[Member]) -> String {
         let mut counts: BTreeMap<Outcome, usize> = BTreeMap::new();
@@ -195,7 +195,7 @@ impl Table {
 }
 
 impl Row {
-    fn of(study: &Study, member: &Member, folder: &Path) -> Self {
+    fn new(study: &Study, member: &Member, folder: &Path) -> Self {
         let mut row = Self {
             outcome: Outcome::Missing,
             outputs: Vec::new(),
@@ -359,7 +359,7 @@ fn read_output(
         .map(Found::Number)
 }
 
-/// A member beside the references.
+/// Comparison of a member with the references.
 struct Comparison<'a> {
     study: &'a Study,
     members: &'a [Member],
@@ -369,7 +369,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Reference, where it is a number, and error of an output; none where the member has no such output or is the reference.
+    /// Returns the reference, where it is a number, and error of an output; none if the member has no such output or is
+    /// the reference.
     fn error(
         &self,
         name: &str,
@@ -416,7 +417,7 @@ impl Comparison<'_> {
         })
     }
 
-    /// An output of another member; none for the member itself.
+    /// Returns an output of another member; none for the member itself.
     fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<Found>, String> {
         let other = other.filter(|other| *other != self.at);
         let Some(other) = other else { return Ok(None) };
@@ -429,7 +430,8 @@ impl Comparison<'_> {
         })
     }
 
-    /// The member with the smallest value of a field among those that are as this one in all else that is varied.
+    /// Returns the member with the smallest value of a field among those that are as this one in all else that is
+    /// varied.
     fn finest(&self, field: &str) -> Option<usize> {
         let (varied, _) = self.study.vary.find(field)?;
         let mine = &self.members[self.at].labels;
@@ -444,10 +446,11 @@ impl Comparison<'_> {
     }
 }
 
-/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that differs.
+/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that
+/// differs.
 const SAME_ERROR: f64 = 1e-3;
 
-/// Which points (cost, error) no other point beats in one without being worse in the other.
+/// Returns which points (cost, error) no other point beats in one without being worse in the other.
 #[must_use]
 pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
     let beats = |a: (f64, f64), b: (f64, f64)| {
@@ -462,7 +465,7 @@ pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
         .collect()
 }
 
-/// The name of the processor; `unknown` if the system does not report it.
+/// Returns the name of the processor; `unknown` if the system does not report it.
 #[must_use]
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

@@ -2,8 +2,8 @@
 //!
 //! | source | answers |
 //! |---|---|
-//! | probe at a point, in a plane, on a body or a face | each column at the last time, and its mean over the second half of the run |
-//! | probe along a line | velocity and pressure at each point at the last time, and their means over the second half of the run |
+//! | probe at a point, in a plane, on a body or a face | each column: last value, mean over the second half |
+//! | probe along a line | velocity and pressure at each point: last values, means over the second half of the run |
 //! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse |
 //!
 //! An answer has settled where its means over the last tenth of the run and over the tenth before are equal to 0.1 %.
@@ -46,14 +46,14 @@ const LONGEST_LIST: usize = 20;
 /// A number that a run gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// Its unit; empty where the file states none.
+    /// Unit; empty if the file states none.
     pub unit: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
     /// The size that differences are compared with: that of the value, or of the vector that it is a component of.
     pub scale: f64,
-    /// Change of the mean from the last tenth of the run but one to the last one, over the larger of scale and mean; none where it
-    /// was not sampled often enough.
+    /// Change of the mean from the last tenth of the run but one to the last one, over the larger of scale and mean;
+    /// none if it was not sampled often enough.
     pub drift: Option<f64>,
 }
 
@@ -95,7 +95,7 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
     Ok(found)
 }
 
-/// Numbers below an entry of the summary.
+/// Collects numbers below an entry of the summary.
 fn walk(path: &str, value: &Value, found: &mut Answers) {
     match value {
         Value::Number(number) => {
@@ -125,7 +125,7 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
     }
 }
 
-/// The components of a vector below a path have one scale.
+/// Gives the components of a vector below a path one scale.
 fn share_scale(path: &str, found: &mut Answers) {
     let ends = ["x", "y", "z"].map(|axis| format!("{path}.{axis}"));
     let places = (0..3).map(|n| format!("{path}[{n}]"));
@@ -160,7 +160,7 @@ type OfSeries = fn(&[f64], &[f64]) -> Option<f64>;
 struct Samples {
     names: Vec<String>,
     units: Vec<String>,
-    /// By column.
+    /// Values by column.
     columns: Vec<Vec<f64>>,
 }
 
@@ -205,7 +205,7 @@ impl Samples {
         (0..self.names.len()).filter(known)
     }
 
-    /// Each column at the last time and in the mean.
+    /// Adds each column at the last time and in the mean.
     fn columns(&self, probe: &str, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
@@ -233,7 +233,7 @@ impl Samples {
         }
     }
 
-    /// Each point at the last time and in the mean.
+    /// Adds each point at the last time and in the mean.
     fn line(&self, probe: &str, points: usize, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
@@ -282,7 +282,8 @@ impl Samples {
         }
     }
 
-    /// The columns of the vector that a column is a component of; the column alone where it is none, or a position.
+    /// Returns the columns of the vector that a column is a component of; the column alone where it is none, or a
+    /// position.
     fn siblings(&self, n: usize) -> impl Iterator<Item = &[f64]> {
         let stem = |name: &str| {
             let (stem, axis) = name.rsplit_once('_')?;
@@ -296,15 +297,15 @@ impl Samples {
     }
 }
 
-/// The mean of the samples after half of the time; none of few samples.
+/// Returns the mean of the samples after half of the time; none of few samples.
 fn mean_of_second_half(times: &[f64], values: &[f64]) -> Option<f64> {
     mean_between(times, values, 0.5, 1.0, LEAST_SAMPLES)
 }
 
-/// The mean of the samples between two parts of the time, the earlier end excluded.
+/// Returns the mean of the samples between two parts of the time, the earlier end excluded.
 fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize) -> Option<f64> {
     let (first, last) = (times.first()?, times.last()?);
-    // A sample may lie half a step beside its time.
+    // A sample may differ from its time by half a step.
     let at = |part: f64| first + part * (last - first) + 1e-6 * (last - first);
     let inside = times
         .iter()
@@ -318,7 +319,7 @@ fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize)
     (number >= least.max(1)).then(|| sum / real(number))
 }
 
-/// Change of the mean between the last two tenths of the time, over the larger of scale and mean.
+/// Returns the change of the mean between the last two tenths of the time, over the larger of scale and mean.
 fn drift(times: &[f64], values: &[f64], scale: f64) -> Option<f64> {
     let before = mean_between(times, values, 0.8, 0.9, 1)?;
     let last = mean_between(times, values, 0.9, 1.0, 1)?;
@@ -345,7 +346,7 @@ mod tests {
         text
     }
 
-    fn of(text: &str) -> Answers {
+    fn parsed(text: &str) -> Answers {
         let mut found = Answers::new();
         Samples::read(text).unwrap().columns("force", &mut found);
         found
@@ -353,7 +354,7 @@ mod tests {
 
     #[test]
     fn last_mean_and_drift_of_a_probe() {
-        let found = of(&table(|time| time));
+        let found = parsed(&table(|time| time));
         let last = &found["force: fluid_force_x, last"];
         assert_eq!((last.value, last.unit.as_str()), (1.0, "N"));
         // 0.95 and 1 after 0.85 and 0.9.
@@ -365,13 +366,13 @@ mod tests {
             found["force: fluid_force_y, last"].scale,
             (1.0_f64 + 9e-18).sqrt()
         );
-        let settled = of(&table(|_| 2.0));
+        let settled = parsed(&table(|_| 2.0));
         assert_eq!(settled["force: fluid_force_x, last"].drift, Some(0.0));
     }
 
     #[test]
     fn few_samples_have_no_mean_and_no_drift() {
-        let found = of(&format!("{BODY}0,0,1,0,0\n9,1,2,0,0\n"));
+        let found = parsed(&format!("{BODY}0,0,1,0,0\n9,1,2,0,0\n"));
         assert_eq!(found["force: fluid_force_x, last"].drift, None);
         assert!(!found.contains_key("force: fluid_force_x, mean"));
     }

@@ -1,14 +1,16 @@
 //! The discretisation error of one value from its values on two or three grids.
 //!
-//! The value on grid i of spacing h_i, from fine to coarse, is taken as φ_i = φ_0 + α h_i^p. The apparent order p solves
+//! The value on grid i of spacing h_i, from fine to coarse, is taken as φ_i = φ_0 + α h_i^p. The apparent order p
+//! solves
 //!
 //! ```text
 //! |ε32/ε21| = r21^p (r32^p - s)/(r21^p - s),   ε32 = φ_3 - φ_2, ε21 = φ_2 - φ_1, s = sign(ε32/ε21)
 //! ```
 //!
-//! which is equations (3) of Celik et al. with the sign of divergence kept: there is a positive solution only where the differences
-//! shrink faster than a logarithm. The extrapolated value is φ_0 = φ_1 + (φ_1 - φ_2)/(r21^p - 1), and the uncertainty of the value on a grid is
-//! F |φ - φ_0|, on the finest grid the grid convergence index F |φ_1 - φ_2|/(r21^p - 1).
+//! which is equations (3) of Celik et al. with the sign of divergence kept: there is a positive solution only where the
+//! differences shrink faster than a logarithm. The extrapolated value is φ_0 = φ_1 + (φ_1 - φ_2)/(r21^p - 1), and
+//! the uncertainty of the value on a grid is F |φ - φ_0|, on the finest grid the grid convergence index F |φ_1 -
+//! φ_2|/(r21^p - 1).
 //!
 //! | series | uncertainty |
 //! |---|---|
@@ -16,13 +18,17 @@
 //! | monotone, p below it | F = 3 with p, at least 0.5 |
 //! | monotone, p above it | the finer difference is small by chance: least squares as below |
 //! | two grids | F = 3, first order; extrapolated with the formal order, as errors of staircases may cancel |
-//! | oscillating and shrinking | least squares: the better fit of order 1 and 2, 3 of its error, its standard deviation and its distance from the value, and at least half the range |
+//! | oscillating and shrinking | least squares, and at least half the range |
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
 //!
-//! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p, extrapolation);
-//! W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010, section 8.7 (choice of F and bounds of p);
-//! L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014) 104 (least squares); F. Stern et al., J. Fluids Eng. 123 (2001) 793 (half the range).
+//! Least squares are the better fit of order 1 and 2; the uncertainty has 3 of its error, its standard deviation and
+//! its distance from the value.
+//!
+//! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,
+//! extrapolation); W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010,
+//! section 8.7 (choice of F and bounds of p); L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014) 104 (least squares);
+//! F. Stern et al., J. Fluids Eng. 123 (2001) 793 (half the range).
 
 use base::number::real;
 use serde::Serialize;
@@ -31,14 +37,15 @@ use serde::Serialize;
 const SAFE: f64 = 1.25;
 /// Factor of safety for two grids and unclear orders.
 const CAUTIOUS: f64 = 3.0;
-/// Deviation of the apparent from the formal order, relative to the latter, up to which the grids are in the asymptotic range.
+/// Deviation of the apparent from the formal order, relative to the latter, up to which the grids are in the asymptotic
+/// range.
 const ASYMPTOTIC: f64 = 0.1;
 /// Smallest order that is used.
 const LEAST_ORDER: f64 = 0.5;
 /// Largest order that is looked for.
 const MOST_ORDER: f64 = 60.0;
 
-/// How a value behaves from grid to grid.
+/// Behaviour of a value from grid to grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Behaviour {
@@ -54,14 +61,14 @@ pub enum Behaviour {
     Oscillating,
     /// The differences do not shrink.
     Diverging,
-    /// There are two grids.
+    /// Series of two grids.
     TwoGrids,
-    /// There is one grid, or the value is missing on others.
+    /// Series of one grid, or with values missing on others.
     OneGrid,
 }
 
 impl Behaviour {
-    /// As in tables.
+    /// Returns the name used in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -76,7 +83,7 @@ impl Behaviour {
         }
     }
 
-    /// What was used, and why.
+    /// Returns the method used, and why.
     #[must_use]
     pub fn method(self) -> &'static str {
         match self {
@@ -88,10 +95,12 @@ impl Behaviour {
                 "grid convergence index, F = 3: the order is below the formal one; at least 0.5 is used"
             }
             Self::Fast => {
-                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, so that the finer difference is small by chance"
+                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, so that the finer \
+                 difference is small by chance"
             }
             Self::Oscillating => {
-                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their sign"
+                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their \
+                 sign"
             }
             Self::Diverging => "no number is promised: the differences do not shrink",
             Self::TwoGrids => "grid convergence index, F = 3: two grids and first order",
@@ -105,7 +114,7 @@ impl Behaviour {
 pub struct Series {
     /// Spacing and value, from fine to coarse.
     pub values: Vec<(f64, f64)>,
-    /// Which of them the uncertainty is that of.
+    /// Index of the value that the uncertainty belongs to.
     pub at: usize,
     /// Order of the method.
     pub formal: f64,
@@ -113,10 +122,10 @@ pub struct Series {
     pub rounding: f64,
 }
 
-/// What a series says about one of its values.
+/// Estimate of one value from a series of grids.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// How the series behaves.
+    /// Behaviour of the series.
     pub behaviour: Behaviour,
     /// Apparent order.
     pub observed_order: Option<f64>,
@@ -126,7 +135,7 @@ pub struct Estimate {
     pub extrapolated: Option<f64>,
     /// Factor of safety.
     pub factor: Option<f64>,
-    /// Half the width of the interval about the value; none where no number is promised.
+    /// Half the width of the interval about the value; none if no number is promised.
     pub uncertainty: Option<f64>,
 }
 
@@ -194,7 +203,7 @@ impl Series {
         }
     }
 
-    /// The better fit of order 1 and 2; the uncertainty is at least `least`.
+    /// Returns the better fit of order 1 and 2; the uncertainty is at least `least`.
     fn by_least_squares(
         &self,
         behaviour: Behaviour,
@@ -202,7 +211,7 @@ impl Series {
         own: f64,
         least: f64,
     ) -> Estimate {
-        let [one, two] = [1.0, 2.0].map(|order| Fit::of(&self.values, order));
+        let [one, two] = [1.0, 2.0].map(|order| Fit::new(&self.values, order));
         let fit = if one.deviation < two.deviation {
             one
         } else {
@@ -228,8 +237,8 @@ impl Series {
     }
 }
 
-/// The apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their spacings; none where the
-/// differences do not shrink.
+/// Returns the apparent order of values on three grids, from fine to coarse, with the ratios r21 and r32 of their
+/// spacings; none if the differences do not shrink.
 #[must_use]
 pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     let quotient = (values[2] - values[1]) / (values[1] - values[0]);
@@ -259,7 +268,7 @@ pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     Some(0.5 * (low + high))
 }
 
-/// The value on cells of no size, from those on a fine and a coarse grid.
+/// Returns the value on cells of no size, from those on a fine and a coarse grid.
 #[must_use]
 pub fn richardson([fine, coarse]: [f64; 2], ratio: f64, order: f64) -> f64 {
     fine + (fine - coarse) / (ratio.powf(order) - 1.0)
@@ -275,7 +284,7 @@ struct Fit {
 }
 
 impl Fit {
-    fn of(values: &[(f64, f64)], order: f64) -> Self {
+    fn new(values: &[(f64, f64)], order: f64) -> Self {
         let number = real(values.len());
         let powers: Vec<(f64, f64)> = values
             .iter()
@@ -305,8 +314,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p, extrapolated value,
-    /// index [%]. The third series oscillates.
+    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
+    /// extrapolated value, index [%]. The third series oscillates.
     const CELIK: [([f64; 3], [f64; 3], [f64; 3]); 3] = [
         (
             [18_000.0, 8_000.0, 4_500.0],
@@ -351,7 +360,7 @@ mod tests {
         }
     }
 
-    /// 3 + a h^p on three grids whose ratios differ.
+    /// Returns 3 + a h^p on three grids whose ratios differ.
     fn power(a: f64, p: f64) -> Vec<(f64, f64)> {
         let grids: [f64; 3] = [0.1, 0.16, 0.3];
         grids.iter().map(|h| (*h, 3.0 + a * h.powf(p))).collect()
@@ -407,7 +416,8 @@ mod tests {
         assert!(found.uncertainty.unwrap() >= 0.5 * (6.0909 - 5.9624));
     }
 
-    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % off the published 1.1159e-2.
+    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % off the
+    /// published 1.1159e-2.
     #[test]
     fn a_fine_difference_that_is_small_by_chance_is_not_taken_for_the_error() {
         let values = [

@@ -1,18 +1,19 @@
-//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on them.
+//! The grids of an estimate: coarser or finer cells on which every edge is a whole number of cells, and the case on
+//! them.
 //!
-//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step changes by one of two
-//! rules, the same for all grids:
+//! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step
+//! changes by one of two rules, the same for all grids:
 //!
-//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors of the method, that of
-//!   compressibility included, then fall with h², and the estimate contains them.
-//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would exceed the
-//!   limits of the lattice velocity or of the compression. The error of compressibility is then the same on all grids: the estimate
-//!   does not contain it, and a run with half the lattice velocity measures it.
+//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors
+//!   of the method, that of compressibility included, then fall with h², and the estimate contains them.
+//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would
+//!   exceed the limits of the lattice velocity or of the compression. The error of compressibility is then the same on
+//!   all grids: the estimate does not contain it, and a run with half the lattice velocity measures it.
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
-//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as its openings end between
-//! cells. A seepage through grains has cells of the size of grains and is not refined.
+//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as
+//! its openings end between cells. A seepage through grains has cells of the size of grains and is not refined.
 
 use base::error::{Error, Problem, Severity};
 use base::number::{common_divisor, real, to_u32, whole};
@@ -25,8 +26,8 @@ use plan::scene::seepage::Seepage;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost goes
-/// with the fourth or fifth power.
+/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost
+/// goes with the fourth or fifth power.
 const RATIO: [f64; 2] = [1.8, 1.6];
 /// Refinement ratio of a finer grid.
 const FINER_RATIO: f64 = 1.5;
@@ -37,34 +38,36 @@ const LEAST_STEP: f64 = 1.05;
 /// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
 const LEAST_CELLS: f64 = 4.0;
 
-/// How the time step changes with the cells.
+/// Scaling of the time step with the cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaling {
-    /// With h²: the relaxation time stays.
+    /// Time step with h²: the relaxation time stays.
     Diffusive,
-    /// With h: the lattice velocity stays.
+    /// Time step with h: the lattice velocity stays.
     Acoustic,
-    /// Not at all: a steady seepage.
+    /// No time step: a steady seepage.
     Steady,
 }
 
 impl Scaling {
-    /// What it keeps and what that means.
+    /// Returns the quantity that it keeps and the consequence.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Diffusive => {
-                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is part of the uncertainty"
+                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is \
+                 part of the uncertainty"
             }
             Self::Acoustic => {
-                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
+                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on \
+                 coarser cells; the error of compressibility is not part of the uncertainty"
             }
             Self::Steady => "cells of the seepage; a steady flow has no time step",
         }
     }
 
-    /// The factor of the time step where cells are `ratio` times as large.
+    /// Returns the factor of the time step where cells are `ratio` times as large.
     fn of_time(self, ratio: f64) -> f64 {
         match self {
             Self::Diffusive => ratio * ratio,
@@ -77,13 +80,14 @@ impl Scaling {
 /// The most cells of a seepage that an estimate makes.
 const MOST_SEEPAGE_CELLS: usize = 8_000_000;
 
-/// The seepage of a scene whose cells can be refined: one without grains.
+/// Returns the seepage of a scene whose cells can be refined: one without grains.
 #[must_use]
 pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
     scene.seepage.as_ref().filter(|_| !scene.has_solids())
 }
 
-/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it, else half as large.
+/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it,
+/// else half as large.
 fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
     let divides = |number: usize| {
         let even = |cells: &usize| cells.is_multiple_of(number);
@@ -121,8 +125,8 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
     chosen
 }
 
-/// Returns the spacings of the grids beside that of the case, over its own, in growing order: coarser ones, and a
-/// finer one on request or where no coarser cells divide the edges.
+/// Returns the spacings of the other grids over that of the case, in growing order: coarser ones, and a finer one on
+/// request or if no coarser cells divide the edges.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
@@ -146,9 +150,10 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     chosen
 }
 
-/// A grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those that failed. Cells that are too
-/// coarse fail: it has finer cells than all coarser grids that failed, and is as near as possible to the middle between these and the next finer
-/// ones that ran. Where no coarser grid failed, it is coarser than all that ran. The last to try is finer than the case.
+/// Returns a grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those
+/// that failed. Cells that are too coarse fail: it has finer cells than all coarser grids that failed, and is as near
+/// as possible to the middle between these and the next finer ones that ran. Where no coarser grid failed, it is
+/// coarser than all that ran. The last to try is finer than the case.
 #[must_use]
 pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
@@ -164,7 +169,7 @@ pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     other(common, wanted, allowed, usable, failed)
 }
 
-/// [`another`] of cells of `common` along the common divisor of the edges.
+/// Returns [`another`] of cells of `common` along the common divisor of the edges.
 fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let apart = |a: f64, b: f64| (a / b).max(b / a);
     let new = |ratio: f64| {
@@ -196,8 +201,8 @@ fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64
     coarser.or_else(finer)
 }
 
-/// Up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells that are at most
-/// `allowed` times as large.
+/// Returns up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells
+/// that are at most `allowed` times as large.
 fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
     let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
@@ -214,7 +219,7 @@ fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
                 .filter(fits)
                 .min_by(|a, b| away(a).total_cmp(&away(b)))
         };
-        // The first grid leaves room for the second, where there is room for two.
+        // The first grid must allow a second one, if two fit.
         let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
         let Some(best) = best else { break };
         chosen.push(real(common) / real(best));
@@ -223,7 +228,7 @@ fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     chosen
 }
 
-/// Diameter of the smallest disc or sphere in the water \[m\].
+/// Returns the diameter of the smallest disc or sphere in the water \[m\].
 fn smallest_diameter(scene: &Scene) -> Option<f64> {
     let bodies = scene.bodies.iter().map(|body| body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii).map(|r| r.0);
@@ -251,7 +256,7 @@ pub fn formal_order(scene: &Scene) -> f64 {
     }
 }
 
-/// The case with everything stated that the program chose for it, and without fields for ParaView.
+/// Returns the case with everything stated that the program chose for it, and without fields for ParaView.
 ///
 /// # Errors
 /// [`Error::Internal`] where the plan is not that of a case.
@@ -307,7 +312,7 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
     Ok(tree)
 }
 
-/// The stated case on cells that are `ratio` times as large.
+/// Returns the stated case on cells that are `ratio` times as large.
 #[must_use]
 pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Value {
     let mut tree = stated.clone();
@@ -335,7 +340,7 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
     tree
 }
 
-/// The grid of a seepage with cells that are `ratio` times as large, as a case has it.
+/// Returns the grid of a seepage with cells that are `ratio` times as large, as a case has it.
 pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
     let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
     let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
@@ -360,7 +365,7 @@ pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
     tree["time"]["end"] = (clock.time_step * steps).into();
 }
 
-/// What keeps the case from being run on other cells.
+/// Checks that the case can be run on other cells.
 ///
 /// # Errors
 /// The field and a remedy.
@@ -416,7 +421,7 @@ mod tests {
         // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
         let found = pick(40, 1.8, f64::INFINITY, 2);
         assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
-        // A body of eight cells keeps four of them, one of six cells has room for one grid, one of five for none.
+        // A body of eight cells keeps four of them, one of six cells allows one grid, one of five none.
         let found = pick(40, 1.8, 2.0, 2);
         assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
         let found = pick(40, 1.8, 1.5, 2);

@@ -2,7 +2,7 @@
 //!
 //! Speeds and pressures of flow between structures, in turbulence and between openings of several kinds are not known
 //! before a run to better than a factor of two. The pilot runs the case on the coarsest cells of an estimate that can
-//! run, at most [`MOST_COST`] of its cost. The case with these numbers is written beside it; the automatic choices
+//! run, at most [`MOST_COST`] of its cost. The case with these numbers is written next to it; the automatic choices
 //! then take them in place of their estimates, on any number of ranks and after a restart.
 
 use super::grids::{self, Scaling};

@@ -24,22 +24,22 @@ use serde_json::{Value, json};
 /// A setting and the case under its next better value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// In words.
+    /// Name in words.
     pub name: &'static str,
-    /// As part of a folder's name.
+    /// Name as part of a folder's name.
     pub folder: &'static str,
-    /// From what to what.
+    /// Change in words: old value to new value.
     pub change: String,
     /// The case.
     pub case: Value,
 }
 
-/// How much stiffer contacts become.
+/// Factor by which contacts become stiffer.
 const STIFFER: f64 = 4.0;
 /// Constant of WALE in the comparison.
 const OTHER_WALE: f64 = 0.325;
 
-/// What a setting changes: the case, stated on the cells of the comparison; `none` where the scene does not have it.
+/// Change of a setting: of the case, stated on the cells of the comparison; `none` if the scene does not have it.
 type Change = fn(&mut Value, &Plan, Scaling) -> Option<String>;
 
 /// All settings.
@@ -53,7 +53,7 @@ const SETTINGS: &[(&str, &str, Change)] = &[
     ("lattice velocity", "velocity", velocity),
 ];
 
-/// The settings that a scene has.
+/// Returns the settings that a scene has.
 #[must_use]
 pub fn of(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
     let one = |(name, folder, change): &(&'static str, &'static str, Change)| {
@@ -118,7 +118,7 @@ fn scale(value: &mut Value) -> usize {
     children.map(scale).sum()
 }
 
-/// Half the solid time step of the plan; couplings happen at the same times.
+/// Halves the solid time step of the plan; couplings happen at the same times.
 fn halve_solid_step(case: &mut Value, plan: &Plan) {
     case["time"]["solid_time_step"] = (0.5 * plan.clock.solid_time_step).into();
     if let Some(interval) = case.pointer_mut("/fluid/darcy/coupling_interval")
@@ -137,7 +137,7 @@ fn solid_step(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some("x 0.5".into())
 }
 
-/// The seepage through grains: without them nothing is coupled, and zones state the resistance.
+/// Returns the seepage through grains: without them nothing is coupled, and zones state the resistance.
 fn seepage_through_grains(plan: &Plan) -> Option<&Seepage> {
     let seepage = plan.scene.seepage.as_ref();
     seepage.filter(|_| plan.scene.has_solids())

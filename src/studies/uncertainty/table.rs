@@ -12,22 +12,22 @@ use serde_json::{Value, json};
 const SETTLED: f64 = 1e-3;
 /// Differences up to this part of the scale of an answer are rounding, for populations in f64 and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
-/// As much of a unit of the lattice is rounding, too: of pressure, force and so on.
+/// Rounding in units of the lattice for f64 and f32: of pressure, force and so on.
 const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
 /// Components below this part of their vector are zero.
 const ZERO: f64 = 1e-9;
 
-/// How large rounding is.
+/// Size of rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// The scales of the lattice, if there is one.
     pub units: Option<LatticeUnits>,
-    /// Whether populations are stored in f32.
+    /// `true` if populations are stored in f32.
     pub single: bool,
 }
 
 impl Noise {
-    /// Rounding of a quantity by its unit, whatever its size.
+    /// Returns the rounding of a quantity by its unit, whatever its size.
     fn of_unit(self, unit: &str) -> f64 {
         let scale = self.units.map_or(0.0, |units| match unit {
             "Pa" => units.pressure_scale(),
@@ -42,32 +42,32 @@ impl Noise {
         scale * OF_UNIT[usize::from(self.single)]
     }
 
-    /// Whether values are zero but for rounding.
+    /// Returns `true` if values are zero but for rounding.
     fn is_zero(self, mut values: impl Iterator<Item = f64>, answer: &Answer) -> bool {
         let limit = (ZERO * answer.scale).max(self.of_unit(&answer.unit));
         values.all(|value| value.abs() <= limit)
     }
 
     /// Differences that are rounding.
-    fn of(self, answer: &Answer) -> f64 {
+    fn rounding(self, answer: &Answer) -> f64 {
         (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
     }
 }
 
-/// What is known of a grid.
+/// Data of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Grid {
-    /// Its folder.
+    /// Folder.
     pub folder: String,
-    /// Its spacing \[m\].
+    /// Spacing \[m\].
     pub spacing: f64,
-    /// Over that of the case.
+    /// Spacing over that of the case.
     pub ratio: f64,
     /// Processor time of its run \[s\].
     pub core_seconds: f64,
-    /// Why it has no answers; none where it has.
+    /// Reason why it has no answers; none if it has.
     pub failure: Option<String>,
-    /// What it answers; none where its run failed.
+    /// Answers of its run; none if it failed.
     #[serde(skip)]
     pub answers: Option<Answers>,
 }
@@ -77,18 +77,18 @@ pub struct Grid {
 pub struct Row {
     /// The answer.
     pub answer: String,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
-    /// Its value in the run of the case.
+    /// Value in the run of the case.
     pub value: f64,
-    /// Its values on all grids, from fine to coarse.
+    /// Values on all grids, from fine to coarse.
     pub values: Vec<f64>,
-    /// What the grids say.
+    /// Estimate from the grids.
     #[serde(flatten)]
     pub estimate: Estimate,
     /// Change in time between the last two tenths of the run.
     pub drift: Option<f64>,
-    /// Whether it has settled; none where that was not measured.
+    /// `true` if it has settled; none if that was not measured.
     pub settled: Option<bool>,
     #[serde(skip)]
     scale: f64,
@@ -99,13 +99,13 @@ pub struct Row {
 pub struct Sensitivity {
     /// The setting.
     pub setting: String,
-    /// From what to what.
+    /// Change in words: old value to new value.
     pub change: String,
     /// The folder of the run.
     pub folder: String,
     /// The folder of the run that it is compared with.
     pub beside: String,
-    /// Why there are no changes; empty where there are.
+    /// Reason why there are no changes; empty if there are.
     pub missing: String,
     /// Answer, value before and after, relative change.
     pub changes: Vec<Change>,
@@ -116,9 +116,9 @@ pub struct Sensitivity {
 pub struct Change {
     /// The answer.
     pub answer: String,
-    /// Under the setting of the case.
+    /// Value under the setting of the case.
     pub before: f64,
-    /// Under the next better one.
+    /// Value under the next better setting.
     pub after: f64,
     /// Difference over the size of the answer.
     pub relative: f64,
@@ -127,11 +127,11 @@ pub struct Change {
 /// All that an estimate found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
-    /// How the time step changes with the cells, and what that means.
+    /// Scaling of the time step with the cells, and its meaning.
     pub scaling: String,
     /// Order of the method.
     pub formal_order: f64,
-    /// What the number of grids with answers means; empty where all have answers.
+    /// Meaning of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
     /// The grids, from fine to coarse.
     pub grids: Vec<Grid>,
@@ -143,7 +143,7 @@ pub struct Table {
     pub version: String,
 }
 
-/// What the number of grids with answers means, where not all have answers.
+/// Returns the meaning of the number of grids with answers, if not all have answers.
 #[must_use]
 pub fn conclusion(grids: &[Grid]) -> String {
     let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
@@ -157,13 +157,14 @@ pub fn conclusion(grids: &[Grid]) -> String {
             grid.folder
         ),
         2 => format!(
-            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of safety is 3"
+            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of \
+             safety is 3"
         ),
         _ => format!("{number} of {of} grids have answers: the estimate uses these"),
     }
 }
 
-/// The rows of the grids; `at` is the one of the case.
+/// Returns the rows of the grids; `at` is the one of the case.
 #[must_use]
 pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
@@ -185,7 +186,7 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
         let series = Series {
             at: places.iter().position(|place| *place == at)?,
             formal,
-            rounding: noise.of(answer),
+            rounding: noise.rounding(answer),
             values,
         };
         Some(Row {
@@ -202,7 +203,7 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
     own.iter().filter_map(row).collect()
 }
 
-/// What a setting changes.
+/// Returns the changes of the answers by a setting.
 #[must_use]
 pub fn sensitivity(
     setting: &Setting,
@@ -239,14 +240,15 @@ pub fn sensitivity(
 }
 
 impl Row {
-    /// The uncertainty over the value.
+    /// Returns the uncertainty over the value.
     #[must_use]
     pub fn relative(&self) -> Option<f64> {
         let relative = self.estimate.uncertainty? / self.value.abs();
         Some(relative).filter(|r| r.is_finite())
     }
 
-    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower interval.
+    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower
+    /// interval.
     #[must_use]
     pub fn why_wide(&self) -> Option<String> {
         self.relative().filter(|half| *half > WIDE)?;
@@ -265,19 +267,33 @@ impl Row {
             ));
         }
         causes.push(match self.estimate.behaviour {
-            Behaviour::TwoGrids => "two grids show no order, so that the factor is 3 at first order: a third grid narrows it".to_owned(),
-            Behaviour::Oscillating => "its values rise and fall from grid to grid: gaps or borders are not resolved on the coarser grids".to_owned(),
+            Behaviour::TwoGrids => {
+                "two grids show no order, so that the factor is 3 at first order: a third grid \
+                narrows it"
+                    .to_owned()
+            }
+            Behaviour::Oscillating => {
+                "its values rise and fall from grid to grid: gaps or borders are not resolved \
+                on the coarser grids"
+                    .to_owned()
+            }
             Behaviour::Monotone => format!(
                 "the order {} is below the formal one: the cells are too coarse for it",
-                self.estimate.observed_order.map_or_else(String::new, |p| format!("{p:.2}"))
+                self.estimate
+                    .observed_order
+                    .map_or_else(String::new, |p| format!("{p:.2}"))
             ),
-            Behaviour::Fast => "its order is above that of the method, so that the factor is 3".to_owned(),
-            _ => "it differs this much from grid to grid: the cells are too coarse for it".to_owned(),
+            Behaviour::Fast => {
+                "its order is above that of the method, so that the factor is 3".to_owned()
+            }
+            _ => {
+                "it differs this much from grid to grid: the cells are too coarse for it".to_owned()
+            }
         });
         Some(causes.join("; "))
     }
 
-    /// Whether it has settled, in words.
+    /// Returns in words if it has settled.
     #[must_use]
     pub fn rest(&self) -> String {
         match (self.settled, self.drift) {
@@ -288,7 +304,7 @@ impl Row {
     }
 }
 
-/// A number with five digits, or a dash.
+/// Returns a number with five digits, or a dash.
 fn short(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{x:.5e}"))
 }
@@ -297,7 +313,8 @@ fn percent(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{:.2} %", 100.0 * x))
 }
 
-/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the line.
+/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the
+/// line.
 fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
     let mut shown: Vec<(&Row, usize)> = Vec::new();
     let family = |row: &Row| {
@@ -329,7 +346,7 @@ fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
 }
 
 impl Table {
-    /// How many grids have answers.
+    /// Returns the number of grids with answers.
     #[must_use]
     pub fn usable(&self) -> usize {
         self.grids.iter().filter(|g| g.answers.is_some()).count()
@@ -474,7 +491,7 @@ impl Table {
         aligned(&cells)
     }
 
-    /// All rows as CSV.
+    /// Returns all rows as CSV.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = format!("# {}, {}\n# {}\n", self.version, machine(), self.scaling);
@@ -545,7 +562,7 @@ impl Table {
         text
     }
 
-    /// The block of `summary.json`: as the table, with the reason of each method.
+    /// Returns the block of `summary.json`: as the table, with the reason of each method.
     #[must_use]
     pub fn json(&self) -> Value {
         let mut tree = json!(self);
@@ -573,7 +590,7 @@ const WIDE: f64 = 0.2;
 /// Value over the scale of its kind below which rounding and staircases of larger terms decide its relative width.
 const SMALL: f64 = 0.1;
 
-/// Rows with columns of equal width.
+/// Returns the rows with columns of equal width.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
     let width: [usize; N] = std::array::from_fn(|n| {
         let cells = rows.iter().map(|row| row[n].chars().count());

@@ -12,7 +12,7 @@ fn example(name: &str, set: &[&str]) -> Plan {
     plan(case::examples::find(name).unwrap().text, set)
 }
 
-/// The plan of a member.
+/// Returns the plan of a member.
 fn planned(member: &Member) -> Plan {
     plan(&member.prepared.as_ref().unwrap().text, &[])
 }
@@ -67,14 +67,15 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
         );
         approx::assert_relative_eq!(coarse.scene.grid.spacing, own.scene.grid.spacing * ratio);
     }
-    // A tenth of the case where its disc allows, a fifth here by cells and steps: the coarsest grid has to resolve it. The map of the disc
-    // falls with the spacing alone. In so long a run the start counts little.
+    // A tenth of the case where its disc allows, a fifth here by cells and steps: the coarsest grid has to resolve it.
+    // The map of the disc falls with the spacing alone. In so long a run the start counts little.
     let long = example("settling-disc", &["time.end=60", "output={}"]);
     let members = Members::of(&long, false, false, false).unwrap();
     let (costs, sum) = members.costs();
-    // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of the disc with the
-    // third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start of the program and the steps of the
-    // disc, of which its contacts ask for the same number on every grid, cost the same on all grids and are no cost of cells.
+    // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of
+    // the disc with the third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start
+    // of the program and the steps of the disc, of which its contacts ask for the same number on every grid, cost the
+    // same on all grids and are no cost of cells.
     let alike = |place: &usize| {
         let seconds = planned(&members.list[*place]).estimate.seconds;
         seconds.start_and_end + seconds.grains
@@ -172,7 +173,8 @@ fn seepage_has_one_grid_and_its_settings_one_run_each() {
     }
 }
 
-/// A seepage round a sheet pile has no grains and no time step: its own cells are changed, and its openings stay where they are.
+/// A seepage round a sheet pile has no grains and no time step: its own cells are changed, and its openings stay where
+/// they are.
 #[test]
 fn seepage_without_grains_has_grids_of_its_own_cells() {
     let own = example("sheet-pile", &[]);
@@ -223,7 +225,7 @@ fn cells_without_a_common_divisor_are_refined() {
 
 #[test]
 fn the_coarsest_grid_keeps_four_cells_across_the_smallest_body() {
-    // The wire of 1 mm in 16 x 8 mm: eight cells leave room for two coarser grids of 45 and 32 cells, six for one of 36.
+    // The wire of 1 mm in 16 x 8 mm: eight cells allow two coarser grids of 45 and 32 cells, six for one of 36.
     for (spacing, expected) in [
         ("0.000125", &[1.0, 64.0 / 45.0, 2.0][..]),
         ("0.00016666666666666667", &[1.0, 48.0 / 36.0]),

@@ -20,7 +20,7 @@ fn overlap(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f
     }
 }
 
-/// A cubic packing; `edit` takes a grain out (false) or moves it.
+/// Returns a cubic packing; `edit` takes a grain out (false) or moves it.
 fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
     let mut grains = Vec::new();
     for z in 0..2 * LAYERS {
@@ -54,7 +54,7 @@ fn ground() -> Ground {
     Ground::new(cells(), &packing(|_| true), D, overlap)
 }
 
-/// An opening two cells long and two wide in the bottom.
+/// Returns an opening two cells long and two wide in the bottom.
 fn point(first: usize) -> Point {
     Point {
         from: [real(first) * EDGE, EDGE, 0.0],
@@ -149,7 +149,8 @@ fn a_cone_settles_as_deep_as_it_is() {
         grain.at[2] + grain.radius <= surface - (depth - r).max(0.0) + 1e-12
     });
     let seen = sample(&grains, &[point(5)]);
-    // The innermost grains are at r = d/sqrt(2): above them less than 4 d, so they go down to 3 d below the surface at most.
+    // The innermost grains are at r = d/sqrt(2): above them less than 4 d, so they go down to 3 d below the surface at
+    // most.
     let expected = |column: [usize; 2]| {
         let corners = [0.5, 1.5].iter().flat_map(|a| [0.5, 1.5].map(|b| (*a, b)));
         let highest = corners.map(|(a, b)| {
@@ -196,7 +197,8 @@ fn trenches_have_the_length_and_depth_they_were_dug_with() {
     assert!(near(seen.settlement_percentile, 2.0 * D));
 }
 
-/// What flies alone is no surface, what falls together is, and a column without any grain goes down to its lowest ground.
+/// Leaves out single grains in flight: grains that fall together are ground, and a column without any grain goes down
+/// to its lowest ground.
 #[test]
 fn a_grain_in_flight_is_no_ground() {
     let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
@@ -216,7 +218,7 @@ fn a_grain_in_flight_is_no_ground() {
     assert!(near(at(11), 0.4 * D), "{}", at(11));
 }
 
-/// A large grain on the ground, just inside column (5, 2).
+/// Returns a large grain on the ground, just inside column (5, 2).
 fn perched() -> Grain {
     Grain {
         id: 1_000_000,
@@ -230,7 +232,7 @@ fn perched() -> Grain {
     }
 }
 
-/// The ground with that grain on it, once as it was and once as `edit` leaves it.
+/// Returns the ground with that grain on it, once as it was and once as `edit` leaves it.
 fn with_perched(edit: impl Fn(&mut Grain)) -> Sample {
     let mut grains = packing(|_| true);
     grains.push(perched());
@@ -249,7 +251,7 @@ fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
             sink(grain, 1.2 * D);
         }
     });
-    // The top of the column is three diameters lower, and that grain more than one; those beside it stay.
+    // The top of the column is three diameters lower, and that grain more than one; its neighbours stay.
     assert!(near(seen.surface[k].unwrap(), real(LAYERS) * EDGE));
     assert_eq!(seen.settlement[k], Some(0.0));
     assert_eq!(seen.settlement_max, 0.0);
@@ -272,7 +274,8 @@ fn one_column_that_sinks_with_its_grains_is_a_depression() {
     );
 }
 
-/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller settlement.
+/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller
+/// settlement.
 #[test]
 fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
     let sunk = |columns: &[([usize; 2], f64)]| {
@@ -331,8 +334,8 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     assert!(near(sample(&low, &[point]).points[0].front, 4.0 / 6.0));
 }
 
-/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at every height is a rectangle,
-/// though the upper half of the moving ground has more cells.
+/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at
+/// every height is a rectangle, though the upper half of the moving ground has more cells.
 #[test]
 fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     let point = Point {

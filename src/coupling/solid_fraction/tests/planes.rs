@@ -1,7 +1,8 @@
 //! The part of a unit cell inside planes, from the planes alone: what the fractions of polyhedra are compared with.
 //!
-//! One plane cuts a cell in closed form (R. Scardovelli, S. Zaleski, J. Comput. Phys. 164 (2000) 228). With several planes the volume is
-//! ⅓ Σ area times distance over the faces of the remaining solid, each face clipped independently.
+//! One plane cuts a cell in closed form (R. Scardovelli, S. Zaleski, J. Comput. Phys. 164 (2000) 228). With several
+//! planes the volume is ⅓ Σ area times distance over the faces of the remaining solid, each face clipped
+//! independently.
 
 use lbm::links::Plane;
 use nalgebra::Vector3;
@@ -13,7 +14,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Lengths (in cells) below which a cut does not count.
 const TOUCH: f64 = 1e-12;
 
-/// Of the clipping.
+/// Buffers of the clipping.
 #[derive(Default)]
 pub(super) struct Buffers {
     pub(super) cuts: Vec<Plane>,
@@ -21,7 +22,7 @@ pub(super) struct Buffers {
     clipped: Vec<Vector3<f64>>,
 }
 
-/// Volume of the unit cell with this lower corner inside all planes.
+/// Returns the volume of the unit cell with this lower corner inside all planes.
 pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers) -> f64 {
     let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
     buffers.cuts.clear();
@@ -44,7 +45,7 @@ pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers)
     }
 }
 
-/// Volume of a unit cube about the origin inside one plane that cuts it.
+/// Returns the volume of a unit cube about the origin inside one plane that cuts it.
 pub(super) fn cut_once(plane: &Plane) -> f64 {
     let mut m = plane.normal.map(f64::abs);
     m.sort_by(f64::total_cmp);
@@ -57,7 +58,8 @@ pub(super) fn cut_once(plane: &Plane) -> f64 {
     if alpha <= 0.5 { part } else { 1.0 - part }
 }
 
-/// Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m = 1.
+/// Returns Scardovelli and Zaleski's volume below the plane m·x = α ≤ ½ in the unit cube, m1 ≤ m2 ≤ m3, Σ m
+/// = 1.
 fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
     const TINY: f64 = 1e-8;
     if m2 < TINY {
@@ -91,7 +93,7 @@ fn smaller_part(alpha: f64, m1: f64, m2: f64, m3: f64) -> f64 {
     }
 }
 
-/// Volume of a unit cube about the origin inside the planes of `buffers.cuts`.
+/// Returns the volume of a unit cube about the origin inside the planes of `buffers.cuts`.
 pub(super) fn cut_often(buffers: &mut Buffers) -> f64 {
     let Buffers {
         cuts,
@@ -141,7 +143,7 @@ pub(super) fn cut_often(buffers: &mut Buffers) -> f64 {
     volume / 3.0
 }
 
-/// What is left of a convex polygon inside `normal . x <= offset`.
+/// Clips a convex polygon to `normal . x <= offset`.
 fn clip(
     polygon: &mut Vec<Vector3<f64>>,
     clipped: &mut Vec<Vector3<f64>>,
@@ -162,7 +164,7 @@ fn clip(
     std::mem::swap(polygon, clipped);
 }
 
-/// Area of a plane convex polygon.
+/// Returns the area of a plane convex polygon.
 fn area(polygon: &[Vector3<f64>]) -> f64 {
     let mut sum = Vector3::zeros();
     if let [first, rest @ ..] = polygon {

@@ -4,7 +4,7 @@ use super::super::{Form, LEVEL, Row};
 use base::ball::{Beside, EMPTY, chord};
 use lbm::links::Plane;
 
-/// The row of cells along `axis` through the cell with this lower corner.
+/// Returns the row of cells along `axis` through the cell with this lower corner.
 pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> Row {
     match form {
         Form::Disc { centre, radius } => {
@@ -20,7 +20,7 @@ pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> Row {
     }
 }
 
-/// The row of a ball or disc; `centre` along the row.
+/// Returns the row of a ball or disc; `centre` along the row.
 fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
     let reach = |squared: f64| chord(centre, radius, squared);
     Row {

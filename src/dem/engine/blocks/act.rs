@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What the pairs of a step read.
+/// Input data of the pairs in a step.
 #[derive(Clone, Copy)]
 pub(super) struct World<'a, S: Space> {
     pub(super) view: View<'a, S>,
@@ -16,14 +16,15 @@ pub(super) struct World<'a, S: Space> {
     pub(super) deepest: f64,
 }
 
-/// What a piece of work counts.
+/// Counts of a piece of work.
 pub(super) struct Tally {
     /// Calls of the narrow phase.
     pub(super) calls: u64,
     pub(super) deepest: Record,
 }
 
-/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both meet.
+/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both
+/// meet.
 pub(super) struct Span<S: Space> {
     pub(super) between: S::Vector,
     pub(super) squared: f64,
@@ -50,7 +51,8 @@ impl<'a, S: Space> World<'a, S> {
         self.view.polyhedron(k).map(|(shape, _)| shape)
     }
 
-    /// Where a block meets a block or a sphere, and whether the pair's second comes first in it: a block comes before a sphere.
+    /// Computes the contact of a block with a block or a sphere. Returns also `true` if the second body of the pair
+    /// comes first in it: a block comes before a sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -75,7 +77,7 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// The action of one pair, or none where it does not touch; counts calls of the narrow phase.
+    /// Returns the action of one pair, or none if it does not touch; counts calls of the narrow phase.
     pub(super) fn act(
         &self,
         pair: &mut BlockPair,
@@ -133,7 +135,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Whether one of a pair is a sphere: then the narrow phase does not look at the history, nor lets go of it.
+    /// Returns `true` if one of a pair is a sphere: the narrow phase then neither reads nor clears the history.
     pub(super) fn rounded(&self, pair: &BlockPair) -> bool {
         let (i, j) = pair.ends();
         self.shape(i).is_none() || self.shape(j).is_none()
@@ -157,8 +159,8 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from `base` in
-    /// `pairs`. Returns the calls of the narrow phase and the deepest contact.
+    /// Does [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from
+    /// `base` in `pairs`. Returns the calls of the narrow phase and the deepest contact.
     pub(super) fn act_on_pieces(
         &self,
         (active, base): (&[u32], usize),
@@ -201,7 +203,7 @@ impl<'a, S: Space> World<'a, S> {
             .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
-    /// A block at a plane, where it is one that touches.
+    /// Returns a block at a plane, where it is one that touches.
     pub(super) fn meet_plane(
         &self,
         pair: &BlockAtPlane,
@@ -225,7 +227,7 @@ impl<'a, S: Space> World<'a, S> {
         )
     }
 
-    /// The force and moment of a plane on a block; none where it does not touch.
+    /// Returns the force and moment of a plane on a block; none if it does not touch.
     pub(super) fn act_at_plane(
         &self,
         pair: &mut BlockAtPlane,
@@ -251,7 +253,8 @@ impl<'a, S: Space> World<'a, S> {
         action
     }
 
-    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of [`Approach`].
+    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of
+    /// [`Approach`].
     pub(super) fn act_at_wall(
         &self,
         k: usize,
@@ -282,8 +285,8 @@ impl<'a, S: Space> World<'a, S> {
         record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
     }
 
-    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the calls of the narrow
-    /// phase.
+    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the
+    /// calls of the narrow phase.
     pub(super) fn meet_faces(
         &self,
         k: usize,
@@ -329,7 +332,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Where block `k` meets a face, given by those of its facets that are near.
+    /// Computes the contact of block `k` with a face, given by those of its facets that are near.
     pub(super) fn meet_face(
         &self,
         k: usize,

@@ -46,7 +46,7 @@ impl Pose {
     }
 }
 
-/// Whether the boxes of two bodies, the second `between` \[m\] from the first, are at most `gap` \[m\] apart.
+/// Returns `true` if the boxes of two bodies, the second `between` \[m\] from the first, are at most `gap` \[m\] apart.
 #[inline(always)]
 pub(super) fn boxes_meet([one, two]: [&Pose; 2], between: &Vector3<f64>, gap: f64) -> bool {
     (0..3).all(|axis| {

@@ -1,7 +1,7 @@
 //! Contacts of a block with the facets of a surface.
 //!
-//! Each facet takes the points of the block that it hides from the block's centroid: the part of the block behind the plane
-//! of the facet, inside the cone of sight through the facet.
+//! Each facet takes the points of the block that it hides from the block's centroid: the part of the block behind the
+//! plane of the facet, inside the cone of sight through the facet.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,7 +12,8 @@ use super::{Geometry, Narrow, Placed};
 /// A depth below this over the height of the centroid is rounding: volumes behind facets are differences of cones.
 const ROUNDING: f64 = 1e-11;
 
-/// What facets of one plane hide of a block, as sums over the facets in the block's frame: see [`Narrow::hide`].
+/// Parts of a block hidden by the facets of one plane, as sums over the facets in the block's frame: see
+/// [`Narrow::hide`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hidden {
     /// m³, and its first moment [m⁴].
@@ -24,9 +25,9 @@ pub struct Hidden {
 }
 
 impl Narrow {
-    /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of sight to it the
-    /// facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and counter-clockwise about `normal`, which
-    /// points to the side of the centroid.
+    /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of
+    /// sight to it the facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and
+    /// counter-clockwise about `normal`, which points to the side of the centroid.
     pub fn hide(
         &mut self,
         block: &Placed,
@@ -64,7 +65,8 @@ impl Narrow {
             sum.first += (flat[0] + flat[1] + flat[2]) * (area / 3.0);
             sum.second += spread(&flat) * (area / 12.0);
         }
-        // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no volume.
+        // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no
+        // volume.
         self.grown.clear();
         self.grown.push(HalfSpace { normal, offset });
         for (k, a) in self.vertices.iter().enumerate() {
@@ -95,8 +97,8 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// The contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none where they hide nothing but
-    /// rounding.
+    /// Returns the contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none if they
+    /// hide nothing but rounding.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {
         let volume = self.part.volume;

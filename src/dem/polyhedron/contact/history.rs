@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::super::linear_program::AFRESH;
 
-/// What a pair remembers: plain data, 17 numbers. Lengths in m, forces in N.
+/// History of a pair: plain data, 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct History {
     /// The axis that separated the pair when it was last looked at, in the first's frame; zero where none did.
@@ -35,16 +35,16 @@ impl Default for History {
 }
 
 impl History {
-    /// How many numbers it is.
+    /// Number of values.
     pub const NUMBERS: usize = 17;
 
-    /// Whether the pair touched when it was last looked at.
+    /// Returns `true` if the pair touched when it was last tested.
     #[must_use]
     pub fn touching(&self) -> bool {
         self.normal != Vector3::zeros()
     }
 
-    /// As numbers.
+    /// Returns the history as numbers.
     #[must_use]
     pub fn save(&self) -> [f64; Self::NUMBERS] {
         let (a, p, n, s) = (self.axis, self.point, self.normal, self.shear);
@@ -55,7 +55,7 @@ impl History {
         ]
     }
 
-    /// From numbers.
+    /// Reads the history from numbers.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -74,7 +74,7 @@ impl History {
         }
     }
 
-    /// Force \[N\] of the shear spring on the second, in space.
+    /// Returns the force \[N\] of the shear spring on the second, in space.
     pub(crate) fn spring(&self) -> Vector3<f64> {
         self.shear
     }
@@ -85,7 +85,7 @@ impl History {
         self.shear = *shear;
     }
 
-    /// No contact any more: springs are gone, what speeds up the search stays.
+    /// Releases the contact: springs are dropped, data that accelerate the search stay.
     pub(super) fn release(&mut self) {
         self.normal = Vector3::zeros();
         self.shear = Vector3::zeros();

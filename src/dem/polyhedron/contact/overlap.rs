@@ -11,14 +11,15 @@ use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
 use super::{Geometry, Model, Narrow, Other};
 
-/// How much larger the second block is taken to be where surfaces are cut (2^-36), so that faces of both in one plane are
+/// Relative enlargement of the second block where surfaces are cut (2^-36), so that faces of both in one plane are
 /// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
 const GROWN: f64 = 1.0 / 68_719_476_736.0;
 
 /// A vector area smaller than this over the area has no direction to trust.
 const CANCELLED: f64 = 0.05;
 
-/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface in it.
+/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface
+/// in it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Overlap {
     pub(super) volume: f64,
@@ -26,12 +27,13 @@ pub(super) struct Overlap {
     pub(super) area: Vector3<f64>,
     /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
     pub(super) surfaces: [f64; 2],
-    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see [`super::pressure`].
+    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see
+    /// [`super::pressure`].
     pub(super) pressure: Wrench,
 }
 
 impl Narrow {
-    /// The overlap of both solids, its volume summed up about `near`.
+    /// Computes the overlap of both solids, its volume summed up about `near`.
     pub(super) fn overlap(
         &mut self,
         first: &Polyhedron,
@@ -136,7 +138,7 @@ impl Narrow {
         }
     }
 
-    /// Cuts the polygon down to what is inside a half-space; false where nothing is left.
+    /// Cuts the polygon down to the part inside a half-space; returns `true` if any part is left.
     #[inline]
     pub(super) fn cut(&mut self, plane: impl Fn(&Self) -> HalfSpace) -> bool {
         let plane = plane(self);
@@ -168,7 +170,7 @@ impl Narrow {
         !self.polygon.is_empty()
     }
 
-    /// The contact of an overlap; none where its surface has no direction.
+    /// Returns the contact of an overlap; none if its surface has no direction.
     pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
         let area = overlap.area.norm();
         let normal = match other {
@@ -192,10 +194,11 @@ impl Narrow {
         })
     }
 
-    /// The contact of two blocks that press on each other; none where rounding leaves nothing of the overlap.
+    /// Returns the contact of two blocks that press on each other; none if rounding leaves nothing of the overlap.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.at(&overlap.centroid)?;
-        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area that does not vanish.
+        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area
+        // that does not vanish.
         let [one, two] = overlap.surfaces;
         let area = overlap.area.norm().max(CANCELLED * one.min(two));
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
@@ -210,7 +213,7 @@ impl Narrow {
         })
     }
 
-    /// Second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
+    /// Returns the second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
     pub(super) fn second_moments(
         &self,
         point: &Vector3<f64>,
@@ -228,7 +231,7 @@ impl Narrow {
         sum
     }
 
-    /// Area and second moments of the section of all half-spaces across `normal` at `point`.
+    /// Computes area and second moments of the section of all half-spaces across `normal` at `point`.
     pub(super) fn section(
         &mut self,
         point: &Vector3<f64>,
@@ -254,7 +257,8 @@ impl Narrow {
     }
 }
 
-/// The planes that cut a set of vertices, those with most outside first, and how many they have outside.
+/// Finds the planes that cut a set of vertices, those with most outside first, and the number of vertices that they
+/// have outside.
 pub(super) fn cutters(
     planes: &[HalfSpace],
     vertices: &[Vector3<f64>],
@@ -280,7 +284,7 @@ pub(super) fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f6
     (b - a).cross(&(c - a)) * 0.5
 }
 
-/// Twelve times the mean of `r r^T` over a triangle of corners r.
+/// Returns twelve times the mean of `r r^T` over a triangle of corners r.
 #[inline]
 pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     let [a, b, c] = triangle;
@@ -288,7 +292,7 @@ pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()
 }
 
-/// A square across `normal`, counter-clockwise about it.
+/// Makes a square across `normal`, counter-clockwise about it.
 pub(super) fn square(
     polygon: &mut Vec<Vector3<f64>>,
     middle: &Vector3<f64>,

@@ -1,27 +1,29 @@
 //! The pressure of two blocks on each other, which has a potential.
 //!
-//! With d_i(x) the depth of a point x in block i, the distance to the plane of the nearest face, a stiffness k per area and the overlap O,
-//! the energy of a contact is
+//! With d_i(x) the depth of a point x in block i, the distance to the plane of the nearest face, a stiffness k per area
+//! and the overlap O, the energy of a contact is
 //!
 //! ```text
 //! W = k/2 ∫_O (d_1 + d_2) dV
 //! ```
 //!
-//! Each depth moves with its block. If the second block moves, the overlap grows where its surface S_2 moves outwards inside the first and
-//! loses nothing else of the integral of d_1; and the same for the first relative to the second. So the force on the second is
+//! Each depth moves with its block. If the second block moves, the overlap grows where its surface S_2 moves outwards
+//! inside the first and loses nothing else of the integral of d_1; and the same for the first relative to the second.
+//! So the force on the second is
 //!
 //! ```text
 //! F = -∂W/∂x_2 = k/2 ( ∫_(S_1 in 2) d_2 n_1 dA - ∫_(S_2 in 1) d_1 n_2 dA )
 //! ```
 //!
-//! and its moment that of the same pressures: each surface feels half the pressure k d of the depth where it is. Energy, momentum and angular
-//! momentum are conserved for all shapes and positions, corners and crossing edges included, up to the error of the time integration. Faces
-//! on faces carry k depth per area, and their bed of springs resists tilting. The force is continuous in the pose, because the depth is zero
-//! where surfaces enter. Sources: contact from an energy of the overlap, Y. T. Feng, Comput. Methods Appl. Mech. Engrg. 373 (2021)
-//! 113454; change of an integral with its region, O. Reynolds' transport theorem.
+//! and its moment that of the same pressures: each surface feels half the pressure k d of the depth where it is.
+//! Energy, momentum and angular momentum are conserved for all shapes and positions, corners and crossing edges
+//! included, up to the error of the time integration. Faces on faces carry k depth per area, and their bed of springs
+//! resists tilting. The force is continuous in the pose, because the depth is zero where surfaces enter. Sources:
+//! contact from an energy of the overlap, Y. T. Feng, Comput. Methods Appl. Mech. Engrg. 373 (2021) 113454; change of
+//! an integral with its region, O. Reynolds' transport theorem.
 //!
-//! The depth is linear where one face is nearest. A polygon of a surface is cut at the planes between faces of the other block that are
-//! equally near, and the integrals over its parts are exact.
+//! The depth is linear where one face is nearest. A polygon of a surface is cut at the planes between faces of the
+//! other block that are equally near, and the integrals over its parts are exact.
 
 use nalgebra::Vector3;
 
@@ -47,7 +49,7 @@ pub(super) struct Push {
 }
 
 impl Wrench {
-    /// It as a force at a point; none without a force.
+    /// Returns it as a force at a point; none without a force.
     pub(super) fn at(&self, point: &Vector3<f64>) -> Option<Push> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;
@@ -63,7 +65,8 @@ impl Wrench {
 }
 
 impl Narrow {
-    /// Adds half the pressure that the polygon feels along `normal` from the depth behind `count` planes of the other block.
+    /// Adds half the pressure that the polygon feels along `normal` from the depth behind `count` planes of the other
+    /// block.
     pub(super) fn press(
         &mut self,
         count: usize,

@@ -6,8 +6,8 @@ use super::super::shape::Polyhedron;
 use super::{Geometry, Narrow, Placed};
 
 impl Narrow {
-    /// A block (the first) and a sphere (the second) of `radius` \[m\] whose centre is at `separation` \[m\] from the block's: the
-    /// block's point closest to the centre.
+    /// Returns a block (the first) and a sphere (the second) of `radius` \[m\] whose centre is at `separation` \[m\]
+    /// from the block's: the block's point closest to the centre.
     #[must_use]
     pub fn sphere(
         &self,
@@ -43,7 +43,8 @@ impl Narrow {
     }
 }
 
-/// The point of a block's surface closest to a point of its frame, the unit normal from there, and the signed distance \[m\].
+/// Returns the point of a block's surface closest to a point of its frame, the unit normal from there, and the signed
+/// distance \[m\].
 fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>, f64) {
     let mut highest = (f64::NEG_INFINITY, Vector3::z());
     for plane in shape.half_spaces() {

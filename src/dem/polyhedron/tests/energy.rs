@@ -10,7 +10,7 @@ use base::random::Stream;
 
 const SIZE: f64 = 2.4;
 
-/// Cuboids, a tetrahedron, an octahedron and hulls of random points, at random velocities.
+/// Returns cuboids, a tetrahedron, an octahedron and hulls of random points, at random velocities.
 fn crowd(seed: u64) -> Vec<Block> {
     let mut draw = Stream::new(seed, 0, 0);
     let mut blocks = Vec::new();
@@ -45,7 +45,7 @@ fn crowd(seed: u64) -> Vec<Block> {
     blocks
 }
 
-/// Largest relative change of the energy of motion while no contact is closed, over a number of impacts.
+/// Returns the largest relative change of the energy of motion while no contact is closed, over a number of impacts.
 fn drift(model: Model, stiffness: Stiffness, time_step: f64, impacts: u32) -> f64 {
     let mut law = law(1.0, 0.0, 0.0);
     law.stiffness = stiffness;

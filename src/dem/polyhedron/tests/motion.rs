@@ -47,7 +47,7 @@ impl Block {
         0.5 * self.mass * self.velocity.norm_squared() + self.rotation.energy(&self.inertia)
     }
 
-    /// How far it leans (rad).
+    /// Returns the inclination (rad).
     fn lean(&self) -> f64 {
         let up = self.rotation.orientation * Vector3::z();
         up.cross(&Vector3::z()).norm().atan2(up.z)
@@ -61,7 +61,7 @@ pub(super) struct World {
     floor: bool,
     /// Normals into the space of the blocks, and their distances \[m\] from the origin.
     walls: Vec<(Vector3<f64>, f64)>,
-    /// How often blocks met blocks or walls.
+    /// Number of impacts of blocks on blocks or walls.
     pub(super) impacts: u32,
     law: Law,
     model: Model,
@@ -94,7 +94,7 @@ impl World {
         }
     }
 
-    /// A closed box of this size \[m\] with a corner at the origin.
+    /// Returns a closed box of this size \[m\] with a corner at the origin.
     pub(super) fn closed(mut self, size: f64) -> Self {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             self.walls.push((axis, 0.0));
@@ -216,7 +216,7 @@ impl World {
         }
     }
 
-    /// Whether anything touches.
+    /// Returns `true` if any pair touches.
     pub(super) fn touching(&self) -> bool {
         let walls = self.blocks.iter().flat_map(|block| &block.walls);
         let mut all = walls.chain(self.pairs.iter().map(|(_, _, history)| history));
@@ -301,8 +301,8 @@ fn a_block_slides_and_sticks_on_a_slope() {
     }
 }
 
-/// The slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the steepest on which
-/// there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
+/// Returns the slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the
+/// steepest on which there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
 fn tipping(width: f64, height: f64, stiffness: f64, weight: f64) -> f64 {
     let mut best: f64 = 0.0;
     let mut angle = (width / height).atan();
@@ -363,8 +363,8 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's point and normal have none: they keep
-/// momenta, and energy to some per cent.
+/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's
+/// point and normal have none: they keep momenta, and energy to some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
@@ -423,8 +423,8 @@ fn collisions_keep_energy_and_momenta() {
     }
 }
 
-/// Ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has moved sideways since
-/// the first half, and the largest lean.
+/// Returns ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has
+/// moved sideways since the first half, and the largest lean.
 fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
     let stiffness = 1e9;
     let mut blocks = Vec::new();

@@ -1,8 +1,8 @@
 //! Ten thousand random pairs against an independent oracle: no contact missed, none invented.
 //!
-//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. Once, and not in every build,
-//! 10,000 pairs of the same kinds were held against parry3d-f64 0.25 (GJK and EPA: 9,999 agree, 1 in the band) and against the
-//! optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9, all agree).
+//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. Once, and not in
+//! every build, 10,000 pairs of the same kinds were held against parry3d-f64 0.25 (GJK and EPA: 9,999 agree, 1 in the
+//! band) and against the optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9, all agree).
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -26,13 +26,13 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    fn look(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
+    fn meet(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
         let [one, two] = [0, 1].map(|k| placed(self.shapes[k], &self.orientations[k]));
         narrow.blocks(&one, &two, &self.separation, model, history)
     }
 
-    /// The widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space, without the
-    /// half-spaces.
+    /// Returns the widest gap over all axes: normals by Newell's formula and products of edges, from vertices in space,
+    /// without the half-spaces.
     fn oracle(&self) -> (Vector3<f64>, f64) {
         let points: [Vec<Vector3<f64>>; 2] = [0, 1].map(|k| {
             let place = if k == 0 {
@@ -94,7 +94,7 @@ impl Pair<'_> {
     }
 }
 
-/// Boxes, hulls, tetrahedra, thin plates and needles.
+/// Returns boxes, hulls, tetrahedra, thin plates and needles.
 fn shapes() -> Vec<Polyhedron> {
     let mut found = Vec::new();
     for id in 0..60 {
@@ -114,7 +114,8 @@ fn shapes() -> Vec<Polyhedron> {
     found
 }
 
-/// Pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned alike.
+/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned
+/// alike.
 fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
     let mut draw = Stream::new(22, id, 0);
     let mut pick = || &shapes[draw.bits() as usize % shapes.len()];
@@ -159,7 +160,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         ];
         let model = models[usize::try_from(id % 3).unwrap()];
         let mut history = History::default();
-        let touch = pair.look(&mut narrow, &model, &mut history);
+        let touch = pair.meet(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
             within += 1;
             continue;
@@ -182,7 +183,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         }
         // Warm: the same answer, and where apart without another program.
         let before = narrow.ways.programs;
-        let again = pair.look(&mut narrow, &model, &mut history);
+        let again = pair.meet(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
         if let (Some(a), Some(b)) = (again, touch) {
             assert!(
@@ -209,7 +210,7 @@ fn the_exhaustive_test_and_the_program_agree() {
         let local = pair.orientations[0].inverse() * pair.separation;
         let (axis, wide) = widest_gap(pair.shapes[0], pair.shapes[1], turn.matrix(), &local);
         let (_, gap) = pair.oracle();
-        // The oracle also looks along normals turned round: apart that may be more.
+        // The oracle also tests the reversed normals: the distance along those may be larger.
         let same = if gap < 0.0 {
             (wide - gap).abs() < 1e-11
         } else {
@@ -235,7 +236,7 @@ fn the_patch_has_the_overlaps_volume() {
     let mut compared = 0;
     for id in 0..1200 {
         let pair = pair(&shapes, id);
-        let Some(touch) = pair.look(&mut narrow, &Model::Patch, &mut History::default()) else {
+        let Some(touch) = pair.meet(&mut narrow, &Model::Patch, &mut History::default()) else {
             continue;
         };
         // The half-spaces of both as one solid: another algorithm.
@@ -298,18 +299,18 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
     for id in 0..1500 {
         let pair = pair(&shapes, id);
         for model in [Model::Pressure, Model::Patch, rounding] {
-            let Some(touch) = pair.look(&mut narrow, &model, &mut History::default()) else {
+            let Some(touch) = pair.meet(&mut narrow, &model, &mut History::default()) else {
                 continue;
             };
             // The same bits from the same numbers, whatever was done in between.
-            let again = pair.look(&mut Narrow::default(), &model, &mut History::default());
+            let again = pair.meet(&mut Narrow::default(), &model, &mut History::default());
             assert_eq!(again, Some(touch));
             let swapped = Pair {
                 shapes: [pair.shapes[1], pair.shapes[0]],
                 orientations: [pair.orientations[1], pair.orientations[0]],
                 separation: -pair.separation,
             };
-            let other = swapped.look(&mut narrow, &model, &mut History::default());
+            let other = swapped.meet(&mut narrow, &model, &mut History::default());
             // Through and through the exhaustive test decides, and may have two answers as good as each other.
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
@@ -340,7 +341,7 @@ fn history_survives_as_numbers() {
     for id in 0..200 {
         let pair = pair(&shapes, id);
         let mut history = History::default();
-        pair.look(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
+        pair.meet(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
         assert_eq!(History::load(&history.save()), history);
     }
 }
@@ -384,7 +385,7 @@ fn a_pebble_on_a_mountain() {
             Model::Patch,
             Model::Point { rounding: 2e-3 },
         ] {
-            let touch = pair.look(&mut narrow, &model, &mut History::default());
+            let touch = pair.meet(&mut narrow, &model, &mut History::default());
             assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
             if let Some(touch) = touch {
                 assert!(

@@ -7,7 +7,7 @@ use super::super::{HalfSpace, Polyhedron, ShapeError, Solid};
 use super::{between, random_hull, random_orientation};
 use base::random::Stream;
 
-/// The triangles of a solid where it stands.
+/// Returns the triangles of a solid where it stands.
 fn triangles(solid: &Solid) -> Vec<[Vector3<f64>; 3]> {
     let at = |v: u32| solid.position + solid.orientation * solid.shape.vertices()[v as usize];
     let mut found = Vec::new();
@@ -20,7 +20,7 @@ fn triangles(solid: &Solid) -> Vec<[Vector3<f64>; 3]> {
     found
 }
 
-/// Euler's formula, planes through vertices, the centroid at the origin.
+/// Checks Euler's formula, planes through vertices, the centroid at the origin.
 fn check(shape: &Polyhedron) {
     let (v, e, f) = (
         shape.vertices().len(),

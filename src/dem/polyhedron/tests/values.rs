@@ -80,7 +80,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// The half-spaces of both, in space about the first's centre.
+/// Returns the half-spaces of both, in space about the first's centre.
 pub(super) fn together(
     shapes: [&Polyhedron; 2],
     orientations: &[UnitQuaternion<f64>; 2],
@@ -328,8 +328,8 @@ fn spheres_touch_the_closest_point() {
     }
 }
 
-/// A box on its edge, a strip of length L: the dashpots resist a turn across the edge as they would a beam, with c_n L²/12, and let the box
-/// turn about the edge, over which the strip is next to nothing wide.
+/// A box on its edge, a strip of length L: the dashpots resist a turn across the edge as they would a beam, with c_n
+/// L²/12, and let the box turn about the edge, over which the strip is next to nothing wide.
 #[test]
 fn a_block_turns_freely_about_its_edge() {
     let (length, depth, tilt) = (0.4, 1e-5, 0.3);

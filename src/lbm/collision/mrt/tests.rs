@@ -15,7 +15,7 @@ pub(in super::super) fn cell(seed: u64) -> [f64; 27] {
     })
 }
 
-/// The integer matrix of Suga with a rate for each row.
+/// Returns the integer matrix of Suga with a rate for each row.
 fn rows(omega: f64, k: &Rates) -> Vec<([f64; 27], f64)> {
     let text = include_str!("../../../../tests/reference/suga_d3q27.csv");
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -96,7 +96,7 @@ impl Orthogonal {
     }
 }
 
-/// The whole matrix.
+/// Returns the whole matrix.
 pub(in super::super) fn reference(
     basis: Orthogonal,
     g: &[f64; 27],

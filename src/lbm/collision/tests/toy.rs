@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Parameters {
-    /// What populations are multiplied by, without unit.
+    /// Factor of the populations, without unit.
     pub strength: f64,
 }
 

@@ -17,7 +17,7 @@ const OPERATORS: [SolidOperator; 4] = [
 const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
-/// A channel with walls below and above, water in its upper part.
+/// Returns a channel with walls below and above, water in its upper part.
 fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f64> {
     let cells = match set {
         VelocitySet::D2Q9 => [4, HEIGHT, 1],
@@ -54,8 +54,8 @@ fn solid(id: u64, u: f64) -> Solid {
     }
 }
 
-/// Bodies one above the other up to `TOP`: each with its first cell, its velocity, and how much of that cell it fills, the rest of it being
-/// of the body below. Ghost cells of the periodic faces are covered as the map of bodies does it.
+/// Bodies one above the other up to `TOP`: each with its first cell, its velocity, and how much of that cell it fills,
+/// the rest of it being of the body below. Ghost cells of the periodic faces are covered as the map of bodies does it.
 fn stack(fluid: &mut Fluid<f64>, bodies: &[(usize, f64, f32)]) {
     let [nx, _, nz] = fluid.populations().cells().map(usize::cast_signed);
     let deep_z = if nz > 1 { -1..nz + 1 } else { 0..1 };
@@ -117,8 +117,8 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
     loads(fluid, bodies)
 }
 
-/// A block slides on another at rest, which lies on the floor: the one feels the drag of the water above, the other none. Whether the
-/// joint lies between cells or within them.
+/// A block slides on another at rest, which lies on the floor: the one feels the drag of the water above, the other
+/// none. Whether the joint lies between cells or within them.
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
     for solid_operator in OPERATORS {
@@ -129,7 +129,8 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
         ] {
             for part in [1.0, 0.3] {
                 let mut fluid = channel(solid_operator, set, tau);
-                // From the exact profile, which is the shortest way to that of the lattice: two to three times (HEIGHT - TOP)^2/(pi^2 nu).
+                // From the exact profile, which is the shortest way to that of the lattice: two to three times
+                // (HEIGHT - TOP)^2/(pi^2 nu).
                 fluid.initialise(&|at: [f64; 3]| {
                     let y = at[1];
                     let above = 0.01 * (HEIGHT as f64 - y) / (HEIGHT - TOP) as f64;
@@ -156,7 +157,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
     }
 }
 
-/// The same of a block on the floor itself.
+/// Slides a block on the floor itself.
 #[test]
 fn a_wall_at_rest_does_not_drag() {
     for solid_operator in OPERATORS {
@@ -171,7 +172,7 @@ fn a_wall_at_rest_does_not_drag() {
     }
 }
 
-/// What is under pressure stays so: the water presses the upper block down, the joint and the floor bear it, at rest and sliding.
+/// Keeps the pressure: the water presses the upper block down, the joint and the floor bear it, at rest and sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
     for solid_operator in OPERATORS {

@@ -1,4 +1,5 @@
-//! Gradients beside bodies: those beside a wall at the same place, exact where the motion is rigid, and those of the pass.
+//! Gradients next to bodies: those next to a wall at the same position, exact where the motion is rigid, and those of
+//! the pass.
 
 use crate::collision::{Operator, bgk};
 use crate::fluid::{Fluid, Force, Setup};
@@ -35,7 +36,7 @@ fn position(fluid: &Fluid<f64>, at: [usize; 3]) -> usize {
     fluid.populations().cell(at.map(usize::cast_signed))
 }
 
-/// A body with this motion fills parts of the cells of the lower layers.
+/// Covers parts of the cells of the lower layers by a body with this motion parts of the cells of the lower layers.
 fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
     let cells = fluid.populations().cells();
     let mut covered = Vec::new();
@@ -76,7 +77,7 @@ fn stir(fluid: &mut Fluid<f64>, below: (usize, [f32; 3]), velocity: impl Fn([f64
     fluid.spread_velocities();
 }
 
-/// Some smooth flow by the height over a wall.
+/// Returns some smooth flow by the height over a wall.
 fn flow(at: [f64; 3], wall: f64) -> [f64; 3] {
     let y = at[1] - wall;
     [0.02 * y - 0.001 * y * y, 1e-4 * y * y, 0.003 * y]

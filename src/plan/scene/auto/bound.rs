@@ -1,8 +1,9 @@
 //! A bound of the error over the number of cells and the Reynolds number, from all measured rows of an obstacle.
 //!
-//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th percentile of ln e + p ln N - q ln(1 + Re) over the rows;
-//! p and q have the smallest loss of the quantile regression (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a
-//! grid. The bound holds from the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
+//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th
+//! percentile of ln e + p ln N - q ln(1 + Re) over the rows; p and q have the smallest loss of the quantile regression
+//! (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a grid. The bound holds from
+//! the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
 //! the bound of the most.
 
 use super::measured::{Row, rows};
@@ -12,10 +13,11 @@ use std::sync::LazyLock;
 
 /// Part of the rows that lie below the bound, before its margin.
 const CONFIDENCE: f64 = 0.95;
-/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this margin, bounds without one of
-/// the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
+/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this
+/// margin, bounds without one of the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
 const MARGIN: f64 = 3.0;
-/// Up to this Reynolds number inertia changes forces and flows by less than the rows differ: rows of creeping flow count.
+/// Reynolds number up to which inertia changes forces and flows by less than the rows differ: rows of creeping flow
+/// count.
 const CREEPING: f64 = 1.0;
 /// Steps of p, from a fifth to 3.5, and of q, from 0 to 0.8.
 const STEP: f64 = 0.1;
@@ -42,7 +44,7 @@ pub(crate) struct Bound {
 }
 
 impl Bound {
-    /// The bound of an obstacle; none where it was not measured.
+    /// Returns the bound of an obstacle; none if it was not measured.
     pub(crate) fn of(dimension: usize, obstacle: &str) -> Option<&'static Self> {
         static BOUNDS: LazyLock<BTreeMap<(usize, &'static str), Bound>> = LazyLock::new(all);
         let found = BOUNDS.range((dimension, "")..=(dimension, "~"));
@@ -86,25 +88,26 @@ impl Bound {
         }
     }
 
-    /// The bound of the relative error; none outside the rows.
+    /// Returns the bound of the relative error; none outside the rows.
     pub(crate) fn error(&self, cells: f64, reynolds: f64) -> Option<f64> {
         let enough = cells >= self.cells[0] * (1.0 - 1e-9);
         let covered = enough && reynolds <= self.largest_reynolds();
-        covered.then(|| self.at(cells.clamp(self.cells[0], self.cells[1]), reynolds))
+        covered.then(|| self.formula(cells.clamp(self.cells[0], self.cells[1]), reynolds))
     }
 
-    /// The largest Reynolds number at which it holds.
+    /// Returns the largest Reynolds number at which it holds.
     pub(crate) fn largest_reynolds(&self) -> f64 {
         self.most_reynolds.max(CREEPING)
     }
 
-    fn at(&self, cells: f64, reynolds: f64) -> f64 {
+    fn formula(&self, cells: f64, reynolds: f64) -> f64 {
         let log = self.constant - self.order * cells.ln() + self.inertia * reynolds.ln_1p();
         (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
 
-    /// The smallest number of cells with at most this error; the most of the rows where it is not reached. Faster flow than that of the rows
-    /// gets the cells of boundary layers, which thin as the square root of the Reynolds number.
+    /// Returns the smallest number of cells with at most this error; the most of the rows where it is not reached.
+    /// Faster flow than that of the rows gets the cells of boundary layers, which thin as the square root of the
+    /// Reynolds number.
     pub(crate) fn cells_for(&self, target: f64, reynolds: f64) -> f64 {
         let [few, many] = self.cells;
         let slower = reynolds.min(self.most_reynolds);
@@ -117,15 +120,15 @@ impl Bound {
         let trial = |n: usize| few * (many / few).powf(real(n) / real(TRIALS));
         let found = (0..=TRIALS)
             .map(trial)
-            .find(|n| self.at(*n, slower) <= target);
+            .find(|n| self.formula(*n, slower) <= target);
         found.unwrap_or(many) * layers
     }
 }
 
-/// Beyond this Reynolds number the layers are turbulent, and eddies are modelled where they are too small.
+/// Reynolds number beyond which the layers are turbulent, and eddies are modelled where they are too small.
 const MOST_REYNOLDS: f64 = 1000.0;
 
-/// The constant of a bound with this order and inertia, and the loss of the quantile regression.
+/// Returns the constant of a bound with this order and inertia, and the loss of the quantile regression.
 fn at_quantile(rows: &[&Row], order: f64, inertia: f64) -> (f64, f64) {
     let value =
         |row: &&Row| row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p();
@@ -233,7 +236,8 @@ mod tests {
     /// One other problem says nothing of how problems differ.
     const ENOUGH: usize = 2;
 
-    /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the bound.
+    /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the
+    /// bound.
     #[test]
     fn a_problem_that_is_left_out_keeps_the_bound_of_the_others() {
         let (mut judged, mut kept) = (0, 0);
@@ -252,7 +256,8 @@ mod tests {
     /// `jobs/automatic/left_out.csv` is what this prints.
     #[test]
     fn the_table_of_problems_left_out_is_that_of_the_rows() {
-        let mut table = "dimension,obstacle,problem,other problems,rows,covered by the others,below their bound,largest error over their bound\n".to_owned();
+        let mut table = "dimension,obstacle,problem,other problems,rows,covered by the others,below their bound,\
+            largest error over their bound\n".to_owned();
         for one in left_out() {
             let (dimension, obstacle) = one.key;
             let worst = if one.judged > 0 {

@@ -1,7 +1,7 @@
 //! Changes of density in the lattice fluid, before the run: a pressure p is a change of density p/(ρ c²), c the speed
 //! of sound.
 //!
-//! Beside the pressures that a case states there are those that its flow needs, estimated from above:
+//! In addition to the pressures that a case states there are those that its flow needs, estimated from above:
 //!
 //! ```text
 //! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
@@ -152,8 +152,8 @@ pub(crate) fn longest_step(
     deciding.map(|cause| (cause, low))
 }
 
-/// Returns what the flow of a scene does to the density beside the pressures that are stated. `ways` are the narrow
-/// ways along axes.
+/// Returns the causes of changes of density by the flow of a scene, in addition to the pressures that are stated.
+/// `ways` are the narrow gaps along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
         let imposed = |patch: &Patch| imposes_a_velocity(patch) && patch.face.axis() == axis;
@@ -161,7 +161,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
         open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
     });
     let inlets = flow.patches().filter(|patch| imposes_a_velocity(patch));
-    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::of).collect();
+    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::new).collect();
     let mut causes = Vec::new();
     for inlet in &inlets {
         let open = sections[inlet.axis].as_ref().map(|found| found.open);
@@ -216,7 +216,7 @@ struct Inlet<'a> {
 }
 
 impl<'a> Inlet<'a> {
-    fn of(patch: &'a Patch) -> Option<Self> {
+    fn new(patch: &'a Patch) -> Option<Self> {
         let speed = patch.condition.model().speed()?;
         Some(Self {
             patch,
@@ -231,7 +231,7 @@ impl<'a> Inlet<'a> {
         uniform(self.patch).filter(|_| ends_at_walls(flow, self.patch))
     }
 
-    /// Returns the sound of the start; none where the fluid starts from a file or a flow of its own. `open` is the open
+    /// Returns the sound of the start; none if the fluid starts from a file or a flow of its own. `open` is the open
     /// part of the narrowest section.
     fn start(&self, scene: &Scene, flow: &Flow, open: Option<f64>) -> Option<Cause> {
         let Initial::Uniform {
@@ -276,7 +276,7 @@ impl<'a> Inlet<'a> {
         let normal = self.uniform_at_walls(flow)?[self.axis].abs();
         let friction = RIM_OF_FRICTION[scene.grid.dimension - 2];
         Some(Cause {
-            what: "a uniform profile beside a wall",
+            what: "a uniform profile next to a wall",
             path: self.path.clone(),
             pressure: friction * flow.density * flow.kinematic_viscosity * normal
                 / scene.grid.spacing,
@@ -383,7 +383,7 @@ fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
     })
 }
 
-/// The velocity of a uniform profile [m/s]; none of another condition.
+/// Returns the velocity of a uniform profile [m/s]; none of another condition.
 fn uniform(patch: &Patch) -> Option<[f64; 3]> {
     match &patch.condition {
         Condition::Velocity(velocity) => match &velocity.profile {
@@ -409,7 +409,7 @@ fn opens(flow: &Flow, axis: usize) -> bool {
     surfaces(flow, axis).any(|surface| surface == Surface::Opening)
 }
 
-/// Returns `true` if the patch has walls beside it: at faces across, or on its own face.
+/// Returns `true` if the patch has walls next to it: at faces across, or on its own face.
 fn ends_at_walls(flow: &Flow, patch: &Patch) -> bool {
     let axis = patch.face.axis();
     let across = (0..3).filter(|a| *a != axis);
@@ -426,7 +426,7 @@ fn lid_meets_wall(flow: &Flow, lid: &Patch) -> bool {
         .any(|a| surfaces(flow, a).any(|surface| surface == Surface::Wall))
 }
 
-/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none where nothing bounds it.
+/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none if nothing bounds it.
 fn in_channel(scene: &Scene, flow: &Flow, axis: usize, discharge: f64) -> Option<f64> {
     let grid = &scene.grid;
     let (length, _) = passage(scene, axis);

@@ -1,4 +1,4 @@
-//! What the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
+//! Features that the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
@@ -17,7 +17,8 @@ use case::solids::{Body, Shape};
 use case::structures::Shape as Structure;
 use dem::polyhedron::{HalfSpace, Polyhedron};
 
-/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows has 0.61.
+/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows
+/// has 0.61.
 const DENSE: f64 = 0.6;
 
 /// Rows of the table for layers that viscosity spreads in time.
@@ -32,15 +33,15 @@ const VORTICES: &str = "vortices";
 /// Something that the water must resolve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Feature {
-    /// In words: `diameter of `cylinder``.
+    /// Name of the feature: `diameter of `cylinder``.
     pub(crate) what: String,
-    /// Its smallest width \[m\].
+    /// Smallest width \[m\].
     pub(crate) size: f64,
-    /// What the water meets there, as in the table of what is measured.
+    /// Obstacle of the water there, as in the table of measured errors.
     pub(crate) obstacle: &'static str,
 }
 
-/// The coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
+/// Returns the coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
 fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
     match coupling {
         Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
@@ -65,7 +66,8 @@ fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
     operator.model().measured_rows()[0]
 }
 
-/// Rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through the gap.
+/// Returns the rows of the table for blocks in gaps narrower than the block: the displaced water has to pass through
+/// the gap.
 fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     let mut rows = SolidOperator::ALL.iter().map(|o| o.model().measured_rows());
     match obstacle {
@@ -77,7 +79,7 @@ fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for gaps that water passes, by the rows of the solids beside it.
+/// Returns the row of the table for gaps that water passes, by the row of the adjacent solids.
 fn in_gap(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps: half-way links",
@@ -87,7 +89,7 @@ fn in_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for gaps beside bodies that move, by the rows of the solids beside it.
+/// Returns the row of the table for gaps next to bodies that move, by the row of the adjacent solids.
 fn beside_moving(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps beside bodies that move: half-way links",
@@ -97,7 +99,7 @@ fn beside_moving(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for spheres that are closer together than [`DENSE`] diameters.
+/// Returns the rows of the table for spheres that are closer together than [`DENSE`] diameters.
 fn packed(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "packed spheres: half-way links",
@@ -106,7 +108,8 @@ fn packed(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Everything that the case names, in its order; solids whose size is known only once they are made are left out.
+/// Returns everything that the case names, in its order; solids whose size is known only once they are made are left
+/// out.
 pub(crate) fn of(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -233,14 +236,14 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     list
 }
 
-/// Hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this solid fraction, over their diameter; at
-/// most 1. Errors of packed spheres go with it: on simple, body-centred and face-centred cubic lattices from 0.216 to 0.65 they
-/// are one curve.
+/// Returns the hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this
+/// solid fraction, over their diameter; at most 1. Errors of packed spheres go with it: on simple, body-centred and
+/// face-centred cubic lattices from 0.216 to 0.65 they are one curve.
 fn pores(solid: f64) -> f64 {
     (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
 }
 
-/// A gap that water passes. Beside faces the rows hold the mean of width and gap.
+/// Returns the feature of a gap that water passes. Next to faces the rows hold the mean of width and gap.
 fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     Feature {
         what: gap.what.clone(),
@@ -253,7 +256,7 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     }
 }
 
-/// The narrowest place of a way; none where other features stand for it.
+/// Returns the narrowest place of a way; none if other features stand for it.
 fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     let coupling = coupling_of(case);
     let beside = |round| {
@@ -276,7 +279,7 @@ fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     })
 }
 
-/// Rows of the table for ways between a sphere and a wall.
+/// Returns the rows of the table for ways between a sphere and a wall.
 fn beside_a_wall(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "ways beside spheres: half-way links",
@@ -285,7 +288,7 @@ fn beside_a_wall(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Rows of the table for ways between blocks, their periodic images and walls.
+/// Returns the rows of the table for ways between blocks, their periodic images and walls.
 fn between_faces(obstacle: &'static str) -> &'static str {
     match obstacle {
         "blocks: half-way links" => "ways between blocks: half-way links",
@@ -313,8 +316,8 @@ fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     })
 }
 
-/// Width of a block and of the water on each side of it, in the middle between walls that are closer than its width; by the sphere of its
-/// volume, as it may turn. None where it fills the way from wall to wall.
+/// Returns the width of a block and of the water on each side of it, in the middle between walls that are closer than
+/// its width; by the sphere of its volume, as it may turn. None where it fills the way from wall to wall.
 fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
     let volume = match &body.shape {
         Shape::Cuboid { edges } => edges.iter().product(),
@@ -332,7 +335,7 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none where it is
+/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none if it is
 /// not known yet.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {
@@ -386,9 +389,9 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
     (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
 }
 
-/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that oscillates (Stokes), and (nu t)^½ of a
-/// flow that starts, at the end of a run that is shorter than the way of the flow along what it grows at (Rayleigh). Layers thicker than half of what
-/// they grow in are no layers.
+/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that
+/// oscillates (Stokes), and (nu t)^½ of a flow that starts, at the end of a run that is shorter than the way of the
+/// flow along what it grows at (Rayleigh). Layers thicker than half of what they grow in are no layers.
 fn layers(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(String, f64)> {
     let nu = lbm.kinematic_viscosity;
     let widths = gaps(case, lbm).into_iter().map(|(_, length)| length);
@@ -423,7 +426,7 @@ fn smallest_grain(case: &Case) -> Option<f64> {
     grain_diameters(case).map(|(low, _)| low)
 }
 
-/// Axes with walls at both ends, and their lengths.
+/// Returns the axes with walls at both ends, and their lengths.
 fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
     let open = |axis: usize| {
         lbm.boundaries.iter().any(|boundary| {
@@ -439,7 +442,7 @@ fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// The smaller side of an opening that is a part of a face.
+/// Returns the smaller side of an opening that is a part of a face.
 fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
     let patch = boundary
         .patch
@@ -454,7 +457,7 @@ fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
         .reduce(f64::min)
 }
 
-/// The lattice Boltzmann part of a case.
+/// Returns the lattice Boltzmann part of a case.
 pub(crate) fn lattice(case: &Case) -> Option<&LatticeBoltzmann> {
     match &case.fluid {
         Some(Fluid::LatticeBoltzmann(lbm)) => Some(lbm),

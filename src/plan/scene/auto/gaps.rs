@@ -1,9 +1,11 @@
-//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with exact distances of discs and
-//! spheres. The distance of two polyhedra is the largest over their face normals, which is exact where a face is nearest and less elsewhere.
+//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with exact
+//! distances of discs and spheres. The distance of two polyhedra is the largest over their face normals, which is exact
+//! where a face is nearest and less elsewhere.
 //!
-//! In the plane, water that flows along an axis takes its widest way. The narrowest place of that way decides the flow. By the duality of
-//! paths and cuts it is found without paths: solids and walls are joined in the order of their gaps, and the gap that completes a chain
-//! from wall to wall, or round a periodic axis, is the narrowest place of the widest way. Narrower gaps hold water that hardly moves.
+//! In the plane, water that flows along an axis takes its widest way. The narrowest place of that way decides the flow.
+//! By the duality of paths and cuts it is found without paths: solids and walls are joined in the order of their gaps,
+//! and the gap that completes a chain from wall to wall, or round a periodic axis, is the narrowest place of the widest
+//! way. Narrower gaps hold water that hardly moves.
 
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample;
@@ -19,21 +21,22 @@ use std::ops::ControlFlow;
 
 /// The largest number of solids whose gaps are looked at.
 const MOST_SOLIDS: usize = 200_000;
-/// Gaps wider than this many widths of the solids beside them are open water.
+/// Width of a gap over that of the adjacent solids above which it is open water.
 const WIDE: f64 = 1.0;
 
 /// A gap between two solids, or between a solid and a wall.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Gap {
-    /// In words: `gap between `rod` and its image`.
+    /// Name of the gap: `gap between `rod` and its image`.
     pub(crate) what: String,
-    /// Its width \[m\]; 0 or less where the solids touch.
+    /// Width \[m\]; 0 or less where the solids touch.
     pub(crate) width: f64,
-    /// Smallest width of the solids beside it \[m\].
+    /// Smallest width of the adjacent solids \[m\].
     pub(crate) beside: f64,
-    /// Whether a solid beside it is not round.
+    /// `true` if an adjacent solid is not round.
     pub(crate) faces: bool,
-    /// One over the sum of the curvatures of both sides \[m\]: the radius beside a flat wall, half of it between equal discs.
+    /// One over the sum of the curvatures of both sides \[m\]: the radius next to a flat wall, half of it between equal
+    /// discs.
     pub(crate) radius: f64,
 }
 
@@ -42,7 +45,7 @@ pub(crate) struct Gap {
 pub(crate) struct Gaps {
     /// The narrowest place of the widest way along each axis that water flows along; 2-D only.
     pub(crate) ways: Vec<(usize, Gap)>,
-    /// The narrowest gap beside each body that moves.
+    /// Narrowest gap next to each body that moves.
     pub(crate) moving: Vec<Gap>,
     /// The narrowest gap of all; 3-D only.
     pub(crate) narrowest: Option<Gap>,
@@ -75,7 +78,7 @@ impl Solid {
         }
     }
 
-    /// One over the radius of a round solid; a hull is taken for flat [1/m].
+    /// Returns one over the radius of a round solid; a hull is taken for flat [1/m].
     fn curvature(&self) -> f64 {
         match &self.form {
             Form::Ball(radius) => 1.0 / radius,
@@ -83,7 +86,7 @@ impl Solid {
         }
     }
 
-    /// The farthest extent from the centre along a direction.
+    /// Returns the farthest extent from the centre along a direction.
     fn extent(&self, along: &Vector3<f64>) -> f64 {
         match &self.form {
             Form::Ball(radius) => radius * along.norm(),
@@ -94,7 +97,7 @@ impl Solid {
         }
     }
 
-    /// The gap to another solid that is shifted by whole periods.
+    /// Returns the gap to another solid that is shifted by whole periods.
     fn gap(&self, other: &Self, shift: &Vector3<f64>) -> f64 {
         let apart = other.at + shift - self.at;
         if let (Form::Ball(a), Form::Ball(b)) = (&self.form, &other.form) {
@@ -128,7 +131,7 @@ struct Places<'a> {
 }
 
 impl Places<'_> {
-    fn of<'a>(case: &'a Case, lbm: &LatticeBoltzmann) -> Places<'a> {
+    fn new<'a>(case: &'a Case, lbm: &LatticeBoltzmann) -> Places<'a> {
         let size = &case.domain.size.0;
         let mut period = [None; 3];
         for axis in &case.domain.periodic {
@@ -187,15 +190,15 @@ impl Places<'_> {
         Vector3::from_fn(|axis, _| f64::from(by[axis]) * self.period[axis].unwrap_or(0.0))
     }
 
-    /// Axes along which water may flow through the domain.
+    /// Returns `true` if water may flow through the domain along an axis.
     fn through(&self, axis: usize) -> bool {
         !self.walls.contains(&(axis, false)) && !self.walls.contains(&(axis, true))
     }
 }
 
-/// The gaps of a case; none where the solids are not known before they are made, or are too many.
+/// Returns the gaps of a case; none if the solids are not known before they are made, or are too many.
 pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
-    let places = Places::of(case, lbm);
+    let places = Places::new(case, lbm);
     let Some(solids) = solids(case, factor) else {
         return Gaps::default();
     };
@@ -223,7 +226,7 @@ pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
     gaps
 }
 
-/// Volume of the spheres over that of the box about them.
+/// Returns the volume of the spheres over that of the box about them.
 fn solid_fraction(places: &Places<'_>, solids: &[Solid]) -> f64 {
     let balls = solids.iter().filter_map(|solid| match &solid.form {
         Form::Ball(radius) => Some((solid.at, *radius)),
@@ -277,7 +280,7 @@ impl Link {
     }
 }
 
-/// All gaps up to the width of the widest solid, in order.
+/// Returns all gaps up to the width of the widest solid, in order.
 fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     let widest = solids
         .iter()
@@ -327,7 +330,7 @@ fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     links
 }
 
-/// The narrowest gap beside each body that moves.
+/// Returns the narrowest gap next to each body that moves.
 fn moving(places: &Places<'_>, solids: &[Solid], near: &[Link]) -> Vec<Gap> {
     let all = solids.iter().enumerate().filter(|(_, solid)| solid.moves);
     let gap = |(k, solid): (usize, &Solid)| {
@@ -384,7 +387,8 @@ impl Sets {
     }
 }
 
-/// The narrowest place of the widest way along an axis of the plane; none if it is wider than the solids beside it.
+/// Returns the narrowest point of the widest path along an axis of the plane; none if it is wider than the adjacent
+/// solids.
 fn narrowest_of_the_widest_way(
     places: &Places<'_>,
     solids: &[Solid],
@@ -415,7 +419,7 @@ fn narrowest_of_the_widest_way(
     None
 }
 
-/// Bodies and grains of a list or a file; none where grains are made by the run.
+/// Bodies and grains of a list or a file; none if grains are made by the run.
 fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     let dimension = case.domain.size.0.len();
     let at = |position: &[f64]| {
@@ -461,7 +465,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     Some(list)
 }
 
-/// A body; none for shapes that are known only once they are made.
+/// Returns a body; none for shapes that are known only once they are made.
 fn of_body(body: &Body, at: Vector3<f64>, factor: f64) -> Option<Solid> {
     let form = match &body.shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Form::Ball(radius * factor),

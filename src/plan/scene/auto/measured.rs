@@ -1,8 +1,9 @@
 //! Measured errors of forces and flows over the number of cells, relative to published values.
 //!
-//! A row of `measured.csv` is a problem with a known solution at one resolution. Its error is the largest over several positions of the body
-//! relative to the nodes, at this and at every finer resolution: the error on a staircase boundary does not decrease evenly, and a body is
-//! not at the best position in general. Its cost is that of the fluid in a box of one diameter (a wall problem: one width d) over the time d²/nu.
+//! A row of `measured.csv` is a problem with a known solution at one resolution. Its error is the largest over several
+//! positions of the body relative to the nodes, at this and at every finer resolution: the error on a staircase
+//! boundary does not decrease evenly, and a body is not at the best position in general. Its cost is that of the fluid
+//! in a box of one diameter (a wall problem: one width d) over the time d²/nu.
 //!
 //! [`bound`](super::bound) makes a bound of the error from all rows of an obstacle.
 
@@ -42,7 +43,7 @@ pub struct Row {
     pub place: String,
 }
 
-/// All rows.
+/// Returns all rows.
 pub(crate) fn rows() -> impl Iterator<Item = &'static Row> {
     static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
         let mut reader = Reader::new(TABLE);

@@ -1,19 +1,20 @@
 //! Changes of density that bodies make which move through the lattice fluid.
 //!
 //! ```text
-//! start     ρ c U                                a driven body moves from the first step on
-//! flow      ρ U² |C_p|/2 + k ρ ν U/R             suction beside the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
-//!                                                (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in creeping flow
-//! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)          fluid between a free body and the wall that it falls on, δ = 2 cells;
-//!                                                k = 6 (disc), 3 (sphere), and its inertia
-//! impact    2 ρ c U                              a free body that rebounds: from a Stokes number (ρ_s/ρ) 2 R U/(9 ν) of 10
-//!                                                on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
+//! start     ρ c U                             a driven body moves from the first step on
+//! flow      ρ U² |C_p|/2 + k ρ ν U/R          suction at the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
+//!                                             (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in
+//!                                             creeping flow
+//! squeeze   k ρ ν U R/δ² + ρ U² R/(4 δ)       fluid between a free body and the wall that it falls on, δ = 2 cells;
+//!                                             k = 6 (disc), 3 (sphere), and its inertia
+//! impact    2 ρ c U                           a free body that rebounds: from a Stokes number (ρ_s/ρ) 2 R U/(9 ν)
+//!                                             of 10 on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
 //! ```
 //!
 //! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with the
-//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than what
-//! the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and
-//! 2 F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
+//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than
+//! what the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and 2
+//! F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
 
 use super::density::Cause;
 use crate::scene::Scene;
@@ -22,12 +23,13 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
 
-/// Estimates over what runs found, at least: the sound of a start spreads, and guards look from time to time.
+/// Factors of the estimates over the values that runs found, at least: the sound of a start spreads, and guards check
+/// only at intervals.
 const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
 const OVER: f64 = 2.5;
 const OVER_IN_A_FILM: f64 = 2.0;
 
-/// Pressure coefficients of potential flow beside a disc and a sphere.
+/// Pressure coefficients of potential flow at a disc and a sphere.
 const SUCTION: [f64; 2] = [3.0, 1.25];
 /// Parts of ρ ν U/R in front of a disc between walls and a sphere in creeping flow.
 const FRICTION: [f64; 2] = [3.0, 1.5];
@@ -36,8 +38,8 @@ const FILM: [f64; 2] = [6.0, 3.0];
 
 /// Stokes number from which a sphere rebounds from a wall in a liquid.
 const REBOUNDS: f64 = 10.0;
-/// Width of the thinnest film whose pressure the cells show, in cells: beside runs (`jobs/automatic/openings`) the estimate
-/// is then 2 to 4 times the change that the guards saw.
+/// Width of the thinnest film whose pressure the cells show, in cells: compared with runs (`jobs/automatic/openings`)
+/// the estimate is then 2 to 4 times the change that the guards saw.
 const FILM_CELLS: f64 = 2.0;
 
 /// Returns the causes of changes of density of all bodies of a scene.
@@ -196,7 +198,8 @@ mod tests {
             "materials": {"steel": {"density": 3000}},
             "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.6}},
             "bodies": [{
-                "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.02, 0.02], "motion": motion, "material": "steel"
+                "name": "rod", "shape": {"disc": {"radius": 5e-3}}, "position": [0.02, 0.02], "motion": motion,
+                    "material": "steel"
             }],
             "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 0}},
             "box_walls": ["y_min", "y_max"],
@@ -209,7 +212,8 @@ mod tests {
             .collect()
     }
 
-    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its start.
+    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its
+    /// start.
     #[test]
     fn a_driven_disc_sounds_once_and_sucks() {
         let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);

@@ -1,9 +1,10 @@
-//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the scene is made of.
+//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the
+//! scene is made of.
 //!
-//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U dt/h)² for the
-//! compressibility of the lattice or, where it is larger, the change of density that the loss of pressure along the
-//! flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies outside what was
-//! measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U
+//! dt/h)² for the compressibility of the lattice or, where it is larger, the change of density that the loss of
+//! pressure along the flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies
+//! outside what was measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};
@@ -27,7 +28,7 @@ struct Judged<'a> {
     error: Result<(f64, &'static Bound), String>,
 }
 
-/// The promise for the cells of a scene, chosen or stated.
+/// Computes the promise for the cells of a scene, chosen or stated.
 pub(crate) fn judge(
     scene: &mut Scene,
     case: &Case,
@@ -53,7 +54,7 @@ pub(crate) fn judge(
     let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
     let wet = scene.structures.iter().any(|s| s.stops.water());
     if wet && !features.iter().any(beside) {
-        new.push("no error was measured for structures that stand beside no way".to_owned());
+        new.push("no error was measured for structures without an adjacent gap".to_owned());
     }
     for judged in &judged {
         new.extend(judged.error.as_ref().err().cloned());
@@ -205,7 +206,7 @@ fn of_feature<'a>(
 fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
-        new.push("no error was measured of flow beside porous zones".to_owned());
+        new.push("no error was measured of flow next to porous zones".to_owned());
     }
     if flow.turbulence.is_some() {
         new.push("eddies are modelled, and no error of that was measured".to_owned());
@@ -237,7 +238,8 @@ fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
     (left > SOUND * target).then(|| {
         format!(
-            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a shorter time step",
+            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a \
+             shorter time step",
             number(100.0 * left),
             body.name,
             number(100.0 * SOUND * target)

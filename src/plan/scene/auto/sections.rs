@@ -1,4 +1,4 @@
-//! The open sections of a domain with solids, across an axis: how hard water gets through, before the run.
+//! Open sections of a domain with solids, across an axis: their resistance to flow, before the run.
 //!
 //! The domain is cut into slices across the axis. In 2-D the open runs g of a slice pass side by side what plates pass,
 //! in 3-D a slice passes what a pipe of its area A and hydraulic diameter D = 4 A/P passes:
@@ -8,9 +8,9 @@
 //! behind the narrowest                0.75 ρ (q/Σ g)² (1 - Σ g/H)²      the same with A
 //! ```
 //!
-//! A wide slice beside a narrow one counts by itself, so that the way across between them is left out: walls that water
-//! winds round cost more than this. Solids are sampled at points ([`ALONG`], [`ACROSS`]); ways narrower than a sample
-//! are not seen.
+//! A wide slice next to a narrow one counts by itself, so that the way across between them is left out: walls that
+//! water winds round cost more than this. Solids are sampled at points ([`ALONG`], [`ACROSS`]); ways narrower than a
+//! sample are not seen.
 
 use crate::scene::Scene;
 use crate::scene::flow::Flow;
@@ -262,7 +262,7 @@ mod tests {
         // Round a period the ends are one run.
         let (conductance, _) = runs(&line("..##...."), 0.5, [End::Periodic; 2]);
         assert!((conductance - 27.0 / 12.0).abs() < 1e-12);
-        // Beside a plane of symmetry the run is half of one twice as wide.
+        // Next to a plane of symmetry the run is half of one twice as wide.
         let (conductance, _) = runs(&line("..##...."), 0.5, [End::Slip, End::Wall]);
         assert!((conductance - (4.0 + 8.0) / 12.0).abs() < 1e-12);
         let (conductance, _) = runs(&line("...."), 0.5, [End::Wall, End::Slip]);

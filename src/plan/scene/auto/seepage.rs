@@ -1,7 +1,7 @@
 //! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the submerged weight of the bed
-//! and the pressure difference of the flow,
+//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the
+//! submerged weight of the bed and the pressure difference of the flow,
 //!
 //! ```text
 //! sigma = c (rho_s - rho) g H + dp,   c = 0.6
@@ -10,11 +10,12 @@
 //!                                     a = sigma/(c rho_s H), moves half a diameter
 //! ```
 //!
-//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load. `measured_seepage.csv` lists the
-//! resulting errors of the flow: the largest error of two beds, one near the critical gradient and one that the flow presses down, at this and every
-//! smaller overlap or interval. Both errors add up. The plan promises twice their sum and the error of the law of resistance
-//! ([`resistance`](super::resistance)); nothing where that is not known. Porosity is computed from exact overlaps, because other methods cost as much
-//! at equal error.
+//! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load.
+//! `measured_seepage.csv` lists the resulting errors of the flow: the largest error of two beds, one near the critical
+//! gradient and one that the flow presses down, at this and every smaller overlap or interval. Both errors add up. The
+//! plan promises twice their sum and the error of the law of resistance ([`resistance`](super::resistance)); nothing
+//! where that is not known. Porosity is computed from exact overlaps, because other methods cost as much at equal
+//! error.
 //!
 //! Within the limits of the plan the settlement of columns (consolidation in water, oil and glycerine, and silt)
 //! differs by at most 0.8 % from that of a coupling in each solid step, the mass that erodes from sand by 0.5 %
@@ -30,8 +31,8 @@ use serde::Deserialize;
 use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_seepage.csv");
-/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since another bed
-/// is another problem than that of the rows.
+/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since
+/// another bed is another problem than that of the rows.
 const OF_CONTACTS: f64 = 0.3;
 const OF_INTERVAL: f64 = 0.2;
 /// Part of a bed that is solid, at most; of the order that spheres take in a random packing.
@@ -45,7 +46,7 @@ const IMPACT: f64 = 0.1;
 pub(crate) struct Row {
     /// `overlap` or `interval`.
     what: String,
-    /// Up to this number.
+    /// Number up to which the row is valid.
     value: f64,
     /// Largest relative error of the flow.
     error: f64,
@@ -64,7 +65,7 @@ fn rows(what: &str) -> impl Iterator<Item = &'static Row> {
     all().iter().filter(move |row| row.what == what)
 }
 
-/// All rows.
+/// Returns all rows.
 fn all() -> &'static [Row] {
     static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
         let mut reader = Reader::new(TABLE);
@@ -78,21 +79,21 @@ fn all() -> &'static [Row] {
     &ROWS
 }
 
-/// The largest number whose error is within a bound, which is the cheapest; where none is, the best.
+/// Returns the largest number whose error is within a bound, which is the cheapest; where none is, the best.
 fn needed(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
-/// The row with the error of this number; none beyond all rows.
+/// Returns the row with the error of this number; none beyond all rows.
 fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
         .min_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// What loads a bed.
+/// Load of a bed.
 struct Bed {
     /// Smallest and largest diameter \[m\].
     diameters: (f64, f64),
@@ -105,7 +106,7 @@ struct Bed {
 }
 
 impl Bed {
-    fn of(scene: &Scene) -> Option<Self> {
+    fn new(scene: &Scene) -> Option<Self> {
         let seepage = scene.seepage.as_ref()?;
         let grains: &Grains = scene.grains.as_ref()?;
         let (low, high) = grains.radii?;
@@ -126,25 +127,25 @@ impl Bed {
         })
     }
 
-    /// The spring [N/m] whose overlap is this part of the largest diameter.
+    /// Returns the spring [N/m] whose overlap is this part of the largest diameter.
     fn stiffness(&self, overlap: f64) -> f64 {
         self.force / (overlap * self.diameters.1)
     }
 
-    /// What the time between two couplings is counted in \[s\].
+    /// Returns the unit of the time between two couplings \[s\].
     fn time(&self) -> f64 {
         (self.diameters.0 / self.acceleration).sqrt()
     }
 }
 
-/// The spring [N/m] for the target, and why; none where the bed bears nothing. `impact` gives the spring that stops what falls within
-/// a part of its diameter.
+/// Returns the spring [N/m] for the target, and why; none if the bed bears nothing. `impact` gives the spring that
+/// stops what falls within a part of its diameter.
 pub(super) fn stiffness(
     scene: &Scene,
     target: f64,
     impact: impl Fn(f64) -> f64,
 ) -> Option<(f64, String)> {
-    let bed = Bed::of(scene)?;
+    let bed = Bed::new(scene)?;
     let row = needed("overlap", OF_CONTACTS * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
@@ -159,7 +160,7 @@ pub(super) fn stiffness(
 
 /// Chooses the coupling interval, and adds the promised error of interval and contacts.
 pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
-    let Some(bed) = Bed::of(scene) else { return };
+    let Some(bed) = Bed::new(scene) else { return };
     let shortest = step::intervals(scene).fold(f64::INFINITY, f64::min);
     let Some(seepage) = scene.seepage.as_mut() else {
         return;
@@ -183,7 +184,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     judge(scene, &bed, interval, target, findings);
 }
 
-/// What the interval chosen and the contacts, chosen or stated, promise together.
+/// Reports the combined error of the chosen interval and the contacts, chosen or stated.
 fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &mut Findings) {
     let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
         return;
@@ -192,7 +193,8 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises no error",
+                "contacts overlap by {} % of a diameter under {} Pa, more than in any measured row: the plan promises \
+                 no error",
                 number(100.0 * overlap),
                 number(bed.stress)
             ),
@@ -211,12 +213,13 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
     let (law, of_law) = match resistance::error(scene) {
         Ok(error) => error,
         Err(reason) => {
-            let text = format!("{of_numerics}; nothing is promised beside it: {reason}");
+            let text = format!("{of_numerics}; nothing further is promised: {reason}");
             scene.chosen.note("accuracy", text);
             findings.warn(
                 "accuracy",
                 format!(
-                    "contacts and coupling interval change the flow by at most {} %, but the plan promises no error: {reason}",
+                    "contacts and coupling interval change the flow by at most {} %, but the plan promises no error: \
+                     {reason}",
                     number(100.0 * numerics)
                 ),
                 "compare the flow with a measurement; `solver estimate` runs the case under other laws of resistance",
@@ -237,12 +240,13 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
                 number(100.0 * promised),
                 number(100.0 * law)
             ),
-            "use stiffer contacts where they are stated, or another law, or state measured permeabilities (`fluid.darcy.zones`)",
+            "use stiffer contacts where they are stated, or another law, or state measured permeabilities \
+             (`fluid.darcy.zones`)",
         );
     }
 }
 
-/// The spring of the largest grain [N/m], from its time 2 (m/k)^½.
+/// Returns the spring of the largest grain [N/m], from its time 2 (m/k)^½.
 fn softest(scene: &Scene) -> Option<f64> {
     let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
     let radius = grains.radii?.1;
@@ -291,7 +295,8 @@ mod tests {
         assert!(covering("overlap", 1.01 * softest.value).is_none());
     }
 
-    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19 / 159) m/s2.
+    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19
+    /// / 159) m/s2.
     const COLUMN: &str = r#"{
         "accuracy": "draft",
         "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},
@@ -317,7 +322,7 @@ mod tests {
     fn stiffness_and_interval_follow_from_the_load_of_the_bed() {
         let scene = scene(&[]);
         let stress = 0.6 * 1650.0 * 9.81 * 0.1 + 500.0;
-        let bed = Bed::of(&scene).unwrap();
+        let bed = Bed::new(&scene).unwrap();
         assert!((bed.stress / stress - 1.0).abs() < 1e-9, "{}", bed.stress);
         let stiffness = stress * 0.004 / 0.0000473;
         assert!((softest(&scene).unwrap() / stiffness - 1.0).abs() < 1e-9);
@@ -338,7 +343,8 @@ mod tests {
         assert_eq!(scene.chosen.promised, None);
     }
 
-    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in random beds, Ergun's 4 and 21 %.
+    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in
+    /// random beds, Ergun's 4 and 21 %.
     #[test]
     fn the_promise_covers_the_law_of_resistance() {
         let mut grains = Vec::new();

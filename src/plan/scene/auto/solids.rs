@@ -22,7 +22,7 @@ const FRICTION_DEGREES: f64 = 30.0;
 const DAMPING: f64 = 0.2;
 const RESTITUTION: f64 = 0.5;
 
-/// The coupling for the shapes of a case, and the reason.
+/// Returns the coupling for the shapes of a case, and the reason.
 pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
@@ -35,7 +35,8 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
-            "grains that lie packed: their pores are narrower than cells, where links trap moving water and interpolation loses mass",
+            "grains that lie packed: their pores are narrower than cells, where links trap moving water and \
+             interpolation loses mass",
         );
     }
     // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
@@ -49,9 +50,10 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     (Coupling::BounceBack(links), reason)
 }
 
-/// Whether spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their pores, whatever couples them.
+/// Returns `true` if spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their
+/// pores with any coupling.
 fn lie_packed(case: &Case) -> bool {
-    /// As many touch a sphere in a loose packing.
+    /// Number of neighbours of a sphere in a loose packing.
     const NEIGHBOURS: u32 = 6;
     let many = match case.grains.as_ref().map(|grains| &grains.initial) {
         Some(Initial::Growth(_)) => true,
@@ -61,7 +63,7 @@ fn lie_packed(case: &Case) -> bool {
     many && case.domain.size.0.len() == 3
 }
 
-/// Whether discs or spheres move freely. Blocks and bonds have properties without default values.
+/// Returns `true` if discs or spheres move freely. Blocks and bonds have properties without default values.
 pub(crate) fn move_without_law(case: &Case) -> bool {
     let free = |motion: &Motion| matches!(motion, Motion::Free { .. });
     let moving = case.grains.is_some() || case.bodies.iter().any(|body| free(&body.motion));
@@ -73,24 +75,31 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Touching discs leave no path for the fluid in 2-D.
+/// Warns that touching discs leave no path for the fluid in 2-D.
 pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(
             "coupling",
             "touching discs close all pores between them in 2-D, and no hydraulic radius is given",
-            Remedy::from("for a permeable packing state for example \"coupling\": {\"bounce_back\": {\"hydraulic_radius_factor\": 0.8}}")
-                .set("coupling", json!({"bounce_back": {"hydraulic_radius_factor": 0.8}})),
+            Remedy::from(
+                "for a permeable packing state for example \"coupling\": {\"bounce_back\": \
+                {\"hydraulic_radius_factor\": 0.8}}",
+            )
+            .set(
+                "coupling",
+                json!({"bounce_back": {"hydraulic_radius_factor": 0.8}}),
+            ),
         );
     }
 }
 
-/// Whether the linear law of a case leaves its stiffness open.
+/// Returns `true` if the linear law of a case has no stiffness.
 pub(crate) fn without_stiffness(case: &Case) -> bool {
     matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
 }
 
-/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that do not move.
+/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that
+/// do not move.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
@@ -124,7 +133,8 @@ pub(crate) fn choose_contact(
     if scene.grains.is_some() && case.contact.is_none() {
         findings.warn(
             "contact",
-            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it is a property of the grains"),
+            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it \
+                is a property of the grains"),
             "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }
@@ -136,7 +146,7 @@ pub(crate) fn choose_contact(
     scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
 }
 
-/// The law of discs and spheres, and why.
+/// Returns the law of discs and spheres, and why.
 fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
     let elastic =
         |m: &case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
@@ -167,8 +177,8 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     }
 }
 
-/// The spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the overlap; in seepage that of
-/// the rows measured. And why.
+/// Returns the spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the
+/// overlap; in seepage that of the rows measured. And why.
 fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let in_water = scene
         .flow
@@ -210,7 +220,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     (stiffest, text)
 }
 
-/// Diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
+/// Returns the diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
 fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
     let mut list = Vec::new();
     let mut add = |material: usize, radius: f64, alone: bool| {

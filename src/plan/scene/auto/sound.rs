@@ -1,25 +1,29 @@
-//! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½ Δt).
+//! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½
+//! Δt).
 //!
-//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the pressure absorbs it
-//! ([`lbm::boundary::Sound`]) the velocity is off by 5 % after three passages of the length L, by 1.3 % after four and by 0.6 %
-//! after eight; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
+//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the
+//! pressure absorbs it ([`lbm::boundary::Sound`]) the velocity is off by 5 % after three passages of the length
+//! L, by 1.3 % after four and by 0.6 % after eight; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
 //!
-//! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per density and viscosity
-//! (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with the time constant
+//! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per
+//! density and viscosity (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with
+//! the time constant
 //!
 //! T = 12 ν I V/c²
 //!
-//! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the way, lubrication gives
-//! I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the two sides. After m T the pressure is built up
-//! to exp(-m).
+//! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the
+//! way, lubrication gives I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the
+//! two sides. After m T the pressure is built up to exp(-m).
 //!
-//! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction at walls and bodies
-//! damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L between walls. Beside a surface S round a volume
-//! V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210 (1868) 177-193, without conduction of heat)
+//! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction
+//! at walls and bodies damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L
+//! between walls. At a surface S around a volume V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210
+//! (1868) 177-193, without conduction of heat)
 //!
 //! γ = (S/2V) (ν ω/2)^½,
 //!
-//! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out with ω²/(2γ).
+//! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out
+//! with ω²/(2γ).
 //!
 //! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of
 //! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the
@@ -43,7 +47,7 @@ const PASSAGES: f64 = 4.0;
 /// Time constants until the pressure before a narrow way is built up to a per cent.
 const TIME_CONSTANTS: f64 = 4.6;
 
-/// From when on values matter \[s\]: averages begin, or the run ends.
+/// Returns the time from which on values matter \[s\]: averages begin, or the run ends.
 fn when(scene: &Scene) -> f64 {
     let averages = scene.output.averages.iter().map(|averages| averages.from);
     averages
@@ -51,7 +55,8 @@ fn when(scene: &Scene) -> f64 {
         .fold(scene.time.end, f64::min)
 }
 
-/// The longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none where nothing starts it.
+/// Returns the longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none if
+/// nothing starts it.
 pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let mut axes = [false; 3];
     let mut driven = false;
@@ -79,7 +84,7 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((what, step))
 }
 
-/// The rate \[1/s\] with which sound of this angular frequency dies away beside a surface over its volume \[1/m\].
+/// Returns the rate \[1/s\] with which sound of this angular frequency decays, for a surface over its volume \[1/m\].
 #[must_use]
 pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let swinging = damping_of(frequency, viscosity, surface_over_volume);
@@ -97,7 +102,8 @@ fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     layers.max(filled)
 }
 
-/// A body that starts at once, and the part of its sound that is left when values matter; none where sound leaves through openings.
+/// Returns a body that starts at once, and the part of its sound that is left when values matter; none where sound
+/// leaves through openings.
 pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a Body, f64)> {
     if flow.patches().any(|p| p.condition.model().passes_water()) {
         return None;
@@ -157,7 +163,7 @@ pub(super) struct Waves {
     viscosity: f64,
 }
 
-/// Returns the waves of the body force; none where it does not oscillate, or drives nothing against walls and solids.
+/// Returns the waves of the body force; none if it does not oscillate, or drives nothing against walls and solids.
 pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
     let BodyForce::Oscillating {
         amplitude, period, ..
@@ -220,9 +226,9 @@ impl Waves {
 /// A narrow way of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// Its width \[m\].
+    /// Width \[m\].
     pub width: f64,
-    /// What is beside it.
+    /// Kind of the adjacent solids.
     pub beside: Beside,
 }
 
@@ -241,7 +247,7 @@ impl Way {
     }
 }
 
-/// What stands beside a narrow way.
+/// Kind of the solids next to a narrow gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
     /// Round solids: one over the sum of the curvatures of both sides \[m\], half the radius between equal discs.
@@ -250,7 +256,7 @@ pub enum Beside {
     Flat(f64),
 }
 
-/// I of a way [1/m2].
+/// Returns I of a way [1/m2].
 #[must_use]
 pub fn resistance(way: &Way) -> f64 {
     let Way { width, beside } = *way;
@@ -260,8 +266,8 @@ pub fn resistance(way: &Way) -> f64 {
     }
 }
 
-/// The longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after `time`. Each way fills a volume of
-/// `length` along the flow and `height` across it \[m\].
+/// Returns the longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after
+/// `time`. Each way fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
     way: &Way,
@@ -274,8 +280,8 @@ pub fn filling(
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
 }
 
-/// The longest time step \[s\] with which the pressure before the narrowest place of a way along `axis` is built up in time, and what it
-/// keeps. The place fills the water beside its solids.
+/// Returns the longest time step \[s\] with which the pressure before the narrowest point of a gap along `axis` is
+/// built up in time, and the requirement that it keeps. The gap is filled with the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
     let way = Way::of(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
@@ -297,8 +303,9 @@ pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap)
 mod tests {
     use super::*;
 
-    /// A chamber of 4.5 by 1.12 mm, less half a disc, behind a gap of 0.12 mm between discs of 1 mm, in cells of 0.02 mm at a relaxation
-    /// time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T = 0.325 s between 0.57 and 1.17 s.
+    /// A chamber of 4.5 by 1.12 mm, less half a disc, behind a gap of 0.12 mm between discs of 1 mm, in cells of 0.02
+    /// mm at a relaxation time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T = 0.325 s between
+    /// 0.57 and 1.17 s.
     #[test]
     fn a_chamber_fills_in_the_time_of_a_run() {
         let way = Way {
@@ -318,7 +325,8 @@ mod tests {
         approx::assert_relative_eq!(step, of_the_run, max_relative = 0.03);
     }
 
-    /// Slots one after another over the whole length are a channel, in which the pressure diffuses with c² k/ν, k = g²/12: L²/D.
+    /// Slots one after another over the whole length are a channel, in which the pressure diffuses with c² k/ν, k =
+    /// g²/12: L²/D.
     #[test]
     fn slots_over_the_whole_length_are_a_channel() {
         let (width, length) = (1e-4, 5e-3);
@@ -360,8 +368,8 @@ mod tests {
         assert!(waves.error(1.0, step) <= 0.01 && waves.error(1.0, 1.2 * step) > 0.01);
     }
 
-    /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C. Kosten, Sound absorbing
-    /// materials, 1949, without conduction of heat). The imaginary part of ω is the rate.
+    /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C.
+    /// Kosten, Sound absorbing materials, 1949, without conduction of heat). The imaginary part of ω is the rate.
     #[test]
     fn sound_dies_away_as_between_plates() {
         type Complex = nalgebra::Complex<f64>;

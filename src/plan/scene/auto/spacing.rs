@@ -1,4 +1,5 @@
-//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of cells along every edge.
+//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of
+//! cells along every edge.
 
 use super::bound::Bound;
 use super::features::{self, Feature};
@@ -23,7 +24,7 @@ pub(crate) struct Spacing {
 }
 
 impl Spacing {
-    /// That of another scene, which needs no reason.
+    /// Returns the spacing of another scene, which needs no reason.
     pub(crate) fn like(scene: &Scene) -> Self {
         Self {
             value: scene.grid.spacing,
@@ -39,7 +40,8 @@ impl Spacing {
             if written < size {
                 let path = format!("domain.size[{axis}]");
                 let reason = format!(
-                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is {size} m long along {}, which is {} m more than written",
+                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is \
+                     {size} m long along {}, which is {} m more than written",
                     number(self.value),
                     ["x", "y", "z"][axis],
                     number(size - written)
@@ -72,10 +74,10 @@ const SHARE: f64 = 0.75;
 const ASIDE: f64 = 1.05;
 /// Distance from a centre, face or corner of a cell that counts as on it [half cells].
 const ON_LATTICE: f64 = 0.1;
-/// In the plane finer cells keep a fast flow stable, up to this factor.
+/// Maximum factor by which finer cells keep a fast flow stable in the plane.
 const MOST_FINER: f64 = 4.0;
 
-/// The stated spacing, or that for the features of the case, before velocities are known.
+/// Returns the stated spacing, or that for the features of the case, before velocities are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     if let Some(value) = case.domain.spacing {
         return Some(Spacing {
@@ -112,7 +114,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     whole_cells(case, wanted, reason, findings)
 }
 
-/// A finer spacing than that of the scene, if its velocities require one.
+/// Returns a finer spacing than that of the scene, if its velocities require one.
 pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
@@ -139,7 +141,7 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// The spacing \[m\] that each feature requires, and a sentence.
+/// Returns the spacing \[m\] that each feature requires, and a sentence.
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -179,7 +181,7 @@ fn needs(
     needs
 }
 
-/// Length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
+/// Returns the length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
 fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
     let initial = match &lbm.initial {
         Initial::Channel { fluctuations, .. } => *fluctuations,
@@ -236,12 +238,12 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     Some((size, reason.into()))
 }
 
-/// The coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number. Up to [`ASIDE`] finer, one is
-/// preferred that puts no round obstacle at a position of symmetry.
+/// Returns the coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
+/// Up to [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
 ///
-/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow to the next whole
-/// number of cells. Of the spacings in this range the one is taken that lengthens the domain least, relative to its edges. Edges grow
-/// and do not shrink, so that all that the case places in the domain stays in it.
+/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
+/// to the next whole number of cells. Of the spacings in this range the one is taken that lengthens the domain least,
+/// relative to its edges. Edges grow and do not shrink, so that all that the case places in the domain stays in it.
 fn whole_cells(
     case: &Case,
     wanted: f64,
@@ -284,15 +286,16 @@ fn whole_cells(
     })
 }
 
-/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the staircases of opposite sides are
-/// equal, and their errors add up: such discs broke three times as many promises as others.
+/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the
+/// staircases of opposite sides are equal, and their errors add up: such discs broke three times as many promises as
+/// others.
 fn symmetric(case: &Case, h: f64) -> bool {
     let on_lattice = |x: f64| (2.0 * x / h - (2.0 * x / h).round()).abs() < ON_LATTICE;
     let mut round = case.bodies.iter().filter(|body| body.shape.round());
     round.any(|body| body.position.0.iter().all(|x| on_lattice(*x)))
 }
 
-/// The length of the fewest whole cells that are as long as an edge.
+/// Returns the length of the fewest whole cells that are as long as an edge.
 fn rounded_up(size: f64, h: f64) -> f64 {
     if fits_one(size, h) {
         size
@@ -301,7 +304,7 @@ fn rounded_up(size: f64, h: f64) -> f64 {
     }
 }
 
-/// Whether an edge is a whole number of cells.
+/// Returns `true` if an edge is a whole number of cells.
 fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
 }

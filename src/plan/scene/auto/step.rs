@@ -2,15 +2,16 @@
 //!
 //! The step is the longest that keeps
 //!
-//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most (target/12)^½, and 0.1;
+//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most
+//!   (target/12)^½, and 0.1;
 //! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
 //! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the
 //!   target, and 3 %;
 //! - all changes of density that the flow needs ([`super::density`]) together at three quarters of
 //!   `guards.max_compression`;
 //! - 200 steps in a period, 100 in the run, one in every interval of output;
-//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end or before averages
-//!   begin, unless the relaxation time would fall below the range of two relaxation times.
+//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end
+//!   or before averages begin, unless the relaxation time would fall below the range of two relaxation times.
 //!
 //! It is shortened so that the intervals of probes and outputs are whole numbers of steps.
 //!
@@ -40,8 +41,8 @@ use lbm::turbulence::wale::Wale;
 
 /// Largest relaxation time.
 const MOST_TAU: f64 = 1.5;
-/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a flume they failed
-/// at 0.5302 and held at 0.5491.
+/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a
+/// flume they failed at 0.5302 and held at 0.5491.
 const LEAST_TAU: f64 = 0.51;
 const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
 /// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D and around what moves, held
@@ -61,7 +62,7 @@ const TURBULENT: f64 = 1000.0;
 const KOLMOGOROV_LENGTHS: f64 = 4.0;
 /// Constant of WALE (Nicoud and Ducros 1999).
 const WALE: f64 = 0.5;
-/// From this target on f32 does.
+/// Target from which on f32 is accurate enough.
 const DRAFT: f64 = 0.1;
 
 /// Returns the smallest relaxation time at which two of them are stable at a lattice velocity.
@@ -85,13 +86,13 @@ fn mach(target: f64) -> f64 {
     (target / 12.0).sqrt().min(USUAL_MACH)
 }
 
-/// The largest speed that water or solids will reach; none where nothing drives them.
+/// Returns the largest speed that water or solids will reach; none if nothing drives them.
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let speeds = speed::all(scene, flow).into_iter();
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none where any is. The time
+/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none if any is. The time
 /// step is that at which the error of compressibility, or the sound of a start, allows no more.
 pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64) -> Option<f64> {
     let sound: f64 = scene
@@ -154,8 +155,8 @@ fn common(a: f64, b: f64) -> f64 {
     long
 }
 
-/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples: of all of them,
-/// or else of those of probes, or else of the shortest.
+/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples:
+/// of all of them, or else of those of probes, or else of the shortest.
 fn dividing(scene: &Scene, longest: f64) -> f64 {
     let finite = |every: &f64| every.is_finite() && *every > 0.0;
     let all: Vec<f64> = intervals(scene).filter(finite).collect();
@@ -173,8 +174,9 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples at the nearest
-/// steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would no longer hold.
+/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples
+/// at the nearest steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would
+/// no longer hold.
 fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
     let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
     let shorter = dividing(scene, longest);
@@ -324,8 +326,8 @@ fn limits(
     limits
 }
 
-/// The largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth to spare; none where they
-/// are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
+/// Returns the largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth
+/// to spare; none if they are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
     let grains = scene.grains.as_ref()?;
@@ -351,7 +353,7 @@ fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
 }
 
-/// The largest pressure imposed, at the start, or of the water column \[Pa\].
+/// Returns the largest pressure imposed, at the start, or of the water column \[Pa\].
 fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     let imposed = flow.patches().filter_map(|patch| {
         let pressure = patch.condition.model().pressure()?;
@@ -378,7 +380,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// The smallest thing in the water \[m\], which makes its eddies.
+/// Returns the smallest thing in the water \[m\], which makes its eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);
@@ -394,7 +396,7 @@ fn smallest(scene: &Scene) -> f64 {
     }
 }
 
-/// The eddies that the cells are too wide for, unless the case says otherwise.
+/// Chooses a model for the eddies that the cells are too wide for, unless the case says otherwise.
 fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Option<f64>) {
     if lbm.turbulence.is_some() {
         return;
@@ -425,7 +427,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     scene.chosen.note("turbulence", text);
 }
 
-/// The cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
+/// Chooses the operator of lowest cost that is stable at the relaxation time, and the velocity set that it needs.
 fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     let speed = fastest(scene, flow).map_or(0.0, |speed| speed.value);
     let tau = flow.relaxation_time;
@@ -454,7 +456,8 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
     if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
-            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from {least} on"
+            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from \
+             {least} on"
         );
         let path = format!("{PATH}.kinematic_viscosity");
         // What is stated is taken, with a warning.
@@ -472,7 +475,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
 }
 
-/// f32 halves the memory and the traffic of a draft in 3-D.
+/// Chooses the storage: f32 halves the memory and the traffic of a draft in 3-D.
 fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
     if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;

@@ -26,7 +26,7 @@ const FEWEST: f64 = 8.0;
 const FINER: [usize; 2] = [15, 5];
 /// Samples on each side of the narrowest place that are looked at again.
 const ABOUT: usize = 2;
-/// Ways wider than this many widths of the bodies beside them are open water.
+/// Width of a gap over that of the adjacent bodies above which it is open water.
 const WIDE: f64 = 1.0;
 /// Most solids that are looked at.
 const MOST_SOLIDS: usize = 20_000;
@@ -34,7 +34,7 @@ const MOST_SOLIDS: usize = 20_000;
 /// Solids that are looked for about a point.
 const NEAREST: usize = 4;
 
-/// Kinds of solids beside a way.
+/// Kinds of solids next to a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beside {
     /// Spheres or discs, and no wall.
@@ -50,11 +50,11 @@ pub(crate) enum Beside {
 /// The narrowest place of a way.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Way {
-    /// In words: "narrowest way, beside `a` and the upper wall along y".
+    /// Text that names the gap and the adjacent solids.
     pub(crate) what: String,
-    /// Its width \[m\].
+    /// Width \[m\].
     pub(crate) width: f64,
-    /// Kind of the solids beside it.
+    /// Kind of the adjacent solids.
     pub(crate) beside: Beside,
 }
 
@@ -74,7 +74,7 @@ struct Body {
 }
 
 impl Body {
-    fn of(name: String, at: Point, radius: f64, hull: Option<&Hull>) -> Option<Self> {
+    fn new(name: String, at: Point, radius: f64, hull: Option<&Hull>) -> Option<Self> {
         let Some(hull) = hull else {
             return Some(Self {
                 name,
@@ -150,7 +150,7 @@ struct Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    fn of(scene: &'a Scene, flow: &Flow) -> Self {
+    fn new(scene: &'a Scene, flow: &Flow) -> Self {
         let grid = &scene.grid;
         let passes = |patch: &&Patch| patch.condition.model().passes_water();
         let rectangle = |patch: &Patch| {
@@ -175,7 +175,7 @@ impl<'a> Ground<'a> {
             }
         }
         let named = scene.bodies.iter().filter_map(|body| {
-            Body::of(
+            Body::new(
                 body.name.clone(),
                 body.position,
                 body.radius,
@@ -184,7 +184,7 @@ impl<'a> Ground<'a> {
         });
         let blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let blocks = blocks.enumerate().filter_map(|(n, block)| {
-            Body::of(format!("block {n}"), [0.0; 3], 0.0, Some(&block.solid))
+            Body::new(format!("block {n}"), [0.0; 3], 0.0, Some(&block.solid))
         });
         Self {
             scene,
@@ -307,7 +307,7 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Returns the way whose narrowest place is `at`, within `apart`; none where it is open water.
+    /// Returns the way whose narrowest place is `at`, within `apart`; none if it is open water.
     fn way(&self, at: Point, apart: f64) -> Option<Way> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;
@@ -388,7 +388,8 @@ impl Samples {
         order
     }
 
-    /// Returns the clearance of each sample of water and those beside it: no sample stands in the middle of a way.
+    /// Returns the largest clearance of each sample of water and its neighbours: no sample is exactly in the middle of
+    /// a gap.
     fn widened(&self, periodic: [bool; 3]) -> Vec<f64> {
         let one = |k: usize| {
             let mut widest = self.clearance[k];
@@ -402,7 +403,7 @@ impl Samples {
         (0..self.clearance.len()).map(one).collect()
     }
 
-    /// Calls `each` with the samples beside one, and the period that is crossed.
+    /// Calls `each` with the neighbours of a sample, and the period that is crossed.
     fn beside(&self, k: usize, periodic: [bool; 3], mut each: impl FnMut(usize, [i32; 3])) {
         let cell = self.cell(k);
         for axis in 0..3 {
@@ -433,7 +434,7 @@ pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
     if !structures && bodies == 0 || bodies > MOST_SOLIDS {
         return Vec::new();
     }
-    let ground = Ground::of(scene, flow);
+    let ground = Ground::new(scene, flow);
     let samples = sampled(&ground);
     let apart = samples.step.into_iter().fold(0.0, f64::max);
     let mut ways: Vec<Way> = Vec::new();
@@ -543,7 +544,7 @@ fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
     }
 }
 
-/// The sample at the narrowest place of a way, and samples beside it on both sides.
+/// Sample at the narrowest point of a gap, and its neighbours on both sides.
 struct Narrow {
     place: usize,
     sides: [usize; 2],

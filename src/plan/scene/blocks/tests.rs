@@ -32,13 +32,16 @@ fn scene(parts: &Value) -> Scene {
     plan(parts, Path::new("")).expect("a good case").scene
 }
 
-/// A list of blocks of granite.
+/// Returns a list of blocks of granite.
 fn list(blocks: &Value) -> Value {
     json!({"blocks": {"material": "granite", "initial": {"list": blocks}}})
 }
 
 fn joints(more: &Value) -> Value {
-    let set = |dip: f64, direction: f64| json!({"dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": 1}});
+    let set = |dip: f64, direction: f64| {
+        json!({"dip_degrees": dip, "dip_direction_degrees": direction,
+        "spacing": {"constant": 1}})
+    };
     let mut blocks = json!({"material": "granite", "initial": {"joints": {
         "rock_mass": {"box": {"from": [0, 0, 0], "to": [4, 4, 2]}},
         "sets": [set(90.0, 90.0), set(90.0, 0.0), set(0.0, 0.0)]
@@ -63,7 +66,7 @@ fn a_jointed_box_rests_on_bed_rock() {
     assert!(scene.polyhedron(31).is_some() && scene.polyhedron(32).is_none());
 }
 
-/// What is saved comes back from a file with what never moves.
+/// Saves blocks and reads them back from a file, with those that never move.
 #[test]
 fn a_file_holds_what_the_joints_made() {
     let bed = json!({"fixed": [{"from": [0, 0, 0], "to": [4, 4, 1]}]});
@@ -89,7 +92,8 @@ fn blocks_of_a_list_stand_and_turn() {
     let hull = json!({"vertices": [[1, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]]});
     let scene = scene(&list(&json!([
         {"shape": hull},
-        {"shape": hull, "position": [3, 3, 3], "orientation": {"axis": [0, 0, 2], "angle_degrees": 90}, "material": "slate"},
+        {"shape": hull, "position": [3, 3, 3], "orientation": {"axis": [0, 0, 2], "angle_degrees": 90},
+            "material": "slate"},
         {"shape": {"half_spaces": [[1,0,0,3],[-1,0,0,-2.5],[0,1,0,1],[0,-1,0,-0.5],[0,0,1,1],[0,0,-1,-0.5]]}}
     ])));
     let blocks = scene.blocks.expect("blocks").list;
@@ -169,7 +173,7 @@ fn overlaps_are_named_with_both() {
     assert!(plan(&mixed, Path::new("")).is_ok());
 }
 
-/// A cube beside a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
+/// Places a cube next to a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
 #[test]
 fn a_wall_of_facets_is_not_inside_a_block() {
     let beside = |x: f64| {

@@ -34,7 +34,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// End of the remedies of findings about a bed.
 const REMOVE: &str = "or remove the probe";
 
-/// Resolves the bed of a probe; none where there is none to measure.
+/// Resolves the bed of a probe; none if there is none to measure.
 pub(super) fn resolve(
     case: &Case,
     grid: &Grid,
@@ -102,7 +102,7 @@ pub(super) fn resolve(
     })
 }
 
-/// Returns true where gravity points to the lower face, and refuses other directions.
+/// Returns `true` if gravity points to the lower face, and refuses other directions.
 fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Findings) -> bool {
     let upward = pull >= 0.0;
     if upward {

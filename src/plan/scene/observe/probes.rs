@@ -68,7 +68,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
 }
 
 impl Measured<'_> {
-    /// Returns the place of a probe; none where there is no bed to measure.
+    /// Returns the place of a probe; none if there is no bed to measure.
     fn resolve(&self, at: &Written, path: &str, findings: &mut Findings) -> Option<ProbeAt> {
         Some(match at {
             Written::Point { position } => {

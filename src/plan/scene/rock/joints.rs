@@ -1,21 +1,22 @@
 //! A joint set: parallel planes with an orientation and a distribution of their spacing.
 //!
-//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's steepest
-//! line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north, 0 … 360°.
+//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's
+//! steepest line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north,
+//! 0 … 360°.
 //!
 //! ```text
 //! n = (sin dip sin direction, sin dip cos direction, cos dip)       upward normal
 //! ```
 //!
-//! Spacing is measured along the normal. One plane passes through the origin of the set; the gaps on both sides are drawn one after another.
-//! Scan lines mostly show a negative exponential spacing, that of randomly placed joints: S. D. Priest, J. A. Hudson, Int. J. Rock Mech. Min.
-//! Sci. & Geomech. Abstr. 13 (1976) 135.
+//! Spacing is measured along the normal. One plane passes through the origin of the set; the gaps on both sides are
+//! drawn one after another. Scan lines mostly show a negative exponential spacing, that of randomly placed joints: S.
+//! D. Priest, J. A. Hudson, Int. J. Rock Mech. Min. Sci. & Geomech. Abstr. 13 (1976) 135.
 
 use nalgebra::Vector3;
 
 use base::random::Stream;
 
-/// What the gaps are drawn for.
+/// Purpose of the random numbers for gaps.
 const GAPS: u32 = 21;
 
 /// Parallel joints.
@@ -36,7 +37,7 @@ pub struct JointSet {
 pub enum Spacing {
     /// Always this one.
     Constant(f64),
-    /// Between two bounds, all equally likely.
+    /// Uniform distribution between two bounds.
     Uniform {
         /// The smallest.
         min: f64,
@@ -58,7 +59,7 @@ pub enum Spacing {
 }
 
 impl Spacing {
-    /// Mean (m).
+    /// Returns the mean (m).
     #[must_use]
     pub fn mean(&self) -> f64 {
         match *self {
@@ -67,7 +68,7 @@ impl Spacing {
         }
     }
 
-    /// A gap (m).
+    /// Returns a gap (m).
     fn draw(&self, draws: &mut Stream) -> f64 {
         match *self {
             Self::Constant(gap) => gap,
@@ -86,13 +87,13 @@ impl Spacing {
     }
 }
 
-/// Box and Muller's transform.
+/// Returns a standard normal number by Box and Muller's transform.
 fn standard_normal(draws: &mut Stream) -> f64 {
     let length = (-2.0 * (1.0 - draws.uniform()).ln()).sqrt();
     length * (std::f64::consts::TAU * draws.uniform()).cos()
 }
 
-/// The upward unit normal of a plane of this dip and dip direction (degrees).
+/// Returns the upward unit normal of a plane of this dip and dip direction (degrees).
 #[must_use]
 pub fn upward_normal(dip: f64, direction: f64) -> Vector3<f64> {
     let (sin, cos) = dip.to_radians().sin_cos();
@@ -104,8 +105,8 @@ pub fn upward_normal(dip: f64, direction: f64) -> Vector3<f64> {
 }
 
 impl JointSet {
-    /// Distances (m) from the origin of the coordinates, along the normal, of the planes between two bounds, in rising order. `place` is
-    /// the set's number: sets with one seed differ.
+    /// Distances (m) from the origin of the coordinates, along the normal, of the planes between two bounds, in rising
+    /// order. `place` is the set's number: sets with one seed differ.
     #[must_use]
     pub fn offsets(&self, seed: u64, place: u32, low: f64, high: f64) -> Vec<f64> {
         let first = self.normal.dot(&self.origin);

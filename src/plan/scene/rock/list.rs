@@ -1,15 +1,16 @@
 //! Lists of blocks in files: two formats are read, one is written.
 //!
-//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and either `half_spaces`, each
-//! `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is `fixed` are optional. Lengths are in m:
+//! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and
+//! either `half_spaces`, each `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is
+//! `fixed` are optional. Lengths are in m:
 //!
 //! ```json
 //! {"blocks": [{"id": 0, "half_spaces": [[1, 0, 0, 2.5]], "material": "granite", "fixed": true}]}
 //! ```
 //!
-//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or in an array: `centerX`,
-//! `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance from the centre. Friction (`phi`) and
-//! cohesion of a face are not used, because the contact law defines friction.
+//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or
+//! in an array: `centerX`, `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance
+//! from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines friction.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -17,17 +18,17 @@ use serde_json::Value;
 
 use dem::polyhedron::{HalfSpace, Polyhedron, ShapeError, Solid};
 
-/// No more sentences than this about one file.
+/// Maximum number of sentences about one file.
 const MOST: usize = 20;
 
 /// A block of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
-    /// Its shape and place.
+    /// Shape and place.
     pub solid: Solid,
     /// Name of its material, if it is not that of the others.
     pub material: Option<String>,
-    /// Whether it never moves.
+    /// `true` if it never moves.
     pub fixed: bool,
 }
 
@@ -70,7 +71,7 @@ struct Face {
     d: f64,
 }
 
-/// The blocks of a file in either form.
+/// Returns the blocks of a file in either form.
 ///
 /// # Errors
 /// Sentences about the errors, each with its block.
@@ -88,7 +89,7 @@ pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     collected(made)
 }
 
-/// Our own form.
+/// Reads the program's own form.
 fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<String>> {
     let whole = values.into_iter().next().unwrap_or_default();
     let mut file: File = serde_path_to_error::deserialize(whole)
@@ -126,7 +127,7 @@ impl Entry {
     }
 }
 
-/// The form of `SparkRocks`.
+/// Returns the form of `SparkRocks`.
 fn sliced(values: Vec<Value>) -> Vec<Result<Listed, String>> {
     let blocks = values.into_iter().flat_map(|value| match value {
         Value::Array(list) => list,
@@ -161,7 +162,7 @@ impl Slice {
     }
 }
 
-/// All blocks, or the first sentences about those that cannot be made, and how many more there are.
+/// Returns all blocks, or the first sentences about those that cannot be made, and how many more there are.
 fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<String>> {
     let mut blocks = Vec::with_capacity(made.len());
     let mut problems = Vec::new();
@@ -183,7 +184,7 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
     }
 }
 
-/// `[a, b, c, d]` as written.
+/// Returns `[a, b, c, d]` as written.
 pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     HalfSpace {
         normal: Vector3::new(row[0], row[1], row[2]),
@@ -191,7 +192,7 @@ pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     }
 }
 
-/// The text of a file in our own form, blocks numbered in order.
+/// Returns the text of a file in our own form, blocks numbered in order.
 #[must_use]
 pub fn write<'a>(blocks: impl Iterator<Item = (&'a Solid, &'a str, bool)>) -> String {
     let row = |plane: &HalfSpace| {

@@ -7,7 +7,7 @@ use super::joints::{JointSet, Spacing, upward_normal};
 use super::*;
 use dem::polyhedron::Polyhedron;
 
-/// A box with a corner at the origin.
+/// Returns a box with a corner at the origin.
 fn mass(edges: [f64; 3], sets: Vec<JointSet>) -> RockMass {
     let edges = Vector3::from(edges);
     RockMass {
@@ -33,7 +33,7 @@ fn set(dip: f64, direction: f64, spacing: Spacing, persistence: f64) -> JointSet
     }
 }
 
-/// Three sets at right angles.
+/// Returns three sets at right angles.
 fn bricks(spacings: [f64; 3], persistence: f64) -> Vec<JointSet> {
     [(90.0, 90.0), (90.0, 0.0), (0.0, 0.0)]
         .into_iter()
@@ -84,7 +84,8 @@ fn dip_and_dip_direction_are_those_of_a_compass() {
     assert_eq!(upward_normal(90.0, 270.0), -Vector3::x());
 }
 
-/// A cube under planes of 45° that dip to the east: what is below the k-th from the lower edge is a wedge of volume (k s)².
+/// A cube under planes of 45° that dip to the east: what is below the k-th from the lower edge is a wedge of volume (k
+/// s)².
 #[test]
 fn planes_of_45_degrees_cut_wedges() {
     let s = 0.5_f64.sqrt() / 4.0;

@@ -3,9 +3,10 @@
 //! | program | form |
 //! |---|---|
 //! | LAMMPS, LIGGGHTS | `dump custom` as text: the last snapshot; `ITEM: ATOMS` names the columns |
-//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
+//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, position and velocities |
 //!
-//! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which [`io::sheet`] reads.
+//! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which [`io::sheet`]
+//! reads.
 
 use io::sheet::{Column, Header};
 use std::fmt::Write;
@@ -82,7 +83,7 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     })
 }
 
-/// Number of atoms that the last snapshot states.
+/// Returns the number of atoms that the last snapshot states.
 fn number_of_atoms(above: &str) -> Option<usize> {
     let (_, below) = above.rsplit_once("ITEM: NUMBER OF ATOMS")?;
     below.lines().nth(1)?.trim().parse().ok()

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const PERMEABILITIES: [&str; 3] = ["permeability", "hydraulic_conductivity", "factor"];
 
 impl Seepage {
-    /// The zones on the coarse grid; none where the case has none.
+    /// Returns the zones on the coarse grid; none if the case has none.
     pub(super) fn zones_of(
         &self,
         case: &Case,
@@ -106,7 +106,7 @@ impl Seepage {
         Some(Arc::new(all))
     }
 
-    /// Name, property and place of every zone, as `plan` prints them.
+    /// Returns the name, property and place of every zone, as `plan` prints them.
     #[must_use]
     pub fn describe_zones(&self, alone: bool) -> Vec<[String; 3]> {
         let reached = self.zones.iter().flat_map(|zones| zones.reached());
@@ -157,7 +157,7 @@ fn weightless(path: &str, findings: &mut Findings) {
     );
 }
 
-/// The raster of a zone; findings where it cannot be had.
+/// Returns the raster of a zone; findings where it cannot be had.
 fn raster(
     case: &Case,
     zone: &Zone,
@@ -234,7 +234,8 @@ fn columns(axes: &[&'static str]) -> Vec<Column> {
         .collect()
 }
 
-/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic conductivity [m s].
+/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic
+/// conductivity [m s].
 ///
 /// # Errors
 /// A sentence that names the line or the column.
@@ -326,7 +327,8 @@ fn read(
     // Nodes that differ and fill every place: all of them.
     if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
         return Err(format!(
-            "{} nodes do not form a raster: their coordinates have {} different values along {}, and every combination must be there once",
+            "{} nodes do not form a raster: their coordinates have {} different values along {}, and every \
+             combination must be there once",
             nodes.len(),
             counts
                 .iter()

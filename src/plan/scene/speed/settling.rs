@@ -1,8 +1,9 @@
 //! The terminal velocity of a single body in the fluid.
 //!
-//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1 + 0.15 Re^0.687)/Re, and 0.44
-//! from Re = 1000 on (Schiller and Naumann 1933). For a disc in 2-D, which is a long cylinder,
-//! C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and neighbours reduce the velocity.
+//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1 +
+//! 0.15 Re^0.687)/Re, and 0.44 from Re = 1000 on (Schiller and Naumann 1933). For a disc in 2-D, which is a long
+//! cylinder, C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and
+//! neighbours reduce the velocity.
 
 use super::super::Scene;
 use super::super::bodies::{Body, Mobility};
@@ -10,7 +11,7 @@ use super::super::flow::Flow;
 use super::super::grains::GrainSource;
 use std::f64::consts::PI;
 
-/// Drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
+/// Returns the drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
 fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     if dimension == 2 {
         1.18 + 6.8 / reynolds.powf(0.89) + 1.96 / reynolds.sqrt()
@@ -22,7 +23,8 @@ fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     }
 }
 
-/// The speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\] balances a force \[N\].
+/// Returns the speed [m/s] at which the drag on a sphere (2-D: a disc, per metre of depth) of this diameter \[m\]
+/// balances a force \[N\].
 #[must_use]
 pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: &Flow) -> f64 {
     let area = if dimension == 2 {
@@ -58,7 +60,8 @@ pub(crate) fn diameter(body: &Body) -> f64 {
     volume.map_or(2.0 * body.radius, of_volume)
 }
 
-/// What moves freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume), material.
+/// Returns the bodies that move freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume),
+/// material.
 fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
     for (n, body) in scene.bodies.iter().enumerate() {
@@ -89,8 +92,8 @@ fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     list
 }
 
-/// Returns the speed [m/s] at which a sphere (2-D: a disc) of a diameter \[m\] and a material settles or rises: no faster
-/// than in a free fall through the domain, or as long as the run.
+/// Returns the speed [m/s] at which a sphere (2-D: a disc) of a diameter \[m\] and a material settles or rises: no
+/// faster than in a free fall through the domain, or as long as the run.
 pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize) -> f64 {
     let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
@@ -109,8 +112,8 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]: what it pushes is held by the
-/// bodies, each at least as hard as if it stood alone.
+/// Returns the speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]:
+/// what it pushes is held by the bodies, each at least as hard as if it stood alone.
 pub(crate) fn held_by_bodies(scene: &Scene, flow: &Flow, force: f64) -> Option<f64> {
     let dimension = scene.grid.dimension;
     let volume: f64 = scene.grid.size[..dimension].iter().product();

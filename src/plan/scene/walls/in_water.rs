@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
 const SAGITTA: f64 = 0.01;
 
-/// What grains meet at the structures.
+/// Returns the walls that structures are for grains.
 pub(super) fn of_structures(
     case: &Case,
     grid: &Grid,
@@ -57,10 +57,12 @@ pub(super) fn of_structures(
             if let Some(axis) = across_periodic(grid, normal) {
                 let path = format!("structures[{n}].stops");
                 let reason = format!(
-                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains \
+                     on both sides of it"
                 );
                 let text = format!(
-                    "write water, so that only the water meets it, use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                    "write water, so that only the water meets it, use a normal without a component along {axis}, or \
+                     take {axis} out of `domain.periodic`"
                 );
                 let remedy = if structure.stops == Stops::Grains {
                     Remedy::from(text)
@@ -82,7 +84,8 @@ pub(super) fn of_structures(
             findings.warn(
                 &format!("structures[{n}].shape"),
                 format!(
-                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own image, blocks meet both surfaces, and the contact is twice as stiff",
+                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own \
+                     image, blocks meet both surfaces, and the contact is twice as stiff",
                     ["x", "y", "z"][axis]
                 ),
                 "end it at the length of the domain",
@@ -122,7 +125,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The faces that bound the water of a case.
+/// Returns the faces that bound the water of a case.
 fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     let (mut low, mut high) = ([0.0; 3], grid.size);
     let mut all = Vec::new();
@@ -148,7 +151,7 @@ fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     all
 }
 
-/// Where water is present, walls are for grains only. Those with water on both sides are named.
+/// Checks walls in water, which are for grains only. Those with water on both sides are named.
 pub(crate) fn walls_in_water(
     case: &Case,
     grid: &Grid,

@@ -4,14 +4,16 @@ use approx::assert_relative_eq;
 
 use super::*;
 
-/// Two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal turned round.
+/// Returns two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal
+/// turned round.
 fn lines() -> String {
     let cube = |x: f64| {
         format!(
             r#"{{"centerX":{x},"centerY":0.5,"centerZ":0.5,"generation":3,"faces":[
             {{"a":1,"b":0,"c":0,"d":0.5,"phi":30,"cohesion":0}},{{"a":1,"b":0,"c":0,"d":-0.5,"phi":30,"cohesion":0}},
             {{"a":0,"b":1,"c":0,"d":0.5,"phi":30,"cohesion":0}},{{"a":0,"b":-1,"c":0,"d":0.5,"phi":30,"cohesion":0}},
-            {{"a":0,"b":0,"c":1,"d":0.5,"phi":30,"cohesion":0}},{{"a":0,"b":0,"c":-1,"d":0.5,"phi":30,"cohesion":0}}]}}"#
+            {{"a":0,"b":0,"c":1,"d":0.5,"phi":30,"cohesion":0}},
+            {{"a":0,"b":0,"c":-1,"d":0.5,"phi":30,"cohesion":0}}]}}"#
         )
         .replace('\n', " ")
     };
@@ -39,7 +41,8 @@ fn spark_rocks_blocks_stand_where_their_centres_say() {
 fn what_is_written_is_read_again() {
     let text = r#"{"blocks": [
         {"id": 9, "vertices": [[0,0,0],[2,0,0],[0,3,0],[0,0,4]], "material": "slate"},
-        {"id": 4, "half_spaces": [[2,0,0,2],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0],[1,1,1,9]], "fixed": true}]}"#;
+        {"id": 4, "half_spaces": [[2,0,0,2],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0],[1,1,1,9]],
+        "fixed": true}]}"#;
     let blocks = read(text).unwrap();
     // In the order of their ids; the plane that touches nothing is gone.
     assert!(blocks[0].fixed && blocks[0].material.is_none());

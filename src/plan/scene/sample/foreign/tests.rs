@@ -63,7 +63,8 @@ fn text_files_of_yade_name_their_columns_in_a_comment() {
 fn commands_that_create_balls_are_read() {
     for text in [
         "ball create id 1 radius 0.5 position (1,2,3) group 'sand'\nball create id 2 radius 0.25 position (4,5,6)\n",
-        "model new\n; exported\nmodel domain extent 0 9\nball create rad 0.5 pos-x 1 position-x 1 position-y 2 position-z 3\n\
+        "model new\n; exported\nmodel domain extent 0 9\nball create rad 0.5 pos-x 1 position-x 1 position-y 2 \
+         position-z 3\n\
          ball create rad 0.25 position-x 4 position-y 5 position-z 6\n",
         "new\nball id=2 x=4 y=5 z=6 rad=0.25\nball id=1 x=1 y=2 z=3 rad=0.5\n",
     ] {
