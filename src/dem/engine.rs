@@ -12,6 +12,7 @@
 //! | `lists` | listed and active pairs |
 //! | `pairs` | one pair: separation, action of the law |
 //! | `facets` | contacts with walls of facets |
+//! | `flush` | walls in one plane |
 //! | `parts` | forces and motion of spheres, by threads |
 //! | `blocks` | bodies that are polyhedra |
 //! | `histories` | contact histories between lists and runs |
@@ -24,6 +25,7 @@ mod blocks;
 pub(super) mod bodies;
 mod bond_events;
 mod facets;
+mod flush;
 mod histories;
 mod lists;
 mod migrate;

@@ -84,7 +84,17 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Returns true if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other
+    /// Returns `true` if the closest point lies on an edge or at a vertex.
+    pub(super) fn is_on_rim(&self) -> bool {
+        self.feature != Feature::Face
+    }
+
+    /// Returns `true` if a plane of this normal, at this `distance` \[m\] from the centre, lies in the same direction and is as near.
+    pub(super) fn yields_to(&self, normal: &Vector3<f64>, distance: f64) -> bool {
+        distance <= self.distance * (1.0 + RIM) && self.normal.dot(normal) > SAME
+    }
+
+    /// Returns `true` if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other
     /// one stands on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
         let nearer = self.distance < other.distance * (1.0 - RIM)
@@ -257,8 +267,15 @@ impl Surface {
             .map(|&v| self.vertices[v as usize])
     }
 
+    /// Returns the greatest extent of a facet \[m\].
+    #[must_use]
+    pub fn size(&self, facet: usize) -> f64 {
+        self.facets[facet].size
+    }
+
     /// Returns the unit normal of a facet.
-    pub(super) fn normal(&self, facet: usize) -> Vector3<f64> {
+    #[must_use]
+    pub fn normal(&self, facet: usize) -> Vector3<f64> {
         self.facets[facet].normal
     }
 

@@ -7,6 +7,7 @@ mod columns;
 mod displacement;
 mod elastic;
 mod laws;
+mod ledges;
 mod repeated;
 mod same_bits;
 mod spheres;

@@ -39,6 +39,7 @@ mod proposals;
 mod ranks;
 mod same_bits;
 mod seepage;
+mod side_files;
 mod slopes;
 mod speaking;
 mod stopping;

@@ -25,6 +25,7 @@ use solver::plan::Plan;
 use solver::sweep::members::members;
 use solver::sweep::study::Study;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -44,16 +45,13 @@ struct Seed {
     study: bool,
 }
 
-const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n \
-    endloop\nendfacet\n\
+pub(crate) const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n endloop\nendfacet\n\
     facet normal 0 0 1\n outer loop\n  vertex 2 0 0\n  vertex 2 2 0\n  vertex 0 2 0\n endloop\nendfacet\nendsolid\n";
-const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 \
-    0\nendloop\nendfacet\n\
+pub(crate) const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n\
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-const BLOCKS: &str = r#"[{"shape": {"half_spaces":
-    [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+pub(crate) const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
 /// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
@@ -238,16 +236,17 @@ fn odd_value(dice: &mut Dice) -> Value {
 }
 
 /// A mutant: a text, what is set, and files.
-struct Mutant {
-    text: String,
-    set: Vec<String>,
-    files: Vec<(String, Vec<u8>)>,
-    study: bool,
-    what: String,
-    touches_file: bool,
+pub(crate) struct Mutant {
+    pub(crate) text: String,
+    pub(crate) set: Vec<String>,
+    pub(crate) files: Vec<(String, Vec<u8>)>,
+    pub(crate) study: bool,
+    pub(crate) what: String,
+    pub(crate) touches_file: bool,
 }
 
-fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
+/// Changes bytes, words or lines of a file, and returns a note of the change.
+pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
     let at = dice
         .below(bytes.len() + 1)
         .min(bytes.len().saturating_sub(1));
@@ -486,7 +485,7 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
     }
 }
 
-/// Reads a case in this process; returns its plan if it was accepted.
+/// Reads and plans a mutant in this process; returns its plan if it was accepted.
 fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
         if mutant.study {
@@ -519,7 +518,7 @@ fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     }
 }
 
-/// Runs a case through the binary; returns its exit code, or the fault of its end.
+/// Through the binary: its exit code, or what is wrong with how it ended.
 fn through_binary(arguments: &[String]) -> Result<i32, String> {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &(HANG.as_secs() * 6).to_string()]);
@@ -571,8 +570,35 @@ fn runs(plan: &Plan) -> bool {
     few && solid && !grown && plan.clock.warm_up_steps == 0 && plan.estimate.memory_bytes < 2e8
 }
 
-fn variable(name: &str) -> Option<u64> {
+/// Returns the number in an environment variable.
+pub(crate) fn variable(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
+}
+
+/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first seed, mutants, how many were
+/// accepted, the exit codes of the binary with their numbers, and how many mutants were wrong.
+pub(crate) fn record(
+    kind: &str,
+    (first, count): (u64, u64),
+    accepted: u64,
+    codes: &[(i32, u64)],
+    wrong: usize,
+) {
+    let Some(path) = std::env::var_os("SOLVER_MUTANTS_CSV") else {
+        return;
+    };
+    let mut all: BTreeMap<i32, u64> = BTreeMap::new();
+    for (code, count) in codes {
+        *all.entry(*code).or_default() += count;
+    }
+    let words: Vec<String> = all.iter().map(|(code, n)| format!("{code}:{n}")).collect();
+    let mut table = std::fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(path)
+        .unwrap();
+    let codes = words.join(" ");
+    writeln!(table, "{kind},{first},{count},{accepted},{codes},{wrong}").unwrap();
 }
 
 #[test]
@@ -660,6 +686,16 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         slowest.0,
         slowest.1,
         wrong.len()
+    );
+    record(
+        "texts",
+        (first, count),
+        accepted,
+        &codes
+            .iter()
+            .map(|((_, code), n)| (*code, *n))
+            .collect::<Vec<_>>(),
+        wrong.len(),
     );
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(

@@ -46,7 +46,7 @@ use super::{
     PairProperties, PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
     linear, load_tangent, save_tangent,
 };
-use crate::dashpot::over_step;
+use crate::dashpot::{hertz_root, over_step};
 use base::error::{Remedy, Report};
 
 /// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed;
@@ -64,7 +64,7 @@ pub struct Input {
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
-    /// `true` if the dashpot may pull while the grains separate. The restitution is equal with and without it.
+    /// `true` if the dashpot may pull while the grains separate. The restitution is the same with and without it.
     #[serde(default)]
     pub attraction: bool,
     /// Largest expected speed of approach [m/s]; the resulting overlap determines the stiffness for the time step.
@@ -414,7 +414,7 @@ pub struct Row {
     /// sqrt(5) zeta sqrt(4/3 E*), and 2 sqrt(5/6) zeta sqrt(8 G*).
     dashpots: [f64; 2],
     friction: f64,
-    least: f64,
+    pulls: bool,
     impact_speed: f64,
 }
 
@@ -426,14 +426,14 @@ pub struct Scale {
 }
 
 /// Per pair: the normal force over overlap^(3/2) [N m^-3/2], the shear stiffness over overlap^(1/2) [N m^-3/2], the
-/// dashpots over overlap^(1/4) [N s m^-5/4], friction, and the least normal force [N].
+/// dashpots over overlap^(1/4) [N s m^-5/4], friction, and `true` if the normal dashpot pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     normal: f64,
     shear: f64,
     dashpots: [f64; 2],
     friction: f64,
-    least: f64,
+    pulls: bool,
     scale: Scale,
     impact_speed: f64,
 }
@@ -463,7 +463,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
                     2.0 * (5.0_f64 / 6.0).sqrt() * p.damping * shear.sqrt(),
                 ],
                 friction: p.friction,
-                least: if p.attraction { f64::NEG_INFINITY } else { 0.0 },
+                pulls: p.attraction && p.damping > 0.0,
                 impact_speed: p.impact_speed,
             }
         })
@@ -484,7 +484,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
             shear: row.shear * scale.radius,
             dashpots: row.dashpots.map(|c| c * scale.mass),
             friction: row.friction,
-            least: row.least,
+            pulls: row.pulls,
             scale: *scale,
             impact_speed: row.impact_speed,
         }
@@ -499,14 +499,15 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         let overlap = kinematics.overlap.max(0.0);
         let root = overlap.sqrt();
         let fourth = root.sqrt();
+        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
         let dashpot = over_step(
-            c.dashpots[0] * fourth,
-            kinematics.time_step,
+            c.dashpots[0] * hertz_root(overlap, rate, step, c.pulls),
+            step,
             c.scale.radius,
             c.scale.mass * c.scale.mass,
         );
-        let normal =
-            (c.normal * overlap * root - dashpot * kinematics.separation_rate).max(c.least);
+        let least = if c.pulls { f64::NEG_INFINITY } else { 0.0 };
+        let normal = (c.normal * overlap * root - dashpot * rate).max(least);
         let mut held = S::turn(&history.shear, &kinematics.normal);
         if root < history.root {
             held = held * (root / history.root);

@@ -4,6 +4,7 @@
 //! and each takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear
 //! survives an interior edge.
 
+use super::flush::{Planes, drop_doubled_by_planes, is_by_plane};
 use super::*;
 
 /// An owned grain and a wall of facets that it is close to.
@@ -14,6 +15,8 @@ pub(crate) struct SurfacePair<C> {
     pub(super) radius: f64,
     /// The widest gap \[m\] over which a bond acts.
     pub(super) opening: f64,
+    /// `true` if the grain comes near a plane wall as well.
+    pub(super) by_plane: bool,
     /// Facets within reach: a part of `Facets::near`.
     pub(super) near: (u32, u32),
     /// Contacts: a part of `Facets::held`.
@@ -100,6 +103,12 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             let doubled = &self.doubled;
             self.found
                 .retain(|one| !doubled.contains(&[pair, one.facet]));
+        }
+        if pair.by_plane {
+            let sphere = (&grain.position, pair.radius);
+            drop_doubled_by_planes(walls, sphere, &mut self.found, |one| {
+                is_bonded::<S, L>(held, one.facet)
+            });
         }
         self.taken.clear();
         self.taken.resize(held.len(), false);
@@ -228,8 +237,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         }
         for &(k, one) in together.iter() {
             let pair = &self.pairs[k as usize];
-            let bonded = |held: &Held<M>| held.facet == one.facet && L::bonded(&held.history);
-            if self.held(pair).iter().any(bonded) {
+            if is_bonded::<S, L>(self.held(pair), one.facet) {
                 continue;
             }
             let centre = S::to_volume(&motion[pair.grain as usize].position);
@@ -291,6 +299,12 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     pub(super) fn held(&self, pair: &SurfacePair<C>) -> &[Held<M>] {
         &self.held[pair.held.0 as usize..pair.held.1 as usize]
     }
+}
+
+/// Returns `true` if one of the contacts is a bond at this facet.
+pub(super) fn is_bonded<S: Space, L: ContactLaw<S>>(held: &[Held<L::History>], facet: u32) -> bool {
+    let bonded = |one: &Held<L::History>| one.facet == facet && L::bonded(&one.history);
+    held.iter().any(bonded)
 }
 
 /// Returns the history among `held` of a contact with `facet`: its own, else that of an adjacent facet which no contact
@@ -360,6 +374,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 continue;
             };
             let places = places(wall, &self.settings.region);
+            let planes = Planes::in_front_of(wall, &self.walls);
             for group in surface.groups() {
                 let [low, high] = group.bounds.map(|corner| S::from_volume(&corner));
                 for &place in &places {
@@ -373,6 +388,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                             let facet = number as usize;
                             if surface.may_reach(facet, &at, reach)
                                 && surface.distance(facet, &at) <= reach
+                                && !planes.hide(surface, number)
                             {
                                 close.push([grain, w, number]);
                                 surface.images_beyond(number, &at, gap, |image| {
@@ -411,11 +427,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     history: *history,
                 }));
             let diameter = 2.0 * body.radius;
+            let position = &particles.motion[grain as usize].position;
             facets.pairs.push(SurfacePair {
                 wall: w,
                 grain,
                 radius: body.radius,
                 opening: self.law.widest_opening([diameter, diameter]),
+                by_plane: is_by_plane(&self.walls, position, body.radius, gap),
                 near: (near, ghosts::index(facets.near.len())),
                 held: (held, ghosts::index(facets.held.len())),
                 constants: L::between(

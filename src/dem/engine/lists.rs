@@ -120,18 +120,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     fn list_planes(&mut self, particles: &Particles<S>, gap: f64) {
         let view = particles.view();
         let threads = threads_for(view.owned);
-        let planes = || {
-            let walls = self.walls.iter().enumerate();
-            walls.filter(|(_, wall)| !wall.open && wall.surface.is_none())
-        };
         let mut found = std::mem::take(&mut self.solids.planes_found);
+        let walls = self.walls.iter().enumerate();
+        let planes: Vec<(usize, &Wall<S>)> = walls
+            .filter(|(_, wall)| !wall.open && wall.surface.is_none())
+            .filter(|(w, _)| !self.repeats_a_plane(*w))
+            .collect();
         found.resize_with(threads, Vec::new);
         thread_pool::each_item(&mut found, 1, |thread, found| {
             let bound = |thread: usize| view.owned * thread / threads;
             let own = bound(thread)..bound(thread + 1);
             for k in own.filter(|&k| view.mobility[k].free > 0.0) {
                 let (body, motion) = (&view.body[k], &view.motion[k]);
-                for (w, wall) in planes() {
+                for &(w, wall) in &planes {
                     let distance = wall.distance(&motion.position);
                     if distance > body.radius + gap {
                         continue;

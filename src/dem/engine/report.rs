@@ -2,6 +2,8 @@
 
 use super::super::Contact;
 use super::super::polyhedron::Narrow;
+use super::facets::is_bonded;
+use super::flush::drop_doubled_by_planes;
 use super::*;
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
@@ -123,6 +125,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let mut own = pairs;
             let own = own.find(|k| facets.pairs[*k as usize].wall == pair.wall);
             found.retain(|one| own.is_none_or(|own| !doubled.contains(&[own, one.facet])));
+        }
+        if pair.by_plane {
+            drop_doubled_by_planes(&self.walls, (at, pair.radius), &mut found, |one| {
+                is_bonded::<S, L>(held, one.facet)
+            });
         }
         let mut taken = vec![false; held.len()];
         for one in &found {

@@ -89,20 +89,25 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
     for zeta in [0.05_f64, 0.2, 0.5] {
         let exact = (-2.0 * zeta * zeta.acos() / (1.0 - zeta * zeta).sqrt()).exp();
         let all: Vec<f64> = (0..8)
-            .map(|part| rebound(zeta, f64::from(part) / 8.0))
+            .map(|part| rebound(zeta, f64::from(part) / 8.0, false))
             .collect();
         for found in &all {
             assert_relative_eq!(*found, exact, max_relative = 0.025);
         }
         assert_relative_eq!(all.iter().sum::<f64>() / 8.0, exact, max_relative = 0.01);
+        let pulling = (-std::f64::consts::PI * zeta / (1.0 - zeta * zeta).sqrt()).exp();
+        for part in 0..32 {
+            let found = rebound(zeta, f64::from(part) / 32.0, true);
+            assert_relative_eq!(found, pulling, max_relative = 0.01);
+        }
     }
 }
 
 /// Returns the restitution of two spheres that meet `part` of a default step after a step.
-fn rebound(zeta: f64, part: f64) -> f64 {
+fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
     let parameters = linear::Parameters {
         normal_damping: zeta,
-        attraction: false,
+        attraction,
         friction: 0.0,
         ..SPRINGS
     };

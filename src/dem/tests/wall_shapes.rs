@@ -140,6 +140,98 @@ fn two_walls_that_touch_push_once() {
     }
 }
 
+/// A plane wall and facets in its plane, of a polygon, a box, a mesh or a second plane, are one plane.
+#[test]
+fn facets_in_a_plane_wall_push_once() {
+    let plane = || {
+        let up = Vector3::new(0.0, 0.0, 1.0);
+        Wall::<Volume>::new(Vector3::zeros(), up, 0)
+    };
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let drop = |walls: Vec<Wall<Volume>>, x: f64| {
+        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let mut dem = linear(GLASS, settings, walls);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(x, 0.0013, 0.0101),
+            velocity: Vector3::new(0.1, 0.0, -1.0),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 110).unwrap();
+        let mut contacts = 0;
+        dem.for_each_contact(&particles, |_| contacts += 1);
+        dem.advance_many(&mut particles, &alone(), 1390).unwrap();
+        (particles.motion[0], contacts)
+    };
+    let wall = |surface: Surface| Wall::of_surface(Arc::new(surface), 0);
+    let cuboid = |from: f64, high: f64| {
+        Surface::of_box(
+            Vector3::new(from, -0.1, -0.05),
+            Vector3::new(0.1, 0.1, high),
+        )
+        .unwrap()
+    };
+    for x in [0.0, 1e-4, -1e-4, 0.05] {
+        let (alone, contacts) = drop(vec![plane()], x);
+        assert_eq!(contacts, 1);
+        for second in [
+            wall(polygon(0.5)),
+            wall(mesh(8, 0.1)),
+            wall(strip(0.0, 0.1)),
+            wall(cuboid(0.0, 0.0)),
+            wall(cuboid(0.0, -0.001)),
+            plane(),
+        ] {
+            for walls in [vec![plane(), second.clone()], vec![second, plane()]] {
+                let (both, contacts) = drop(walls, x);
+                assert_eq!(contacts, 1, "at {x}");
+                assert_eq!(both, alone, "at {x}");
+            }
+        }
+    }
+}
+
+/// The edge at the foot of a ramp on a plane wall pushes nothing: the plane holds what is there. A ramp
+/// of 12 degrees touches a ball of 10 mm with its face up to 2.1 mm before its foot; the edge is in an
+/// overlap of 0.29 mm up to 2.4 mm before it.
+#[test]
+fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let up = Vector3::new(0.0, 0.0, 1.0);
+    let high = 0.2 * 12.0_f64.to_radians().tan();
+    let corners = [
+        [0.0, -0.1, 0.0],
+        [0.0, 0.1, 0.0],
+        [0.2, 0.1, high],
+        [0.2, -0.1, high],
+        [-0.1, 0.1, 0.0],
+        [-0.1, -0.1, 0.0],
+    ];
+    let corners = corners.map(Vector3::from).to_vec();
+    let ramp = Surface::new(corners.clone(), &[vec![0, 1, 2, 3]]).unwrap();
+    let with_floor = Surface::new(corners, &[vec![0, 1, 2, 3], vec![5, 4, 1, 0]]).unwrap();
+    let plane = || Wall::<Volume>::new(Vector3::zeros(), up, 0);
+    let fall = |walls: Vec<Wall<Volume>>| {
+        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let mut dem = linear(GLASS, settings, walls);
+        let mut particles = Particles::new();
+        let motion = Motion {
+            position: Vector3::new(-0.00225, 0.0, 0.0101),
+            velocity: Vector3::new(0.0, 0.0, -1.0),
+            spin: Vector3::zeros(),
+        };
+        particles.insert(body, motion);
+        dem.advance_many(&mut particles, &alone(), 1500).unwrap();
+        particles.motion[0]
+    };
+    let level = fall(vec![plane()]);
+    for surface in [ramp, with_floor] {
+        let found = fall(vec![plane(), Wall::of_surface(Arc::new(surface), 0)]);
+        assert_eq!(found, level);
+    }
+}
+
 /// A belt, a wall that moves along its facets, stays where it is and drags as a plane does; across them it moves.
 #[test]
 fn a_belt_drags_and_stays() {

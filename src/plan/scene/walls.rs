@@ -1,5 +1,6 @@
 //! The walls of a scene: planes and surfaces, and the faces of the domain.
 
+mod flush;
 mod in_water;
 
 pub(crate) use in_water::walls_in_water;
@@ -137,6 +138,7 @@ pub(crate) fn walls(
             structure: None,
         });
     }
+    flush::check(case, &walls, findings);
     walls
 }
 

@@ -1,0 +1,91 @@
+//! Walls in one plane: a contact that a plane wall has already is not counted again.
+//!
+//! Grains do not get behind a plane wall. Facets in this plane or behind it are therefore hidden while both
+//! move alike across the plane,
+//! and the plane acts with its material and velocity. Of two walls that are one plane the first acts. A contact
+//! of a sphere with a facet in
+//! the direction of a plane that is as near is none, and neither is one with an edge or a vertex on the plane,
+//! as at the foot of a ramp.
+
+use nalgebra::Vector3;
+
+use super::*;
+
+/// Distance over the size of a facet or a grain up to which a point lies in a plane.
+const IN_PLANE: f64 = 1e-6;
+
+/// Returns the plane walls that stand.
+fn planes<S: Space>(walls: &[Wall<S>]) -> impl Iterator<Item = &Wall<S>> {
+    let stands = |wall: &&Wall<S>| wall.surface.is_none() && !wall.open;
+    walls.iter().filter(stands)
+}
+
+/// Planes that may hide the facets of a wall.
+pub(super) struct Planes {
+    /// A point \[m\] and the normal of each.
+    planes: Vec<[Vector3<f64>; 2]>,
+    /// Displacement of the wall \[m\].
+    moved: Vector3<f64>,
+}
+
+impl Planes {
+    /// Returns the planes that move as `wall` does along their normals.
+    pub(super) fn in_front_of<S: Space>(wall: &Wall<S>, walls: &[Wall<S>]) -> Self {
+        let moves = |plane: &Wall<S>| plane.normal.scalar(&(wall.drift() - plane.drift())) != 0.0;
+        let planes = planes(walls).filter(|plane| !moves(plane));
+        let planes = planes.map(|plane| [plane.point, plane.normal].map(|v| S::to_volume(&v)));
+        Self {
+            planes: planes.collect(),
+            moved: S::to_volume(&wall.point),
+        }
+    }
+
+    /// Returns `true` if a facet lies in one of the planes or behind it.
+    pub(super) fn hide(&self, surface: &Surface, facet: u32) -> bool {
+        let reach = IN_PLANE * surface.size(facet as usize);
+        self.planes.iter().any(|[point, normal]| {
+            let mut corners = surface.corners(facet as usize);
+            corners.all(|corner| normal.dot(&(corner + self.moved - point)) <= reach)
+        })
+    }
+}
+
+/// Returns `true` if a grain of this position and radius is nearer to a plane wall than `gap` \[m\].
+pub(super) fn is_by_plane<S: Space>(
+    walls: &[Wall<S>],
+    position: &S::Vector,
+    radius: f64,
+    gap: f64,
+) -> bool {
+    planes(walls).any(|plane| plane.distance(position) <= radius + gap)
+}
+
+/// Removes the contacts of a sphere that a plane wall has already; those for which `keep` is `true` stay.
+pub(super) fn drop_doubled_by_planes<S: Space>(
+    walls: &[Wall<S>],
+    (position, radius): (&S::Vector, f64),
+    found: &mut Vec<Nearest>,
+    keep: impl Fn(&Nearest) -> bool,
+) {
+    found.retain(|one| {
+        let foot = *position - S::from_volume(&one.normal) * one.distance;
+        let doubled = planes(walls).any(|plane| {
+            one.yields_to(&S::to_volume(&plane.normal), plane.distance(position))
+                || one.is_on_rim() && plane.distance(&foot) <= IN_PLANE * radius
+        });
+        keep(one) || !doubled
+    });
+}
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Returns `true` if a plane wall before `wall` is the same plane and moves with it.
+    pub(super) fn repeats_a_plane(&self, wall: usize) -> bool {
+        let one = &self.walls[wall];
+        let along = |plane: &Wall<S>| plane.normal.scalar(&plane.drift());
+        planes(&self.walls[..wall]).any(|plane| {
+            plane.normal.scalar(&one.normal) > 1.0 - 1e-12
+                && plane.distance(&one.point).abs() <= IN_PLANE * self.settings.skin
+                && along(plane) == along(one)
+        })
+    }
+}

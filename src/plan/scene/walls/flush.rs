@@ -1,0 +1,67 @@
+//! Checks for walls that lie in one plane: a plane wall acts there alone.
+
+use super::super::findings::Findings;
+use super::Wall;
+use case::Case;
+use nalgebra::Vector3;
+
+/// Distance over the size of a facet up to which its corners lie in a plane.
+const IN_PLANE: f64 = 1e-6;
+
+/// Returns `true` if a facet of `wall` that faces the grains lies in a plane.
+fn has_a_facet_in(wall: &Wall, plane: &Wall) -> bool {
+    let Some(surface) = &wall.surface else {
+        return false;
+    };
+    let (point, normal) = (Vector3::from(plane.point), Vector3::from(plane.normal));
+    // Both sides of a single facet face the grains, and the outer sides of a solid.
+    let two_sided = surface.len() == 1;
+    (0..surface.len()).any(|facet| {
+        let reach = IN_PLANE * surface.size(facet);
+        let mut corners = surface.corners(facet);
+        (two_sided || surface.normal(facet).dot(&normal) > 0.0)
+            && corners.all(|corner| normal.dot(&(corner - point)).abs() <= reach)
+    })
+}
+
+/// Returns `true` if two walls are one plane.
+fn are_one_plane(one: &Wall, other: &Wall) -> bool {
+    let between: f64 = (0..3)
+        .map(|a| one.normal[a] * (other.point[a] - one.point[a]))
+        .sum();
+    let along: f64 = (0..3).map(|a| one.normal[a] * other.normal[a]).sum();
+    one.surface.is_none() && other.surface.is_none() && along > 1.0 - 1e-12 && between.abs() <= 1e-9
+}
+
+/// Warns of walls that have no effect, since a plane wall of another material or velocity lies in the same plane.
+pub(super) fn check(case: &Case, walls: &[Wall], findings: &mut Findings) {
+    for (n, plane) in walls.iter().enumerate() {
+        if plane.surface.is_some() {
+            continue;
+        }
+        for (m, wall) in walls.iter().enumerate() {
+            let differs = plane.material != wall.material || plane.velocity != wall.velocity;
+            let hidden = has_a_facet_in(wall, plane) || m > n && are_one_plane(plane, wall);
+            if !(differs && hidden) {
+                continue;
+            }
+            let path = match (wall.structure, wall.face) {
+                (Some(structure), _) => format!("structures[{structure}]"),
+                (None, Some(_)) => "box_walls".into(),
+                (None, None) if m < case.walls.len() => format!("walls[{m}]"),
+                (None, None) => "walls".into(),
+            };
+            findings.warn(
+                &path,
+                format!(
+                    "`{}` lies in the plane of `{}`: grains there meet the material and the velocity of `{}` only",
+                    wall.name, plane.name, plane.name
+                ),
+                format!(
+                    "move `{}` off this plane into the grains, by more than an overlap, or remove `{}`",
+                    wall.name, plane.name
+                ),
+            );
+        }
+    }
+}
