@@ -31,6 +31,7 @@
 mod boundary;
 mod iteration;
 pub mod section;
+pub mod unsaturated;
 
 use super::Error;
 use super::enclosure::Openness;
@@ -42,6 +43,7 @@ use boundary::{Boundary, boundary, head_pressure, slabs};
 use decomposition::{Communicator, Domain, ExactSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use unsaturated::Unsaturated;
 
 /// Form of the equations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -90,6 +92,13 @@ pub enum Condition {
         /// Volume per horizontal area and time [m/s].
         #[schemars(range(min = 0.0))]
         rate: f64,
+    },
+    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its hydrostatic pressure.
+    /// Needs `unsaturated`.
+    SeepageFace {
+        /// Head of the water in front of the lower part [m]. Default: air everywhere.
+        #[serde(default)]
+        level: Option<f64>,
     },
     /// Impermeable.
     NoFlow {},
@@ -253,6 +262,8 @@ pub struct Pressure {
     level: f64,
     /// No pressure has been found or restored yet.
     fresh: bool,
+    /// Ground that is saturated in part; none where all of it is.
+    unsaturated: Option<Box<Unsaturated>>,
 }
 
 impl Pressure {
@@ -327,6 +338,7 @@ impl Pressure {
             phi: vec![0.0; n],
             level: 0.0,
             fresh: true,
+            unsaturated: None,
         };
         all.check_outlets()?;
         Ok(all)
@@ -338,7 +350,7 @@ impl Pressure {
         for face in &self.boundary {
             if matches!(
                 self.patches[face.patch].condition,
-                Condition::Pressure { .. } | Condition::Head { .. }
+                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
             ) {
                 held[face.at] = true;
             }
@@ -440,6 +452,9 @@ impl Pressure {
     /// # Errors
     /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
     pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+        if self.unsaturated.is_some() {
+            return self.solve_unsaturated(medium);
+        }
         self.assemble(medium)?;
         let (iterations, residual) = self.iterate()?;
         if let Some(gather) = &mut self.slab.gather {
@@ -588,7 +603,7 @@ impl Pressure {
                 Condition::Rain { rate: q } => {
                     self.system.right[face.at] += q * face.area * face.up
                 }
-                Condition::NoFlow {} => {}
+                Condition::SeepageFace { .. } | Condition::NoFlow {} => {}
             }
         }
     }
@@ -700,16 +715,23 @@ impl Pressure {
         match self.patches[face.patch].condition {
             Condition::Pressure { value: p } => Some(p + face.lift),
             Condition::Head { value: h } => Some(head_pressure(&self.liquid, &self.settings, h)),
+            Condition::SeepageFace { level } => {
+                let below = level.map(|h| head_pressure(&self.liquid, &self.settings, h));
+                Some(below.map_or(face.lift, |phi| phi.max(face.lift)))
+            }
             _ => None,
         }
     }
 
     /// What crosses a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
+        if self.unsaturated.is_some() {
+            return face.rate;
+        }
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
             Condition::Rain { rate: q } => q * face.area * face.up,
-            Condition::NoFlow {} => 0.0,
+            Condition::SeepageFace { .. } | Condition::NoFlow {} => 0.0,
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 let inward = if face.upper { -1.0 } else { 1.0 };
                 let carried = inward * face.area * self.conduction.carried[face.axis][face.at];
