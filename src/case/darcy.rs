@@ -1,7 +1,9 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Region, Vector};
-use crate::darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
+use crate::darcy::{
+    Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance, Retention,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -29,6 +31,10 @@ pub struct Darcy {
     /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it states.
     #[serde(default)]
     pub zones: Vec<Zone>,
+    /// Soil that drains: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces. Needs gravity and zones that fill
+    /// the ground, and allows no grains. Default: all ground is saturated.
+    #[serde(default)]
+    pub unsaturated: Option<Unsaturated>,
     /// Form of the equations.
     #[serde(default)]
     pub equations: Equations,
@@ -136,6 +142,14 @@ fn default_iterations() -> u32 {
 
 fn yes() -> bool {
     true
+}
+
+/// Soil that drains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Unsaturated {
+    /// Content of water and relative permeability as functions of the suction. The permeability at saturation is that of the zones.
+    pub retention: Retention,
 }
 
 /// The coarse grid: a box divided into equal cells. It may be smaller than the domain.

@@ -52,7 +52,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
 fn holds(condition: &Condition) -> bool {
     matches!(
         condition,
-        Condition::Pressure { .. } | Condition::Head { .. }
+        Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
     )
 }
 
@@ -292,14 +292,24 @@ fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     };
     let place = grid.centre(grid.cell(first));
     let place: Vec<String> = place[..grid.dimension].iter().map(|x| number(*x)).collect();
-    findings.warn(
-        &format!("{PATH}.zones"),
-        format!(
-            "no zone fills {} of {} cells, the first of them at ({}) m: without grains they are open water, which hardly resists the flow",
-            open().count(),
-            wet().count(),
-            place.join(", ")
-        ),
+    let counted = format!(
+        "no zone fills {} of {} cells, the first of them at ({}) m",
+        open().count(),
+        wet().count(),
+        place.join(", ")
+    );
+    let (path, remedy) = (
+        format!("{PATH}.zones"),
         "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds everywhere else",
     );
+    if seepage.written.unsaturated.is_some() {
+        let reason = format!("{counted}: open water and air have no retention");
+        findings.error(&path, reason, remedy);
+    } else {
+        findings.warn(
+            &path,
+            format!("{counted}: without grains they are open water, which hardly resists the flow"),
+            remedy,
+        );
+    }
 }

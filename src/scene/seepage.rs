@@ -1,5 +1,6 @@
 //! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
+mod unsaturated;
 mod zones;
 
 use super::block::Block;
@@ -122,6 +123,9 @@ impl Seepage {
             };
             scene.walls[a][upper] = (at - edge).abs() <= 1e-6 * scene.spacing[a];
         }
+        if let Some(gravity) = &case.gravity {
+            scene.resolve_surface(gravity.to_array());
+        }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
         scene.zones = scene.zones_of(case, grid, findings);
         scene.check(case, grid, grains, findings);
@@ -193,12 +197,34 @@ impl Seepage {
                 Some(value - density * below)
             }
             Condition::Head { value } => Some(density * strength * value),
+            Condition::SeepageFace { level } => {
+                let lowest = self.lowest(patch, gravity);
+                Some(density * strength * level.map_or(lowest, |level| level.max(lowest)))
+            }
             _ => None,
         };
         let imposed = || self.patches.iter().filter_map(excess);
         let high = imposed().fold(f64::NEG_INFINITY, f64::max);
         let low = imposed().fold(f64::INFINITY, f64::min);
         (high - low).max(0.0)
+    }
+
+    /// Lowest elevation of a patch \[m\].
+    fn lowest(&self, patch: &Patch, gravity: [f64; 3]) -> f64 {
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let lower = |a: usize| {
+            let up = -gravity[a] / strength;
+            let ends = if a != patch.face.axis() {
+                [real(patch.from[a]), real(patch.to[a])]
+            } else if patch.face.is_max() {
+                [real(self.cells[a]); 2]
+            } else {
+                [0.0; 2]
+            };
+            let at = ends.map(|end| up * (self.origin[a] + end * self.spacing[a]));
+            at[0].min(at[1])
+        };
+        (0..3).map(lower).sum()
     }
 
     fn patches_of(&self, grid: &Grid, with_grains: bool, findings: &mut Findings) -> Vec<Patch> {
@@ -423,6 +449,7 @@ impl Seepage {
     fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
         self.check_conditions(case, findings);
         self.check_laws(findings);
+        self.check_unsaturated(case, grid, findings);
         let path = if self.written.grid.is_some() {
             format!("{PATH}.grid.cells")
         } else {
@@ -462,7 +489,7 @@ impl Seepage {
         let holds = |p: &Patch| {
             matches!(
                 p.condition,
-                Condition::Pressure { .. } | Condition::Head { .. }
+                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
             )
         };
         if !self.patches.iter().any(holds) {
@@ -480,12 +507,12 @@ impl Seepage {
         for (n, patch) in self.patches.iter().enumerate() {
             let needs = matches!(
                 patch.condition,
-                Condition::Head { .. } | Condition::Rain { .. }
+                Condition::Head { .. } | Condition::Rain { .. } | Condition::SeepageFace { .. }
             );
             if needs && weightless {
                 findings.error(
                     &format!("{PATH}.boundaries[{n}].condition"),
-                    "a head and rain need gravity, and there is none in this case",
+                    "a head, rain and a seepage face need gravity, and there is none in this case",
                     "add `gravity`, or impose a pressure or a flux",
                 );
             }

@@ -318,6 +318,12 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
+    let pressure = match &written.unsaturated {
+        Some(soil) => pressure.with_soil(darcy::Soil {
+            retention: soil.retention,
+        }),
+        None => pressure,
+    };
     let settings = seepage::Settings {
         liquid,
         permeability: darcy::Permeability {

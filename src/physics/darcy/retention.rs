@@ -1,21 +1,24 @@
 //! Retention and relative permeability of soil that is not saturated, as functions of the pressure head.
 //!
 //! ```text
-//! theta = theta_r + (theta_s - theta_r) S_e(psi),     K = K_s k_r(psi),     psi = p/(rho g);     S_e = k_r = 1 at psi >= 0
+//! theta = theta_r + (theta_s - theta_r) S_e(psi),     K = K_s k_r(psi),     psi = p/(rho g)
+//! S_e = k_r = 1 at psi >= 0
 //! ```
 //!
-//! The permeability of a face between two cells is the mean of `k_r` that makes the flux of a column exact where `ln k_r` is linear in
-//! `psi` between the two (Gardner's soil everywhere, any soil in the limit of small cells). With `r = ln(k_2/k_1)`, the slope
-//! `lambda = r/(psi_2 - psi_1)`, the rise `d` of the elevation from 1 to 2, and `E(x) = (e^x - 1)/x`,
+//! The permeability of a face between two cells is the mean of `k_r` that makes the flux of a column exact where `ln
+//! k_r` is linear in `psi` between the two (Gardner's soil everywhere, any soil in the limit of small cells). With `r
+//! = ln(k_2/k_1)`, the slope `lambda = r/(psi_2 - psi_1)`, the rise `d` of the elevation from 1 to 2, and `E(x) = (e^x
+//! - 1)/x`,
 //!
 //! ```text
 //! k_f = k_1 E(r + lambda d)/E(lambda d)
 //! ```
 //!
-//! This is the exponential fitting of D. L. Scharfetter and H. K. Gummel (IEEE Trans. Electron Devices 16 (1969) 64) for the flux
-//! `-k_r d(psi + z)/dz`. Along a horizontal axis it is the logarithmic mean, the integral mean of an exponential `k_r`; where a model
-//! states its integral, the integral mean itself is used there, with which the discharge of a dam is exact on any grid. In a tall cell
-//! that drains under gravity it is the `k_r` of the upper cell, without oscillation; water at rest stays exactly at rest.
+//! This is the exponential fitting of D. L. Scharfetter and H. K. Gummel (IEEE Trans. Electron Devices 16 (1969) 64)
+//! for the flux `-k_r d(psi + z)/dz`. Along a horizontal axis it is the logarithmic mean, the integral mean of an
+//! exponential `k_r`; where a model states its integral, the integral mean itself is used there, with which the
+//! discharge of a dam is exact on any grid. In a tall cell that drains under gravity it is the `k_r` of the upper
+//! cell, without oscillation; water at rest stays exactly at rest.
 //!
 //! A model is one file below this module and one line of the list.
 
@@ -63,13 +66,14 @@ pub trait Law: Sync {
     /// Returns the state at a pressure head \[m\].
     fn state(&self, head: f64) -> State;
 
-    /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\] (Kirchhoff's potential);
-    /// none where it has no closed form.
+    /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
+    /// (Kirchhoff's potential); none where it has no closed form.
     fn potential(&self, _head: f64, _power: f64) -> Option<f64> {
         None
     }
 
-    /// Returns the height \[m\] over which the permeability falls to about 1/e above the phreatic surface, to compare with the cells.
+    /// Returns the height \[m\] over which the permeability falls to about 1/e above the phreatic surface, to compare
+    /// with the cells.
     fn capillary_length(&self) -> f64;
 
     /// `true` if the model states how much water the soil stores, which a transient flow needs.
@@ -134,7 +138,8 @@ fn log_ratio_slope(x: f64) -> f64 {
     }
 }
 
-/// Returns the relative permeability of a face between two states; `rise`: elevation of the second above the first \[m\].
+/// Returns the relative permeability of a face between two states; `rise`: elevation of the second above the first
+/// \[m\].
 #[must_use]
 pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
     let (a, b) = (first, second);
@@ -253,7 +258,8 @@ mod tests {
         }
     }
 
-    /// A column of Gardner's soil under a constant flux, e^(alpha psi) = R + (1 - R) e^(-alpha z), keeps that flux between any two heights.
+    /// A column of Gardner's soil under a constant flux, e^(alpha psi) = R + (1 - R) e^(-alpha z), keeps that flux
+    /// between any two heights.
     #[test]
     fn the_flux_of_a_column_is_exact_in_cells_of_any_height() {
         let law = Retention::Gardner(Gardner {

@@ -4,34 +4,39 @@
 //! dM/dt + div q = 0,     q = -(K/mu) k_r(psi) grad phi,     M = theta(psi) + S_s max(psi, 0),     psi = p/(rho g)
 //! ```
 //!
-//! The unknown is the reduced pressure `phi` as in saturated ground ([`super`]); `theta` and `k_r` follow from the pressure head by the model
-//! of the soil ([`crate::darcy::retention`]). `S_s` is the specific storage of the saturated part.
+//! The unknown is the reduced pressure `phi` as in saturated ground ([`super`]); `theta` and `k_r` follow from the
+//! pressure head by the model of the soil ([`crate::darcy::retention`]). `S_s` is the specific storage of the
+//! saturated part.
 //!
-//! **Space.** Cell-centred finite volumes on the faces of the saturated system. The flux of a face is its conductance at saturation times
-//! `k_f (phi_i - phi_j)`, with the mean `k_f` of [`crate::darcy::retention::mean`]. Each flux rises with the pressure on one side and
-//! falls with that on the other, water at rest is at rest, and what leaves a cell enters the next.
+//! **Space.** Cell-centred finite volumes on the faces of the saturated system. The flux of a face is its conductance
+//! at saturation times `k_f (phi_i - phi_j)`, with the mean `k_f` of [`crate::darcy::retention::mean`]. Each flux
+//! rises with the pressure on one side and falls with that on the other, water at rest is at rest, and what leaves a
+//! cell enters the next.
 //!
-//! **Boundaries.** The flux of a face with a stated pressure head `psi_f` is `T k_f (phi_f - phi_c)` over the half cell. A seepage face is in
-//! contact with air: either water leaves and its pressure is 0, or nothing crosses it and its pressure is not above 0. In one cell this
-//! complementarity has the closed solution
+//! **Boundaries.** The flux of a face with a stated pressure head `psi_f` is `T k_f (phi_f - phi_c)` over the half
+//! cell. A seepage face is in contact with air: either water leaves and its pressure is 0, or nothing crosses it and
+//! its pressure is not above 0. In one cell this complementarity has the closed solution
 //!
 //! ```text
 //! seepage face:   outflow = max[0, T k_f (phi_c - phi_f)]      at psi_f = 0
 //! rain:           inflow  = min[rate, T k_f (phi_f - phi_c)]   at psi_f = 0
 //! ```
 //!
-//! so that no list of wet faces is needed. Rain that the soil does not take runs off: the water above the ground is of no depth.
+//! so that no list of wet faces is needed. Rain that the soil does not take runs off: the water above the ground is of
+//! no depth.
 //!
-//! **Solution.** Newton's method with the exact derivatives of the fluxes; Picard's iteration does not converge where the permeability
-//! changes within a cell. The Jacobian is not symmetric: the stabilised biconjugate gradients of H. A. van der Vorst
-//! (SIAM J. Sci. Stat. Comput. 13 (1992) 631) solve it. The preconditioner solves the columns of cells along gravity exactly, in which water
-//! falls through unsaturated ground, and adds a multigrid cycle on what they leave. The cycle takes the symmetric part of the Jacobian over
-//! `k_r` of each column of the matrix: in Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at
-//! saturation. A step of Newton's method is halved until the norm of the imbalance falls. Where Newton's method fails, the permeability is first replaced by `k_r^s` with a small `s`, and `s` is
-//! raised to 1 from solution to solution; Gardner's soil with a power is Gardner's soil with a longer capillary length.
+//! **Solution.** Newton's method with the exact derivatives of the fluxes; Picard's iteration does not converge where
+//! the permeability changes within a cell. The Jacobian is not symmetric: the stabilised biconjugate gradients of H.
+//! A. van der Vorst (SIAM J. Sci. Stat. Comput. 13 (1992) 631) solve it. The preconditioner solves the columns of
+//! cells along gravity exactly, in which water falls through unsaturated ground, and adds a multigrid cycle on what
+//! they leave. The cycle takes the symmetric part of the Jacobian over `k_r` of each column of the matrix: in
+//! Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at saturation. A step of
+//! Newton's method is halved until the norm of the imbalance falls. Where Newton's method fails, the permeability is
+//! first replaced by `k_r^s` with a small `s`, and `s` is raised to 1 from solution to solution; Gardner's soil with a
+//! power is Gardner's soil with a longer capillary length.
 //!
-//! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums are exact, so that the
-//! bits do not depend on ranks and threads.
+//! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums
+//! are exact, so that the bits do not depend on ranks and threads.
 
 mod newton;
 
@@ -57,8 +62,8 @@ pub struct Soil {
     pub retention: Retention,
 }
 
-/// A face between two cells: flux from the lower cell to the upper one \[m3/s\], its derivatives by the reduced pressure of the lower and
-/// minus that of the upper one, and its conductance \[m3/(Pa s)\].
+/// A face between two cells: flux from the lower cell to the upper one \[m3/s\], its derivatives by the reduced
+/// pressure of the lower and minus that of the upper one, and its conductance \[m3/(Pa s)\].
 #[derive(Clone, Copy, Debug, Default)]
 struct FaceFlux {
     flux: f64,
@@ -314,7 +319,8 @@ impl Pressure {
         }
     }
 
-    /// Returns what enters through a face of the boundary \[m3/s\], and its derivative by minus the reduced pressure of the cell.
+    /// Returns what enters through a face of the boundary \[m3/s\], and its derivative by minus the reduced pressure
+    /// of the cell.
     fn crossing(&self, own: &Unsaturated, face: &Boundary) -> (f64, f64) {
         let surface = face.lift;
         let held = |phi: f64| {

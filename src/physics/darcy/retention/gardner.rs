@@ -4,8 +4,8 @@
 //! k_r = S_e = exp(alpha psi)     psi < 0
 //! ```
 //!
-//! The content follows the permeability, as in the solutions of R. Srivastava and T.-C. J. Yeh (Water Resour. Res. 27 (1991) 753), in which
-//! the equation of Richards is linear in `k_r`.
+//! The content follows the permeability, as in the solutions of R. Srivastava and T.-C. J. Yeh (Water Resour. Res. 27
+//! (1991) 753), in which the equation of Richards is linear in `k_r`.
 
 #![allow(
     rustdoc::broken_intra_doc_links,

@@ -4,9 +4,10 @@
 //! k_r = max[exp(psi/h), e_min]     psi < 0
 //! ```
 //!
-//! Gardner's permeability with a capillary length `h` far below a cell, and a least value `e_min` that keeps the dry soil in the system of
-//! equations. The discharge of a rectangular dam between h1 and h2 over L is that of A. Dupuit and I. A. Charny up to a part of order `h`
-//! over the height. Nothing is stored above the phreatic surface: the model is for steady flow.
+//! Gardner's permeability with a capillary length `h` far below a cell, and a least value `e_min` that keeps the dry
+//! soil in the system of equations. The discharge of a rectangular dam between h1 and h2 over L is that of A. Dupuit
+//! and I. A. Charny up to a part of order `h` over the height. Nothing is stored above the phreatic surface: the model
+//! is for steady flow.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -27,8 +28,8 @@ const USUAL: f64 = 1e-3;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct SaturatedOnly {
-    /// Height over which the permeability falls to 1/e above the phreatic surface [m]. Default: a tenth of the height of a cell.
-    /// Less than a twentieth may not converge.
+    /// Height over which the permeability falls to 1/e above the phreatic surface [m]. Default: a tenth of the height
+    /// of a cell. Less than a twentieth may not converge.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub thickness: Option<f64>,

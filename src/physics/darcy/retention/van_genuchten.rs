@@ -1,5 +1,5 @@
-//! Retention of van Genuchten with the permeability of Mualem (M. T. van Genuchten, Soil Sci. Soc. Am. J. 44 (1980) 892, equations 3 and 8;
-//! Y. Mualem, Water Resour. Res. 12 (1976) 513):
+//! Retention of van Genuchten with the permeability of Mualem (M. T. van Genuchten, Soil Sci. Soc. Am. J. 44 (1980)
+//! 892, equations 3 and 8; Y. Mualem, Water Resour. Res. 12 (1976) 513):
 //!
 //! ```text
 //! S_e = [1 + (alpha |psi|)^n]^(-m),     m = 1 - 1/n,     k_r = S_e^L [1 - (1 - S_e^(1/m))^m]^2,     psi < 0
@@ -144,7 +144,9 @@ pub(super) fn contents(saturated: f64, residual: f64, paths: [&'static str; 2]) 
     }
     (!(residual >= 0.0 && residual < saturated)).then(|| Fault {
         path: paths[1],
-        reason: format!("the residual content is {residual}; it must lie between 0 and the saturated content {saturated}"),
+        reason: format!(
+            "the residual content is {residual}; it must lie between 0 and the saturated content {saturated}"
+        ),
         remedy: "omit it for 0".into(),
     })
 }

@@ -124,7 +124,8 @@ impl Pressure {
         dot(here, residual, residual, &self.slab.communicator).sqrt()
     }
 
-    /// Returns the largest imbalance over the largest flow through the boundary, and `true` if it is within the tolerance or is rounding.
+    /// Returns the largest imbalance over the largest flow through the boundary, and `true` if it is within the
+    /// tolerance or is rounding.
     fn imbalance(&self, own: &Unsaturated) -> (f64, bool) {
         let (mut most, mut term) = (0.0_f64, 0.0_f64);
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
@@ -254,8 +255,8 @@ impl Pressure {
         }
     }
 
-    /// Multiplies by an approximate inverse: the columns along gravity exactly, where the water falls through unsaturated cells, then one
-    /// multigrid cycle on what they leave over; `out` with its halo. Collective.
+    /// Multiplies by an approximate inverse: the columns along gravity exactly, where the water falls through
+    /// unsaturated cells, then one multigrid cycle on what they leave over; `out` with its halo. Collective.
     fn precondition(
         &mut self,
         own: &Unsaturated,

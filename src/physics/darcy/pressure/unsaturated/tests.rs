@@ -69,8 +69,8 @@ fn still(conductivity: &[f64]) -> Medium<'_> {
     }
 }
 
-/// A dam of a height above impervious ground between water of two levels, of hydraulic conductivity 1 m/s: its discharge and the height
-/// where the phreatic surface leaves it.
+/// A dam of a height above impervious ground between water of two levels, of hydraulic conductivity 1 m/s: its
+/// discharge and the height where the phreatic surface leaves it.
 fn dam(cells: [usize; 2], length: f64, levels: [f64; 2], retention: Retention) -> (Report, f64) {
     let grid = plane(cells, [length, levels[0]]);
     let downstream = Condition::SeepageFace {
@@ -100,8 +100,9 @@ fn dam(cells: [usize; 2], length: f64, levels: [f64; 2], retention: Retention) -
     (report, exit)
 }
 
-/// Discharge k (h1^2 - h2^2)/(2 L) of A. Dupuit, exact after I. A. Charny, and the exit of the phreatic surface after the integrals of
-/// P. Ya. Polubarinova-Kochina (Theory of Ground Water Movement, 1962, chapter VII). The height of the exit is of first order in the cells.
+/// Discharge k (h1^2 - h2^2)/(2 L) of A. Dupuit, exact after I. A. Charny, and the exit of the phreatic surface after
+/// the integrals of P. Ya. Polubarinova-Kochina (Theory of Ground Water Movement, 1962, chapter VII). The height of
+/// the exit is of first order in the cells.
 #[test]
 fn discharge_and_seepage_face_of_a_rectangular_dam() {
     for (length, levels, exit) in [
@@ -136,8 +137,9 @@ fn discharge_and_seepage_face_of_a_rectangular_dam() {
     }
 }
 
-/// The dam of T. P. Clement, W. R. Wise, F. J. Molz and M. Wen (J. Hydrol. 181 (1996) 189) with its capillary zone: 10 m between levels of
-/// 10 m and 2 m, discharge 6.076e-5 m2/s at 1.1574e-5 m/s, exit between 4.8 m and 5.0 m in three programs.
+/// The dam of T. P. Clement, W. R. Wise, F. J. Molz and M. Wen (J. Hydrol. 181 (1996) 189) with its capillary zone: 10
+/// m between levels of 10 m and 2 m, discharge 6.076e-5 m2/s at 1.1574e-5 m/s, exit between 4.8 m and 5.0 m in three
+/// programs.
 #[test]
 fn a_dam_with_a_capillary_zone() {
     let soil = Retention::VanGenuchten(VanGenuchten {
@@ -205,7 +207,8 @@ fn water_at_rest_stays_at_rest() {
     assert!(report.outflow < 1e-12);
 }
 
-/// Rain R on Gardner's soil above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z), at the centres of cells of any height.
+/// Rain R on Gardner's soil above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z), at the centres of cells
+/// of any height.
 #[test]
 fn rain_on_an_exponential_soil() {
     for rows in [5, 20, 80] {
@@ -233,7 +236,8 @@ fn rain_on_an_exponential_soil() {
     }
 }
 
-/// Rain above the hydraulic conductivity: the column takes it as it drains under its own weight, and what is left runs off.
+/// Rain above the hydraulic conductivity: the column takes it as it drains under its own weight, and what is left runs
+/// off.
 #[test]
 fn rain_that_the_soil_does_not_take_runs_off() {
     let grid = plane([1, 20], [0.1, 2.0]);
