@@ -92,7 +92,12 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     let count = populations.cells().iter().product::<usize>() * 3;
     Some(Maker::new(count, move |range, all: &mut Vec<f32>| {
         each_cell_of(populations, 3, &range, |cell, which| {
-            all.extend_from_slice(&field.velocity(cell)[which]);
+            let velocity = if fluid.holds_water(cell) {
+                field.velocity(cell)
+            } else {
+                [0.0; 3]
+            };
+            all.extend_from_slice(&velocity[which]);
         });
     }))
 }
@@ -372,7 +377,8 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             }
             if let Some(field) = fluid.velocities() {
                 let key = field_key("velocities");
-                for ([x, y, z], at) in cells_of(fluid) {
+                let wet = cells_of(fluid).filter(|(_, at)| fluid.holds_water(*at));
+                for ([x, y, z], at) in wet {
                     let cell = ((start[0] + z) * shape[1] + start[1] + y) * shape[2] + start[2] + x;
                     for (a, u) in field.velocity(at).into_iter().enumerate() {
                         hash.add(key, (cell * 3 + a) as u64, u64::from(u.to_bits()));
@@ -551,6 +557,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
         }
     }
     fluid.spread_velocities();
+    fluid.continue_velocities();
     Ok(())
 }
 
@@ -567,7 +574,7 @@ fn read_surface<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), E
         .chunks_exact(SURFACE_NUMBERS)
         .map(|numbers| [numbers[0], numbers[1], numbers[2]])
         .collect();
-    let first = fluid.start() == [0; 3];
+    let first = fluid.start() == [0; 3] && !fluid.populations().cells().contains(&0);
     let lost = reader.attributes()[SURFACE_LOSS].as_str();
     let lost = lost.filter(|_| first).and_then(|text| text.parse().ok());
     fluid.restore_surface(&cells, &saved, lost.unwrap_or(0));

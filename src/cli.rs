@@ -3,6 +3,7 @@
 //! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the number of ranks are
 //! found when MPI has started, before the verdict is printed. Only the first rank reports them.
 
+mod cite;
 mod estimate;
 mod manual;
 mod reference;
@@ -20,7 +21,7 @@ use crate::simulation::watch;
 use crate::sweep::study::Run;
 use crate::sweep::{Sweep, Task, study};
 use crate::uncertainty::pilot;
-use crate::{figures, output, simulation, sweep};
+use crate::{figures, output, plan, simulation, sweep};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
@@ -61,6 +62,14 @@ enum Command {
     },
     /// Check a case and show models, time steps, limits and costs.
     Plan(PlanArgs),
+    /// List the papers of the models that a case uses.
+    Cite {
+        #[command(flatten)]
+        case: CaseArgs,
+        /// Format of the references.
+        #[arg(long, default_value = "text")]
+        format: cite::Format,
+    },
     /// Print the JSON schema of a case, or of a study.
     Schema {
         /// Document that the schema describes.
@@ -335,6 +344,14 @@ fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
         Command::Run(arguments) => start(arguments, begun),
         Command::Validate { case, stability } => validate(&case, stability),
         Command::Plan(arguments) => plan(&arguments),
+        Command::Cite { case, format } => {
+            let plan = prepare(&case)?;
+            if case.json {
+                print(&pretty(&plan::citations::citations(&plan)))
+            } else {
+                print(&cite::text(&plan, format))
+            }
+        }
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
         Command::Reference { format, output } => print(&reference::write(format, &output)?),
@@ -755,23 +772,24 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts, and with it the number of ranks. A rank without a number of
-/// ranks above it stands in the environment of a shell and does not count.
+/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of a shell: there it
+/// counts only with a number of ranks above it.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
-    let ranks = [
-        ("OMPI_COMM_WORLD_RANK", &["OMPI_COMM_WORLD_SIZE"][..]),
+    let ranks: [(&str, &[&str]); 3] = [
         (
             "PMIX_RANK",
-            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"][..],
+            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"],
         ),
-        ("PMI_RANK", &["PMI_SIZE"][..]),
-        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"][..]),
+        ("PMI_RANK", &["PMI_SIZE"]),
+        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"]),
     ];
-    ranks.iter().all(|(rank, sizes)| {
-        let size = sizes.iter().find_map(|name| number(name));
-        !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
-    })
+    let of_mpirun = number("OMPI_COMM_WORLD_RANK").is_none_or(|rank| rank == 0);
+    of_mpirun
+        && ranks.iter().all(|(rank, sizes)| {
+            let size = sizes.iter().find_map(|name| number(name));
+            !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
+        })
 }
 
 /// A text to the standard output; a reader that has gone away is no error.

@@ -3,11 +3,14 @@
 //! [`Plan::prepare`] turns the text of a case into a plan. The plan owns the scene.
 
 mod added_mass;
+pub mod bibliography;
 mod bodies;
+pub mod citations;
 pub(crate) mod contacts;
 mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
+mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
@@ -23,7 +26,7 @@ mod seepage;
 mod stability;
 
 use crate::case::annotation::Source;
-use crate::case::time::{Limits, SolidSteps, WarmUp};
+use crate::case::time::{Limits, SolidSteps, USUAL_SAFETY, WarmUp};
 use crate::case::{Case, Document};
 use crate::error::{Problem, Remedy, Severity};
 use crate::number::whole;
@@ -274,7 +277,15 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let time = &scene.time;
     let critical = critical_step::critical_solid_time_step(scene);
     let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
-    let automatic = allowed.map(|step| contacts::accepted(scene, step));
+    // A larger safety than the usual one is a choice of the case, which the plan judges and does not change.
+    let chosen = time.solid_time_step_safety <= USUAL_SAFETY;
+    let automatic = allowed.map(|step| {
+        if chosen {
+            contacts::accepted(scene, step)
+        } else {
+            step
+        }
+    });
     let (time_step, solid_steps) = if let Some(like) = like {
         (like.time_step, like.solid_steps_per_step)
     } else if let Some(flow) = &scene.flow {

@@ -216,13 +216,13 @@ impl Scene {
             return (None, findings);
         };
         let (scene, findings) = Self::at(case, &spacing, None, findings);
-        if findings.stop_plan() {
+        if findings.stopped {
             return (scene, findings);
         }
         // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
-            Some(finer) => Self::at(case, &finer, None, Findings::new(case)),
+            Some(finer) => Self::at(case, &finer, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }
     }
@@ -244,7 +244,9 @@ impl Scene {
             return (None, findings);
         };
         scene.chosen = chosen;
-        if findings.stop_plan() {
+        // What the choices below refuse, a finer spacing may cure; what is wrong before them it does not.
+        findings.stopped = findings.stop_plan();
+        if findings.stopped {
             return (Some(scene), findings);
         }
         match like {

@@ -128,7 +128,7 @@ scripts() {
   # Without leaving caches.
   python3 -c 'import ast, sys
 for name in sys.argv[1:]: ast.parse(open(name, encoding="utf-8").read(), name)' \
-    jobs/spack/packages/*/package.py jobs/paraview/*.py jobs/python/*.py jobs/python/*/*.py benches/*.py benches/*/*.py tests/*.py tests/python/*.py
+    jobs/spack/packages/*/package.py jobs/paraview/*.py jobs/python/*.py jobs/python/*/*.py jobs/theory/*.py benches/*.py benches/*/*.py tests/*.py tests/python/*.py
 }
 
 # Every example, shortened, through the reader of results; version and notes. The runs of the gates before are read, not made again.

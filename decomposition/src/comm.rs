@@ -6,7 +6,7 @@
 //! reporting it.
 
 use crate::post::Post;
-use crate::waiting::{Wait, called_together, sent, timed};
+use crate::waiting::{Wait, called_together, sent, timed, until};
 use mpi::Threading;
 use mpi::environment::{self, Universe};
 use mpi::ffi::{self, MPI_Comm, MPI_Datatype, MPI_Op, MPI_Request};
@@ -409,16 +409,29 @@ impl Communicator {
         // the stack, so that nothing is allocated.
         let mut result = [T::default(); REDUCTION_CHUNK];
         for chunk in values.chunks_mut(REDUCTION_CHUNK) {
-            // SAFETY: both buffers hold `chunk.len()` values of the datatype and do not overlap.
-            self.waits(Wait::Collectives, || unsafe {
-                ffi::MPI_Allreduce(
-                    chunk.as_ptr().cast(),
-                    result.as_mut_ptr().cast(),
-                    count(chunk.len()),
-                    T::datatype(),
-                    reduction.raw(),
-                    raw,
-                )
+            self.waits(Wait::Collectives, || {
+                // SAFETY: the constant of a running MPI.
+                let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
+                // SAFETY: both buffers hold `chunk.len()` values of the datatype, do not overlap, and live until the request is done.
+                unsafe {
+                    ffi::MPI_Iallreduce(
+                        chunk.as_ptr().cast(),
+                        result.as_mut_ptr().cast(),
+                        count(chunk.len()),
+                        T::datatype(),
+                        reduction.raw(),
+                        raw,
+                        &raw mut request,
+                    )
+                };
+                until(|| {
+                    let mut done = 0;
+                    // SAFETY: a live request, or none once it is done.
+                    unsafe {
+                        ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE)
+                    };
+                    done != 0
+                });
             });
             chunk.copy_from_slice(&result[..chunk.len()]);
         }
@@ -861,14 +874,15 @@ pub(crate) enum Direction {
 /// Waits for all requests and forgets them.
 fn wait_all(requests: &mut Vec<MPI_Request>) {
     if !requests.is_empty() {
-        // SAFETY: live requests of a running MPI.
-        timed(Wait::Messages, || unsafe {
-            ffi::MPI_Waitall(
-                count(requests.len()),
-                requests.as_mut_ptr(),
-                ffi::RSMPI_STATUSES_IGNORE,
-            )
-        });
+        let all = count(requests.len());
+        let live = requests.as_mut_ptr();
+        let arrived = || {
+            let mut done = 0;
+            // SAFETY: live requests of a running MPI.
+            unsafe { ffi::MPI_Testall(all, live, &raw mut done, ffi::RSMPI_STATUSES_IGNORE) };
+            done != 0
+        };
+        timed(Wait::Messages, || until(arrived));
         requests.clear();
     }
 }

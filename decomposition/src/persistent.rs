@@ -6,7 +6,7 @@
 //! access to a buffer waits first: no order of calls can race with the network.
 
 use crate::comm::{Communicator, Direction, count};
-use crate::waiting::{Wait, sent, timed};
+use crate::waiting::{Wait, sent, timed, until};
 use bytemuck::Pod;
 use mpi::ffi::{self, MPI_Request};
 use std::alloc::{self, Layout};
@@ -235,14 +235,20 @@ impl Persistent {
                 }
             }
         } else {
-            // SAFETY: live requests; persistent ones become inactive and stay valid.
-            timed(Wait::Messages, || unsafe {
-                ffi::MPI_Waitall(
-                    count(self.requests.len()),
-                    self.raw_requests(),
-                    ffi::RSMPI_STATUSES_IGNORE,
-                )
-            });
+            let arrived = || {
+                let mut all = 0;
+                // SAFETY: live requests; persistent ones become inactive and stay valid.
+                unsafe {
+                    ffi::MPI_Testall(
+                        count(self.requests.len()),
+                        self.raw_requests(),
+                        &raw mut all,
+                        ffi::RSMPI_STATUSES_IGNORE,
+                    )
+                };
+                all != 0
+            };
+            timed(Wait::Messages, || until(arrived));
         }
     }
 

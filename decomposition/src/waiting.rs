@@ -6,6 +6,45 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+/// Polls before the clock is read: some tens of microseconds.
+const POLLS: u32 = 200;
+/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not sleep.
+const PATIENCE: [u64; 3] = [50_000, 1_000_000, 5_000];
+/// Length of a sleep.
+const NAP: Duration = Duration::from_micros(50);
+
+/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the rank that is waited
+/// for may need the core.
+static PATIENT: AtomicU64 = AtomicU64::new(PATIENCE[1]);
+
+/// Polls until something is done: first without pause, then yielding the core, at last sleeping between polls.
+pub(crate) fn until(mut done: impl FnMut() -> bool) {
+    for _ in 0..POLLS {
+        if done() {
+            return;
+        }
+        std::hint::spin_loop();
+    }
+    let begun = Instant::now();
+    let patience = PATIENT.load(Ordering::Relaxed);
+    let mut slept = false;
+    while !done() {
+        if begun.elapsed() < Duration::from_nanos(patience) {
+            std::thread::yield_now();
+        } else {
+            slept = true;
+            std::thread::sleep(NAP);
+        }
+    }
+    let [least, most, more] = PATIENCE;
+    let next = if slept {
+        (patience / 2).max(least)
+    } else {
+        (patience + more).min(most)
+    };
+    PATIENT.store(next, Ordering::Relaxed);
+}
+
 static MESSAGES: AtomicU64 = AtomicU64::new(0);
 static COLLECTIVES: AtomicU64 = AtomicU64::new(0);
 static SENT: AtomicU64 = AtomicU64::new(0);
@@ -141,5 +180,25 @@ mod tests {
         let mut sum = spent;
         sum += spent;
         assert_eq!(sum.since(&spent), spent);
+    }
+
+    #[test]
+    fn a_wait_ends_when_it_is_done_and_becomes_less_patient_by_sleeping() {
+        let mut polls = 0;
+        until(|| {
+            polls += 1;
+            polls == 50
+        });
+        assert_eq!(polls, 50);
+        let begun = Instant::now();
+        let pause = Duration::from_millis(5);
+        until(|| begun.elapsed() >= pause);
+        assert!(begun.elapsed() >= pause);
+        assert!(PATIENT.load(Ordering::Relaxed) < PATIENCE[1]);
+        for _ in 0..400 {
+            let begun = Instant::now();
+            until(|| begun.elapsed() >= Duration::from_micros(30));
+        }
+        assert!(PATIENT.load(Ordering::Relaxed) >= PATIENCE[0]);
     }
 }

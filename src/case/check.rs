@@ -93,6 +93,12 @@ const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
 /// Returns the reason and remedy for a name that is not known.
 fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
     let clipped = clipped(name);
+    if let Some((feature, field)) = absent::elsewhere(name) {
+        return (
+            format!("there is no {kind} `{clipped}` here: {feature} is stated elsewhere"),
+            format!("use `{field}`"),
+        );
+    }
     match absent::feature(name) {
         Some(absent) => (
             format!(
@@ -375,15 +381,15 @@ impl<'a> Walk<'a> {
                 self.report(path, value, reason, remedy);
             }
             Value::String(text) => {
-                let (reason, remedy) = match absent::feature(text) {
-                    Some(_) => {
-                        let (reason, remedy) = not_known("choice", text, &all);
-                        (reason, remedy.into())
-                    }
-                    None => (
+                let known = absent::feature(text).is_some() || absent::elsewhere(text).is_some();
+                let (reason, remedy) = if known {
+                    let (reason, remedy) = not_known("choice", text, &all);
+                    (reason, remedy.into())
+                } else {
+                    (
                         "there is no such choice here".into(),
                         nearest_word(path, text, &all, &plain),
-                    ),
+                    )
                 };
                 self.report(path, value, reason, remedy);
             }

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 23] = [
+pub const EXAMPLES: [Example; 25] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -127,6 +127,16 @@ pub const EXAMPLES: [Example; 23] = [
         name: "avalanche",
         summary: "a jointed rock mass slides down a slope",
         text: include_str!("examples/avalanche.json"),
+    },
+    Example {
+        name: "dam-break",
+        summary: "a column of water collapses over a dry floor, beside the front and height of Martin and Moyce (1952)",
+        text: include_str!("examples/dam-break.json"),
+    },
+    Example {
+        name: "standing-wave",
+        summary: "a standing wave on deep water, with its frequency and decay by linear theory",
+        text: include_str!("examples/standing-wave.json"),
     },
 ];
 

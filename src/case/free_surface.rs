@@ -5,9 +5,9 @@ use super::structures::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of all pressures; air that water
-/// encloses is not compressed but lost, and counted. Walls, faces of free slip and structures bound the water; bodies and openings do not
-/// work with it yet.
+/// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of
+/// all pressures; air that water encloses is not compressed but lost, and counted. Walls, faces of free slip
+/// and structures bound the water; bodies and openings do not work with it yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeSurface {
@@ -27,7 +27,8 @@ pub enum Water {
     Wave(Wave),
 }
 
-/// A wave: the surface at rest lies at level + amplitude · cos(2 pi waves s/L), with s along `axis` and L the size of the domain.
+/// A wave: the surface at rest lies at level + amplitude · cos(2 pi waves s/L), with s along `axis` and L the
+/// size of the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wave {

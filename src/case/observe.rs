@@ -131,6 +131,12 @@ pub enum ProbeAt {
         #[serde(default)]
         part: Option<Extent>,
     },
+    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
+    /// of cells that holds a point.
+    Gauge {
+        /// The point [m]; its coordinate along the axis of gravity has no effect.
+        position: Vector,
+    },
     /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step,
     /// and `time` is the middle of this step.
     Wall {

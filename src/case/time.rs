@@ -38,8 +38,11 @@ fn default_skin() -> f64 {
     0.5
 }
 
+/// Largest solid time step over the critical one where a case does not state it.
+pub(crate) const USUAL_SAFETY: f64 = 0.1;
+
 fn default_safety() -> f64 {
-    0.1
+    USUAL_SAFETY
 }
 
 /// Solid steps per fluid step.

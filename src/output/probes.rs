@@ -10,6 +10,7 @@
 //! | point | velocity, pressure; in seepage also the hydraulic head, of the cell that holds the point |
 //! | line | distance from the first point, position, velocity, pressure; one row per point and time |
 //! | plane | discharge, means over the fluid cells, largest speed, fluid fraction |
+//! | gauge | elevation of a free surface, depth of the water below it |
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
@@ -19,10 +20,11 @@
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the values are
 //! extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent planes of cells; only
-//! cells whose centre is in the fluid count. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
+//! cells whose centre is in the fluid count, below a free surface by their fill levels. **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
 mod fabric;
+mod gauge;
 mod points;
 mod seepage;
 mod wall;
@@ -44,6 +46,7 @@ use crate::units::LatticeUnits;
 use bed::Bed;
 use decomposition::{Domain, ExactSum};
 use fabric::Fabric;
+use gauge::Gauge;
 use io::Table;
 use points::{Points, along, clamped};
 use seepage::Section;
@@ -78,6 +81,7 @@ enum At {
     /// A point in seepage \[m\].
     Pores([f64; 3]),
     Section(Section),
+    Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
     Grains(Box<Fabric>),
@@ -240,6 +244,7 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.extend(VELOCITY);
             headings.push(("pressure", "Pa"));
         }
+        ProbeAt::Gauge(_) => headings.extend([("elevation", "m"), ("depth", "m")]),
         ProbeAt::Section { .. } => headings.extend([
             ("discharge", if flat { "m2/s" } else { "m3/s" }),
             ("open_area", if flat { "m" } else { "m2" }),
@@ -333,6 +338,12 @@ impl At {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
+            ProbeAt::Gauge(cell) => {
+                let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
+                let grid = &scene.grid;
+                let cells = grid.cells[surface.axis];
+                Self::Gauge(Gauge::new(surface, *cell, cells, grid.spacing))
+            }
             ProbeAt::Wall(face) => {
                 let flow = scene.flow.as_ref().ok_or_else(no_fluid)?;
                 Self::Wall(Box::new(Wall::new(
@@ -412,6 +423,10 @@ impl At {
             }
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Gauge(gauge) => {
+                let values = gauge.sample(fluid(view)?, view.domain.communicator());
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Structure(index) => {
@@ -495,9 +510,11 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
         for z in from[2]..to[2] {
             for y in from[1]..to[1] {
                 for x in from[0]..to[0] {
-                    if fluid.solid_at([x, y, z]) {
+                    let fill = fluid.fill([x, y, z]);
+                    if fluid.solid_at([x, y, z]) || fill <= 0.0 {
                         continue;
                     }
+                    let weight = weight * fill;
                     let (deviation, [u, v, w]) = fluid.state([x, y, z]);
                     for (sum, value) in sums.iter_mut().zip([u, v, w, deviation, 1.0]) {
                         sum.add(weight * value);

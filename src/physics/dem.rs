@@ -26,6 +26,7 @@
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
 //! | `engine` | the step, the lists, the hand-over of grains and histories |
+//! | `dashpot` | the normal dashpot of a contact over time steps |
 //! | `deepest` | the deepest contact of all steps |
 //! | `relax` | unbalanced force |
 //! | `escape` | a grain that left the box |

@@ -295,7 +295,7 @@ struct Impact<'a> {
     part: f64,
 }
 
-/// What a body may meet: the heaviest mass of those whose velocities lie in a box.
+/// A partner of an impact: the heaviest mass of those whose velocities lie in a box.
 struct Class {
     low: [f64; 3],
     high: [f64; 3],

@@ -30,6 +30,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
     units(scene, seepage, findings);
     heads(scene, seepage, findings);
+    super::ends::check(scene, seepage, findings);
     let several = seepage
         .patches
         .iter()

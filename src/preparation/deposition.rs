@@ -703,6 +703,7 @@ mod tests {
         for limit in [50, 500, 620] {
             let mut short = small();
             short.limit = limit;
+            short.trim_above = None;
             short.laws = vec![linear(1e3)];
             let run = |supervision: &Supervision<'_, Volume>| short.run(supervision);
             let ((_, report), _) = interrupted(run);

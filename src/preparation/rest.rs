@@ -209,7 +209,7 @@ mod tests {
     use crate::dem::contact::Scaled;
     use crate::dem::contact::linear::{self, Linear};
     use crate::dem::particles::{Body, Motion};
-    use crate::dem::{Law, PairTable, Region, Settings, Volume, Wall};
+    use crate::dem::{Law, PairTable, Region, Settings, Volume, Wall, alone};
     use decomposition::Communicator;
     use nalgebra::Vector3;
 
@@ -248,7 +248,7 @@ mod tests {
         let mut piston = Wall::new(Vector3::zeros(), Vector3::z(), 0);
         piston.velocity = up;
         let mut dem = Dem::<Volume>::new(law, settings, vec![piston]).unwrap();
-        let domain = Domain::serial(decomposition::Axis::X, 10, false);
+        let domain = alone();
         let mut particles = Particles::new();
         let motion = Motion {
             position: Vector3::new(0.005, 0.005, 0.000_99),

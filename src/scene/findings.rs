@@ -34,6 +34,8 @@ pub(crate) struct Findings<'a> {
     wrong: Vec<String>,
     /// Positions of findings that hold only if the fields of some sections are right, with these sections.
     dependent: Vec<(usize, &'static [&'static str])>,
+    /// `true` if a field is wrong on which the choices of the program depend, so that none were made.
+    pub(crate) stopped: bool,
 }
 
 impl<'a> Findings<'a> {
@@ -50,6 +52,7 @@ impl<'a> Findings<'a> {
             unlisted: Vec::new(),
             wrong: wrong.to_vec(),
             dependent: Vec::new(),
+            stopped: false,
         }
     }
 

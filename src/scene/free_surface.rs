@@ -8,7 +8,7 @@ use super::findings::{Findings, LATTICE_PATH, number};
 use super::grid::Grid;
 use super::structures;
 use crate::case::Case;
-use crate::case::fluid::{Device, Fluid, Initial, LatticeBoltzmann, TurbulenceChoice};
+use crate::case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
 use crate::case::free_surface::{Water, Wave};
 use crate::error::Remedy;
 use crate::lbm::boundary::Surface;
@@ -307,7 +307,8 @@ fn wave_form(
 
 /// Refuses what does not work with a free surface yet.
 fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
-    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip (a rigid lid)";
+    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
+         (a rigid lid)";
     for (there, path) in [
         (!case.bodies.is_empty(), "bodies"),
         (case.blocks.is_some(), "blocks"),
@@ -365,14 +366,6 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findin
             Remedy::from("use cpu").set(path.clone(), "cpu"),
         );
     }
-    if let Some(TurbulenceChoice::Model(_)) = lbm.turbulence {
-        let path = format!("{LATTICE_PATH}.turbulence");
-        findings.error(
-            &path,
-            "an eddy viscosity does not work with a free surface yet",
-            Remedy::from("use none").set(path.clone(), "none"),
-        );
-    }
     if !matches!(lbm.initial, Initial::Rest {} | Initial::Uniform(_)) {
         findings.error(
             &format!("{LATTICE_PATH}.initial"),
@@ -399,5 +392,81 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findin
             "a free surface moves from the start: there is no flow to warm up",
             Remedy::take_out("leave it out", "time.warm_up"),
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::{Document, examples};
+    use std::path::Path;
+
+    /// The surface of the dam break with other water.
+    fn surface(water: &str) -> FreeSurface {
+        let text = examples::find("dam-break").unwrap().text;
+        let set = [
+            format!("fluid.lattice_boltzmann.surface.water={water}"),
+            r#"domain={"size": [0.4, 0.2], "spacing": 0.01}"#.to_owned(),
+            "probes=[]".to_owned(),
+        ];
+        let document = Document::read(text, &set, Path::new(".")).unwrap();
+        crate::scene::Scene::resolve(&document.case)
+            .unwrap()
+            .0
+            .surface
+            .unwrap()
+    }
+
+    fn volume(surface: &FreeSurface) -> f64 {
+        let cells = (0..40).flat_map(|x| (0..20).map(move |y| [x, y, 0]));
+        cells.map(|cell| surface.fill(cell)).sum::<f64>() * 1e-4
+    }
+
+    #[test]
+    fn water_has_the_volume_of_its_parts() {
+        for (water, exact, within) in [
+            (r#"[{"level": 0.0537}]"#, 0.4 * 0.0537, 1e-12),
+            (
+                r#"[{"shape": {"box": {"from": [0, 0], "to": [0.1234, 0.0777]}}}]"#,
+                0.1234 * 0.0777,
+                2e-3,
+            ),
+            (
+                r#"[{"wave": {"level": 0.1, "amplitude": 0.02, "axis": "x", "waves": 0.5}}]"#,
+                0.04,
+                1e-4,
+            ),
+            (
+                r#"[{"shape": {"disc": {"centre": [0.2, 0.1], "radius": 0.0611}}}]"#,
+                std::f64::consts::PI * 0.0611 * 0.0611,
+                2e-3,
+            ),
+        ] {
+            let found = volume(&surface(water));
+            assert!(
+                (found / exact - 1.0).abs() < within,
+                "{water}: {found} of {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_depth_ends_at_the_first_surface() {
+        let stacked = surface(
+            r#"[{"level": 0.05},
+                {"shape": {"box": {"from": [0.1, 0.04], "to": [0.2, 0.1]}}},
+                {"shape": {"box": {"from": [0.1, 0.15], "to": [0.2, 0.18]}}}]"#,
+        );
+        for (at, depth) in [
+            ([0.05, 0.01], 0.04),
+            ([0.05, 0.06], 0.0),
+            ([0.15, 0.01], 0.09),
+            ([0.15, 0.12], 0.0),
+            ([0.15, 0.16], 0.02),
+        ] {
+            let found = stacked.depth([at[0], at[1], 0.0]);
+            assert!((found - depth).abs() < 1e-12, "{at:?}: {found}");
+        }
+        assert!((stacked.head() - 0.18).abs() < 1e-12);
     }
 }

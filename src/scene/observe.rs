@@ -101,6 +101,8 @@ pub enum ProbeAt {
         /// The part.
         part: Option<Block>,
     },
+    /// Surface elevation in the column of this cell.
+    Gauge([usize; 3]),
     /// Force on a face.
     Wall(Face),
     /// A bed of grains.

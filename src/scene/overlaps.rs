@@ -292,8 +292,12 @@ impl<'a> Start<'a> {
 
     /// Refuses solids that reach into walls. [`Self::in_structures`] checks structures, which have an inside.
     fn at_walls(&self, all: &[Standing<'_>], findings: &mut Findings) {
-        let standing =
-            |wall: &&Wall| wall.structure.is_none() && wall.from.is_none_or(|at| at <= 0.0);
+        // A surface that could not be read, or a plane without a direction, has findings of its own.
+        let known =
+            |wall: &Wall| wall.surface.is_some() || Vector3::from(wall.normal).norm_squared() > 0.5;
+        let standing = |wall: &&Wall| {
+            wall.structure.is_none() && wall.from.is_none_or(|at| at <= 0.0) && known(wall)
+        };
         for wall in self.walls.iter().filter(standing) {
             let checked = all.iter().filter(|one| one.solid.is_none() || !one.fixed);
             let reaching = checked.filter_map(|one| Some((one, one.depth_in_wall(wall)?)));
@@ -440,7 +444,7 @@ impl<'a> Start<'a> {
         };
         let (boxes, what): (Vec<Block>, _) = match &grains.source {
             GrainSource::Deposition { clouds, .. } => {
-                let Some(boxes) = self.ways_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
+                let Some(boxes) = self.paths_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
                     return;
                 };
                 (boxes, "grains of the deposition fall where")
@@ -475,15 +479,15 @@ impl<'a> Start<'a> {
     }
 
     /// Returns the boxes from clouds of falling grains to the end of the domain; none without gravity.
-    fn ways_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
+    fn paths_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
         let down = (0..self.grid.dimension).find(|&a| self.gravity[a].abs() > 0.0)?;
-        let to_the_end = clouds.map(|mut way| {
+        let to_the_end = clouds.map(|mut path| {
             if self.gravity[down] < 0.0 {
-                way.from[down] = 0.0;
+                path.from[down] = 0.0;
             } else {
-                way.to[down] = self.grid.size[down];
+                path.to[down] = self.grid.size[down];
             }
-            way
+            path
         });
         Some(to_the_end.collect())
     }
@@ -494,8 +498,12 @@ impl<'a> Start<'a> {
         if !grains.cut.is_empty() {
             return;
         }
-        let lasting =
-            |wall: &&Wall| wall.structure.is_none() && wall.surface.is_none() && wall.exists(0.0);
+        let lasting = |wall: &&Wall| {
+            wall.structure.is_none()
+                && wall.surface.is_none()
+                && wall.exists(0.0)
+                && Vector3::from(wall.normal).norm_squared() > 0.5
+        };
         for wall in self.walls.iter().filter(lasting) {
             let lowest: f64 = (0..self.grid.dimension)
                 .map(|a| {
@@ -674,7 +682,7 @@ mod tests {
             "shape": {"box": {"from": [0.0, 0.0, 0.0], "to": [0.1, 0.1, 0.05]}}}]});
         refuses(&[[0.05, 0.05, 0.02, r]], &weir, "the structure `weir`");
         refuses(
-            &[[0.05, 0.05, 0.05, 1e-308]],
+            &[[0.05, 0.05, 0.05, 1e-20]],
             &none,
             "smaller than that of an atom",
         );
@@ -699,7 +707,12 @@ mod tests {
             serde_json::json!({"shape": {"cuboid": {"edges": [long, 0.02, 0.02]}},
                 "position": [x, 0.05, 0.05]})
         };
-        let list = |blocks: serde_json::Value| serde_json::json!({"blocks": {"material": "glass", "initial": {"list": blocks}}});
+        let list = |blocks: serde_json::Value| {
+            serde_json::json!({
+                "blocks": {"material": "glass", "initial": {"list": blocks}},
+                "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}}
+            })
+        };
         let one = |parts: &serde_json::Value, words: &str| {
             let problems = errors(parts, Path::new("."));
             assert_eq!(problems.len(), 1, "{words}: {problems:?}");

@@ -264,7 +264,10 @@ mod tests {
     fn text_is_read_as_it_is_found() {
         let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();
         let named = SQUARE.replacen("solid s", "solid B\u{f6}schung vertex 3", 1);
-        let latin: Vec<u8> = named.chars().map(|c| u32::from(c) as u8).collect();
+        let latin: Vec<u8> = named
+            .chars()
+            .map(|c| u8::try_from(u32::from(c)).unwrap())
+            .collect();
         let mut padded = SQUARE.as_bytes().to_vec();
         padded.extend([0; 40]);
         for bytes in [

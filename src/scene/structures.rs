@@ -129,7 +129,11 @@ pub(crate) fn images(
     Some(images)
 }
 
-/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell and cuts no link between two of them.
+/// Length over that of a cell below which a solid has no shape on the lattice, even where it cuts a link.
+const NO_SHAPE: f64 = 0.1;
+
+/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of them or is far smaller
+/// than a cell.
 fn is_lost(images: &Images, grid: &Grid) -> bool {
     let [low, high] = images.solid().extent();
     let axes = 0..grid.dimension;
@@ -137,6 +141,9 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
     if !axes.clone().all(|a| high[a] - low[a] < grid.spacing) {
         return false;
     }
+    let tiny = axes
+        .clone()
+        .all(|a| high[a] - low[a] < NO_SHAPE * grid.spacing);
     let first = |a: usize| floor_i64(low[a] / grid.spacing - 0.5);
     let centre = |offsets: [i64; 3]| -> [f64; 3] {
         std::array::from_fn(|a| {
@@ -161,7 +168,7 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
             images.solid().chords(from, along, &mut found);
             n != m && !found.is_empty()
         });
-        !lies_in && !cut
+        !lies_in && (!cut || tiny)
     })
 }
 
@@ -271,10 +278,11 @@ mod tests {
 
     #[test]
     fn a_solid_that_covers_nothing_is_reported() {
-        // Between all centres and links, on a centre, on a link, and as wide as a cell.
+        // Between all centres and links, on a centre, tiny and larger on a link, and as wide as a cell.
         assert!(is_lost([10.3, 10.0, 10.2], 0.01));
         assert!(!is_lost([10.5, 10.5, 10.5], 0.01));
-        assert!(!is_lost([11.0, 10.5, 10.5], 0.01));
+        assert!(is_lost([11.0, 10.5, 10.5], 0.01));
+        assert!(!is_lost([11.0, 10.5, 10.5], 0.06));
         assert!(!is_lost([10.3, 10.0, 10.2], 0.6));
     }
 

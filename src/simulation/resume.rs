@@ -414,9 +414,16 @@ pub(super) fn plan(
         resumed.regions = Some(region_origins(&old, &plan)?);
         let step = resumed.found.manifest.step;
         resumed.sums_go_on = Averages::continues(&old, &plan, step).map_err(|path| {
+            let written = |plan: &Plan| {
+                let averages = plan.scene.output.averages.as_ref();
+                averages.map_or(String::new(), |averages| {
+                    let (from, every) = (averages.from, averages.sample_every);
+                    format!("from {from} s, every {every} s")
+                })
+            };
             Error::Case(vec![refusal(
                 path,
-                "changed".into(),
+                format!("{} (was {})", written(&plan), written(&old)),
                 "the sums of the checkpoint hold samples at the times of the run before",
                 "undo the change, or let `from` be after the checkpoint: then the averages begin anew",
             )])

@@ -69,7 +69,7 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     let discharge = units.velocity_scale() * units.spacing * depth;
     match at {
         ProbeAt::Point(_) => vec![("pressure", &["pressure"], pressure)],
-        ProbeAt::Line { .. } => Vec::new(),
+        ProbeAt::Line { .. } | ProbeAt::Gauge(_) => Vec::new(),
         ProbeAt::Plane { .. } => vec![
             ("discharge", &["discharge"], discharge),
             ("mean_pressure", &["mean_pressure"], pressure),

@@ -156,23 +156,23 @@ mod tests {
     #[test]
     fn wrong_columns_and_tables_are_found_before_a_member_runs() {
         let good = json!({
-            "u": {"file": "probe_profile.csv", "of": "velocity_x", "where": "x > 0"},
-            "ratio": {"is": "u/fluid.lattice_boltzmann.kinematic_viscosity"},
+            "a": {"file": "probe_profile.csv", "of": "velocity_x", "where": "x > 0"},
+            "ratio": {"is": "a/fluid.lattice_boltzmann.kinematic_viscosity"},
             "steps": {"summary": "steps"}
         });
         assert_eq!(problems(&good), []);
         for (field, value, path, remedy) in [
-            ("of", "velocity", "outputs.u.of", "velocity_x"),
-            ("where", "z_ > 0", "outputs.u.where", "Columns: step, time"),
+            ("of", "velocity", "outputs.a.of", "velocity_x"),
+            ("where", "z_ > 0", "outputs.a.where", "Columns: step, time"),
             (
                 "file",
                 "probe_prfile.csv",
-                "outputs.u.file",
+                "outputs.a.file",
                 "probe_profile.csv",
             ),
         ] {
             let mut wrong = good.clone();
-            wrong["u"][field] = value.into();
+            wrong["a"][field] = value.into();
             let found = problems(&wrong);
             assert_eq!(found.len(), 1, "{found:#?}");
             assert!(

@@ -1,4 +1,5 @@
-//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled. `map.svg`: the outcome of the
+//! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without a reference, each
+//! output over the first field that is varied by numbers. `map.svg`: the outcome of the
 //! members over two varied fields, with the prediction of the plan.
 
 use super::members::Member;
@@ -9,12 +10,73 @@ use crate::error::Verdict;
 use crate::figures::plot::{
     Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential,
 };
+use crate::number::real;
 use io::csv::push_line;
 use std::fmt::Write as _;
 
-/// Error against cost, with a panel for each cost.
+/// Largest number of outputs in a picture of answers.
+const ANSWERS: usize = 6;
+
+/// Returns each output over the first field that is varied by numbers, or over the number of the member.
+fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
+    let varied = study.vary.0.iter().position(|(_, v)| v.is_numeric());
+    let x = varied.map_or_else(
+        || Axis::linear("member", ""),
+        |n| Axis::linear(&study.vary.0[n].0, ""),
+    );
+    // Members that differ in another field are a line of their own.
+    let group = |member: &Member| {
+        let others = member.labels.iter().enumerate();
+        let others = others.filter(|(n, _)| Some(*n) != varied);
+        let labels: Vec<&str> = others.filter_map(|(_, label)| label.as_deref()).collect();
+        labels.join(", ")
+    };
+    let outputs = study.outputs.0.iter().enumerate();
+    let numbers = outputs.filter(|(_, (_, output))| output.over.is_none());
+    let panel = |(n, name): (usize, &String)| {
+        let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for (k, (member, row)) in members.iter().zip(&table.rows).enumerate() {
+            let at = varied.map_or(Some(real(k + 1)), |varied| member.value(varied));
+            let Some(point) = at.zip(row.outputs.get(n).copied().flatten()) else {
+                continue;
+            };
+            let label = group(member);
+            match lines.iter_mut().find(|(known, _)| *known == label) {
+                Some((_, points)) => points.push(point),
+                None => lines.push((label, vec![point])),
+            }
+        }
+        let mut layers = Vec::new();
+        for (k, (label, mut points)) in lines.into_iter().enumerate() {
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let colour = CATEGORY[k % CATEGORY.len()];
+            let marks = points.iter().map(|(x, y)| Mark::at(*x, *y)).collect();
+            let style = Style::Filled;
+            layers.push(Layer::new(Shape::Marks { marks, style }, colour, &label));
+            let dashed = true;
+            layers.push(Layer::new(Shape::Line { points, dashed }, colour, ""));
+        }
+        Panel {
+            title: name.clone(),
+            x: x.clone(),
+            y: Axis::linear(name, ""),
+            layers,
+            legend: Legend::Right,
+            legend_title: String::new(),
+        }
+    };
+    let named = numbers.map(|(n, (name, _))| (n, name)).take(ANSWERS);
+    Figure {
+        panels: named.map(panel).collect(),
+    }
+}
+
+/// Returns error against cost, with a panel for each cost; the answers if no error is known.
 #[must_use]
 pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
+    if table.rows.iter().all(|row| row.error.is_none()) {
+        return answers(study, members, table);
+    }
     let front = Front {
         study,
         members,

@@ -27,6 +27,7 @@ EXAMPLES = {
     "collision": (1, {"time.end": 0.005}),
     "couette": (1, _fluid(0.03, **{"probes[0].every": 0.01, "probes[1].every": 0.01})),
     "cylinder": (1, _fluid(0.2)),
+    "dam-break": (1, _fluid(0.01)),
     "deposition": (1, {"time.end": 0.002, "output.grains.every": 0.001, "grains.initial.deposition.number": 30}),
     "dry-incline": (1, {"time.end": 0.02, "output.blocks.every": 0.01, "output.contacts.every": 0.01}),
     "first-flow": (1, _fluid(0.02)),
@@ -56,6 +57,7 @@ EXAMPLES = {
     "weir": (1, _fluid(0.002, **{"output.grains.every": 0.001, "probes[2].at.bed": "{}", "probes[2].every": 0.001})),
     "settling-disc": (2, _fluid(0.006, **{"output.grains.every": 0.003})),
     "stagnation": (1, _fluid(0.002, **{"output.averages.from": 0.0005})),
+    "standing-wave": (1, _fluid(0.02)),
     "taylor-green": (2, _fluid(0.02, **{"probes[0].every": 0.01})),
 }
 

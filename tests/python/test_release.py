@@ -18,7 +18,7 @@ def held(path, pattern):
 
 def test_one_version_everywhere():
     assert re.fullmatch(r"\d+\.\d+\.\d+", CARGO)
-    assert held("jobs/CITATION.cff", r"^version: (.+)$") == [CARGO]
+    assert held(".github/CITATION.cff", r"^version: (.+)$") == [CARGO]
     assert held("jobs/python/pyproject.toml", r'^version = "(.+)"$') == [CARGO]
     assert solver_results.__version__ == CARGO
     assert held("jobs/container/solver.def", r"^    Version (.+)$") == [CARGO]
@@ -33,11 +33,11 @@ def test_the_reader_knows_the_version():
 
 def test_the_notes_begin_with_the_version():
     """The newest section of the notes is that of the version, with the date of the citation."""
-    date = held("jobs/CITATION.cff", r"^date-released: (.+)$")
-    sections = held("jobs/README.md", r"^### (\d+\.\d+\.\d+) \((\d{4}-\d{2}-\d{2})\)$")
+    date = held(".github/CITATION.cff", r"^date-released: (.+)$")
+    sections = held("jobs/CHANGELOG.md", r"^## (\d+\.\d+\.\d+) \((\d{4}-\d{2}-\d{2})\)$")
     assert sections[0] == (CARGO, *date)
     assert sections == sorted(sections, key=lambda s: [int(n) for n in s[0].split(".")], reverse=True)
-    text = (ROOT / "jobs" / "README.md").read_text()
+    text = (ROOT / "jobs" / "CHANGELOG.md").read_text()
     assert not re.search(r"\b[A-Z]-\d\d\b|\b[0-9a-f]{7,40}\b", text), "notes have no ids"
 
 

@@ -311,3 +311,55 @@ fn the_reference_is_written_in_both_formats() {
         .unwrap();
     assert_eq!(output.status.code(), Some(5), "{output:?}");
 }
+
+/// The papers of a case name its models, each publication once, with DOI; BibTeX has the same keys.
+#[test]
+fn cite_lists_the_papers_of_the_models_of_a_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = example(&folder, "piping");
+    let cite = |more: &[&str]| {
+        let output = solver().arg("cite").arg(&path).args(more).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = cite(&[]);
+    let (models, papers) = text.split_once("\n\n").unwrap();
+    assert!(models.contains("contact: cohesive frictional"), "{models}");
+    assert!(models.contains("collision: "), "{models}");
+    assert!(papers.contains("doi:10.1017/S0022112094001771"), "{papers}");
+    let keys: Vec<&str> = papers
+        .lines()
+        .map(|line| line.split_once(']').unwrap().0.trim_start_matches('['))
+        .collect();
+    assert!(keys.len() > 5);
+    let bibtex = cite(&["--format", "bibtex"]);
+    let entries = bibtex.lines().filter_map(|line| line.strip_prefix('@'));
+    let entries: Vec<&str> = entries
+        .map(|line| line.split_once('{').unwrap().1.trim_end_matches(','))
+        .collect();
+    assert_eq!(entries, keys);
+    assert_eq!(bibtex.matches('{').count(), bibtex.matches('}').count());
+
+    let json: Value = serde_json::from_str(&cite(&["--json"])).unwrap();
+    assert!(
+        json.as_array()
+            .unwrap()
+            .iter()
+            .all(|c| !c["publications"].as_array().unwrap().is_empty())
+    );
+    let changed = cite(&[
+        "--set",
+        "contact={\"linear\": {\"friction_angle_degrees\": 20}}",
+        "--set",
+        "grains.bond_at_start=false",
+    ]);
+    assert!(changed.contains("contact: linear"), "{changed}");
+
+    let broken = solver()
+        .arg("cite")
+        .arg(&path)
+        .args(["--set", "time.end=-1"])
+        .output()
+        .unwrap();
+    assert_eq!(broken.status.code(), Some(3), "{broken:?}");
+}

@@ -526,7 +526,7 @@ fn a_run_that_fails_leaves_its_tables() {
             grain(0.03, 0.015, 20.0), grain(0.04, 0.015, -20.0)
         ]}},
         "contact": {"cohesive_frictional": {"normal_stiffness": {"absolute": 1e4},
-            "cohesion": {"absolute": 1e-4}, "friction_angle_degrees": 20}},
+            "cohesion": {"absolute": 1e-2}, "friction_angle_degrees": 20}},
         "guards": {"limits": "warn"},
         "time": {"end": 0.01}
     });

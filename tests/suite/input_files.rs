@@ -628,9 +628,119 @@ fn grains_of_a_file_do_not_start_in_structures() {
         &case(json!([])),
         here,
         path,
-        "1 grains of the file reach into the structure `pier`",
+        "1 grains of the sample reach into the structure `pier`",
     );
     let cut = json!([{"name": "pit", "box": {"from": [0.04, 0.04], "to": [0.06, 0.06]}}]);
     let found = problems(&case(cut), here);
     assert!(found.iter().all(|p| p.path != path), "{found:#?}");
+}
+
+/// A rank in the environment of a shell, without a number of ranks, silences no command.
+#[test]
+fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
+    for name in ["SLURM_PROCID", "PMI_RANK", "PMIX_RANK"] {
+        let mut command = Command::new(SOLVER);
+        command.arg("example").env(name, "3");
+        for size in [
+            "OMPI_COMM_WORLD_SIZE",
+            "OMPI_COMM_WORLD_RANK",
+            "PMI_SIZE",
+            "SLURM_STEP_NUM_TASKS",
+        ] {
+            command.env_remove(size);
+        }
+        let done = command.output().unwrap();
+        assert_eq!(done.status.code(), Some(0));
+        assert!(!done.stdout.is_empty(), "{name}");
+    }
+    let mut command = Command::new(SOLVER);
+    command
+        .arg("example")
+        .env("OMPI_COMM_WORLD_RANK", "1")
+        .env("OMPI_COMM_WORLD_SIZE", "2");
+    assert!(command.output().unwrap().stdout.is_empty());
+}
+
+/// What a run writes goes into its own folder: links there are replaced or refused, and their targets stay as they are.
+#[test]
+fn links_in_the_folder_of_a_run_are_not_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case.json");
+    std::fs::write(&case, example("collision").to_string()).unwrap();
+    let target = folder.path().join("precious");
+    let place = |name: &str| {
+        let out = folder.path().join(format!("out_{name}"));
+        std::fs::create_dir(&out).unwrap();
+        std::fs::write(&target, "precious").unwrap();
+        std::os::unix::fs::symlink(&target, out.join(name)).unwrap();
+        let arguments = [
+            case.to_str().unwrap().to_owned(),
+            "--output".into(),
+            out.to_str().unwrap().into(),
+            "--set".into(),
+            "time.end=0.001".into(),
+            "--overwrite".into(),
+        ];
+        let done = solver(&arguments.each_ref().map(String::as_str));
+        assert_eq!(
+            std::fs::read_to_string(&target).unwrap(),
+            "precious",
+            "{name}"
+        );
+        (
+            done.status.code(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        )
+    };
+    let (code, told) = place("run.lock");
+    assert_eq!(code, Some(5), "{told}");
+    assert!(told.contains("this is a link"), "{told}");
+    for name in ["summary.json.part", "case.json.part", "summary.json"] {
+        let (code, told) = place(name);
+        assert_eq!(code, Some(0), "{name}: {told}");
+    }
+}
+
+/// A picture replaces pictures, and other plain files only on request.
+#[test]
+fn a_picture_replaces_no_other_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case.json");
+    std::fs::write(&case, example("collision").to_string()).unwrap();
+    let run = folder.path().join("run");
+    let name = run.to_str().unwrap();
+    ends(
+        &[
+            case.to_str().unwrap(),
+            "--output",
+            name,
+            "--set",
+            "time.end=0.002",
+        ],
+        0,
+        "",
+    );
+    let fifo = folder.path().join("fifo.svg");
+    pipe(&fifo);
+    let own = run.join("case.json");
+    for (output, reason) in [
+        (fifo.to_str().unwrap(), "no plain file"),
+        ("/dev/null", "no plain file"),
+        (own.to_str().unwrap(), "--overwrite"),
+    ] {
+        ends(&["picture", name, "--output", output], 2, reason);
+    }
+    assert!(std::fs::read_to_string(&own).unwrap().starts_with('{'));
+    let pictures = folder.path().join("pictures");
+    std::fs::create_dir(&pictures).unwrap();
+    let free = pictures.join("a.svg");
+    for _ in 0..2 {
+        ends(
+            &["picture", name, "--output", free.to_str().unwrap()],
+            0,
+            "",
+        );
+        ends(&["picture", name], 0, "");
+    }
+    ends(&["picture", name, "--time", "nan"], 2, "a time in seconds");
 }

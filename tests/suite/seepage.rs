@@ -319,3 +319,71 @@ fn zones_that_need_grains_are_refused_without_them() {
     let found = problems("fluid.darcy.zones=[]");
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
 }
+
+/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and far ends.
+#[test]
+fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("dam.json");
+    let case = |beyond: f64| {
+        let length = 20.0 + 2.0 * beyond;
+        serde_json::json!({
+            "domain": {"size": [length, 6], "spacing": 1},
+            "gravity": [0, -9.81],
+            "fluid": {"darcy": {
+                "density": 1000, "viscosity": 1e-3,
+                "zones": [
+                    {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
+                    {"name": "cover", "region": {"layer": {"from": 4}}, "permeability": {"hydraulic_conductivity": 4e-6}}
+                ],
+                "boundaries": [
+                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]},
+                        "condition": {"head": {"value": 10}}},
+                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]},
+                        "condition": {"head": {"value": 6}}}
+                ]
+            }},
+            "time": {"end": 1}
+        })
+    };
+    let inflow = |beyond: f64| {
+        std::fs::write(&file, case(beyond).to_string()).unwrap();
+        let out = folder.path().join("run");
+        let done = std::process::Command::new(crate::ranks::SOLVER)
+            .args([
+                "run",
+                file.to_str().unwrap(),
+                "--overwrite",
+                "--output",
+                out.to_str().unwrap(),
+            ])
+            .output()
+            .unwrap();
+        assert!(
+            done.status.success(),
+            "{}",
+            String::from_utf8_lossy(&done.stderr)
+        );
+        let text = std::fs::read_to_string(out.join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+        (
+            summary["inflow"].as_f64().unwrap(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        )
+    };
+    let (far, quiet) = inflow(400.0);
+    assert!(!quiet.contains("leakage length"), "{quiet}");
+    for (beyond, stated) in [(20.0, "53."), (40.0, "24.")] {
+        let (near, told) = inflow(beyond);
+        assert!(
+            told.contains("leakage length of the ground is 44.72 m"),
+            "{told}"
+        );
+        assert!(told.contains(&format!("about {stated}")), "{told}");
+        let loss = 1.0 - near / far;
+        let length = 2000_f64.sqrt();
+        let formula =
+            1.0 - (20.0 + 2.0 * length) / (20.0 + 2.0 * length / (beyond / length).tanh());
+        assert!((loss / formula - 1.0).abs() < 0.03, "{loss} {formula}");
+    }
+}

@@ -191,3 +191,18 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
     );
     assert!(!file.with_extension("").exists());
 }
+
+/// A member that is ended by a signal is named by the exit code and the table.
+#[test]
+fn a_member_that_is_killed_is_told() {
+    let (folder, file) = study(|_| {});
+    let launcher = folder.path().join("launch.sh");
+    std::fs::write(&launcher, "#!/bin/sh\nkill -9 $$\n").unwrap();
+    let mut command = sweep(&file, &[]);
+    command.env("LAUNCH", format!("sh {}", launcher.display()));
+    let done = command.output().unwrap();
+    let told = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert_eq!(done.status.code(), Some(5), "{told}");
+    assert!(told.contains("members failed"), "{told}");
+    assert!(told.contains("ended by signal 9"), "{told}");
+}

@@ -16,7 +16,8 @@
 //!
 //! **Whole run** ([`run_point`]): one hole erosion test, with mean rate and mean stress between 2 % and 60 % of eroded mass. This
 //! gives one point per run, as in figure 5 of the paper. Both means are over the same span, because the initial stress with the rate
-//! of the widened hole would overestimate k_d.
+//! of the widened hole would overestimate k_d. With fewer than twenty grains in this span, the point is that of all records from the
+//! end of the ramp on, with its error: one grain in a short span would give any rate.
 //!
 //! A window counts as eroding if at least three grains left in it: loose grains beside the cut hole are not erosion.
 
@@ -176,10 +177,12 @@ pub fn run_point(
             .iter()
             .position(|record| record.eroded_fraction >= fraction)
     };
-    let begun = reaches(options.first_fraction);
     let end = reaches(options.last_fraction).unwrap_or(usable.len() - 1);
-    let from = begun.unwrap_or(0).min(usable.len() - 2);
-    Some(measure(&usable[from..=end.max(from + 1)], jump, options))
+    let end = end.max(1);
+    let begun = reaches(options.first_fraction).filter(|&from| {
+        from < end && usable[end].eroded_grains - usable[from].eroded_grains >= options.grains
+    });
+    Some(measure(&usable[begun.unwrap_or(0)..=end], jump, options))
 }
 
 /// Measures one window; at least two records.
@@ -380,6 +383,25 @@ mod tests {
         }
         assert_relative_eq!(windows[0].start, 0.1);
         assert_relative_eq!(windows[3].end, 10.0);
+    }
+
+    /// A run that reaches two per cent of eroded mass with its last grains has the rate of all its records.
+    #[test]
+    fn few_grains_at_the_end_do_not_make_the_rate_of_a_run() {
+        let mut records = run(&mut Draws::new(5), 2.0, 1, 10.0);
+        // The sample is so large that two per cent are reached with the last grain but one.
+        let last = records.last().map_or(0, |record| record.eroded_grains);
+        for record in &mut records {
+            record.eroded_fraction = 0.02 * real(record.eroded_grains) / real(last - 1);
+        }
+        let options = WindowOptions::default();
+        let jump = mean_jump(&[], &records).unwrap();
+        let whole = run_point(&records, jump, 0.0, options).unwrap();
+        let span = whole.end - whole.start;
+        assert!(span > 9.0 && whole.grains >= last - 1, "{whole:?}");
+        let mass = records.last().unwrap().eroded_mass - records[0].eroded_mass;
+        let rate = mass / (2.0 * whole.length * span);
+        assert!((whole.rate / rate - 1.0).abs() < 1e-12, "{whole:?} {rate}");
     }
 
     #[test]

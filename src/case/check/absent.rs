@@ -29,16 +29,9 @@ const fn absent(
 /// The features, in the order of README.md.
 pub const ABSENT: [Absent; 12] = [
     absent(
-        &[
-            "freesurface",
-            "vof",
-            "levelset",
-            "watersurface",
-            "dambreak",
-            "surfacetension",
-        ],
-        "free surfaces of water",
-        "close the surface with a lid (`free_slip`) at its mean height",
+        &["surfacetension"],
+        "surface tension of water",
+        "use a free surface (`fluid.lattice_boltzmann.surface`) where waves and drops are well above 2 cm",
     ),
     absent(
         &[
@@ -148,9 +141,24 @@ pub const ABSENT: [Absent; 12] = [
     ),
 ];
 
+/// Words by which others name a free surface.
+const FREE_SURFACE: [&str; 5] = ["freesurface", "vof", "levelset", "watersurface", "dambreak"];
+
+/// Returns the field that has the feature of a name under another name, with the feature.
+#[must_use]
+pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
+    means(name, &FREE_SURFACE)
+        .then_some(("a free surface of water", "fluid.lattice_boltzmann.surface"))
+}
+
 /// Returns the feature that a name stands for: one of its words, or several together, begin with a word of the feature.
 #[must_use]
 pub(super) fn feature(name: &str) -> Option<&'static Absent> {
+    ABSENT.iter().find(|absent| means(name, absent.words))
+}
+
+/// Returns `true` if one of the words of a name, or several together, begin with one of `sought`.
+fn means(name: &str, sought: &[&str]) -> bool {
     let mut words: Vec<String> = Vec::new();
     let mut before = None;
     for c in name.chars().take(100) {
@@ -167,13 +175,11 @@ pub(super) fn feature(name: &str) -> Option<&'static Absent> {
         }
     }
     let from: Vec<String> = (0..words.len()).map(|n| words[n..].concat()).collect();
-    let means = |word: &&str| match word.len() {
+    sought.iter().any(|word| match word.len() {
         // Short words stand alone: `gas` is no part of `gasket`.
         ..5 => words.iter().any(|w| w == word),
         _ => from.iter().any(|text| text.starts_with(*word)),
-    };
-    let named = |absent: &&Absent| absent.words.iter().any(means);
-    ABSENT.iter().find(named)
+    })
 }
 
 #[cfg(test)]
@@ -183,7 +189,7 @@ mod tests {
     #[test]
     fn names_of_absent_features_are_recognised() {
         for (name, found) in [
-            ("free_surface", "free surfaces of water"),
+            ("surface_tension", "surface tension of water"),
             ("clumps", "clumps of spheres and ellipsoids"),
             ("vanGenuchten", "unsaturated soil and suction"),
             ("gas", "two fluids, gas and bubbles"),

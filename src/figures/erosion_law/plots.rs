@@ -163,7 +163,7 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             x: Axis::linear("hydraulic shear stress τ_{h}", "Pa"),
             y: Axis::linear("erosion rate", "kg m^{\u{2212}2} s^{\u{2212}1}"),
             layers,
-            legend: Legend::TopLeft,
+            legend: Legend::Right,
             legend_title: String::new(),
         }],
     }
@@ -274,7 +274,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         x: cohesion_axis(cohesions, published),
         y,
         layers,
-        legend: Legend::TopLeft,
+        legend: Legend::Right,
         legend_title: String::new(),
     };
     let coefficient =

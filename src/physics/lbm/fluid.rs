@@ -408,7 +408,8 @@ impl<S: Stored> Fluid<S> {
         }
         self.boundaries.remember(&self.populations, half);
         if let Some(surface) = &mut self.surface {
-            surface.prepare(&self.populations, half);
+            let viscosity = (self.relaxation_time - 0.5) / 3.0;
+            surface.prepare(&mut self.populations, half, viscosity);
         }
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());

@@ -2,7 +2,7 @@
 //!
 //! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the nearest point, which is
 //! right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243).
-//! Where shells may cross each other, or touch along edges, the sign is that of the winding number ([`crossings`]): inside is what at least
+//! The sign for shells that may cross each other, or touch along edges, is that of the winding number ([`crossings`]): inside is what at least
 //! one of them holds. An open surface has a distance without a sign.
 //!
 //! Triangles are wound alike, and shells that are inside out are turned ([`shells`]).

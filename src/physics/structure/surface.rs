@@ -86,7 +86,8 @@ pub fn judge_unit(
     }
     let [x, y, z] = lengths;
     let scale = mesh.scale * 1e-3;
-    let remedy = "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
+    let remedy =
+        "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
     report.error(
         &format!("{path}.mesh.scale"),
         format!("the surface is {x} x {y} x {z} m large, {times:.0} times the domain"),

@@ -137,6 +137,9 @@ const OF_LOSSES: f64 = 0.25;
 /// Part of the target that sound in an oscillating flow may use.
 const OF_SOUND: f64 = 0.125;
 
+/// Part of the longest time step below which it is not shortened for the sake of samples.
+const SHORTEST: f64 = 0.75;
+
 /// Relative difference of intervals that rounding explains.
 const ROUNDING: f64 = 1e-9;
 
@@ -170,8 +173,8 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Shortens the time step so that the intervals of samples are whole numbers of steps, unless two relaxation times hold at the longer
-/// step only: then the samples lie at the nearest steps.
+/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples at the nearest
+/// steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would no longer hold.
 fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
     let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
     let shorter = dividing(scene, longest);
@@ -179,7 +182,9 @@ fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
         let tau = 0.5 + 3.0 * nu * time_step / (h * h);
         tau >= least_tau(scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
     };
-    if holds(shorter) || !holds(longest) {
+    // Below the range of two relaxation times, cumulants hold in 3-D at every shorter step.
+    let other = scene.grid.dimension == 3 && !holds(longest);
+    if shorter >= SHORTEST * longest && (other || holds(shorter)) {
         flow.time_step = shorter;
     }
 }
@@ -397,10 +402,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     let size = smallest(scene);
     let reynolds = speed.unwrap_or(0.0) * size / flow.kinematic_viscosity;
     let kolmogorov = size * reynolds.powf(-0.75);
-    let (model, text) = if scene.surface.is_some() {
-        let text = "there is none for a free surface yet".to_owned();
-        (None, text)
-    } else if scene.grid.dimension == 3
+    let (model, text) = if scene.grid.dimension == 3
         && reynolds > TURBULENT
         && scene.grid.spacing > KOLMOGOROV_LENGTHS * kolmogorov
     {
@@ -525,8 +527,8 @@ mod tests {
                 "{every}: {steps}"
             );
         }
-        let step = plan(&json!([0.01, 0.025])).clock.time_step;
-        let steps = 0.025 / step;
+        let step = plan(&json!([0.1, 0.25])).clock.time_step;
+        let steps = 0.25 / step;
         assert!((steps - steps.round()).abs() < 1e-6 * steps, "{steps}");
     }
 }

@@ -17,6 +17,8 @@ use nalgebra::Vector3;
 
 /// Samples in 2-D and 3-D.
 const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
+/// Samples over those wanted from which a thin box has fewer along its long axes.
+const CROWDED: f64 = 4.0;
 /// Fewest samples along an axis.
 const FEWEST: f64 = 8.0;
 /// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the
@@ -442,17 +444,35 @@ pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
     ways
 }
 
+/// Returns the samples along each axis of a box: as even as they can be, and in all at most [`CROWDED`] times
+/// [`SAMPLES`], however long and thin the box is.
+fn counts(dimension: usize, size: [f64; 3]) -> [usize; 3] {
+    let wanted = SAMPLES[dimension - 2];
+    let volume: f64 = size[..dimension].iter().product();
+    let step = (volume / wanted).powf(1.0 / real(dimension));
+    let mut counts = [1.0_f64; 3];
+    for (count, size) in counts.iter_mut().zip(size).take(dimension) {
+        *count = (size / step).round().max(FEWEST);
+    }
+    if counts.iter().product::<f64>() > CROWDED * wanted {
+        // Short axes first: the others share what these leave.
+        let mut axes: Vec<usize> = (0..dimension).collect();
+        axes.sort_by(|a, b| size[*a].total_cmp(&size[*b]));
+        let mut left = wanted;
+        for (n, axis) in axes.iter().enumerate() {
+            let long = &axes[n..];
+            let product: f64 = long.iter().map(|a| size[*a] / size[*axis]).product();
+            let even = (left / product).powf(1.0 / real(long.len()));
+            counts[*axis] = even.round().max(FEWEST);
+            left /= counts[*axis];
+        }
+    }
+    counts.map(whole)
+}
+
 fn sampled(ground: &Ground<'_>) -> Samples {
     let dimension = ground.dimension;
-    let volume: f64 = (0..dimension).map(|a| ground.size[a]).product();
-    let step = (volume / SAMPLES[dimension - 2]).powf(1.0 / real(dimension));
-    let count = std::array::from_fn(|a| {
-        if a < dimension {
-            whole((ground.size[a] / step).round().max(FEWEST))
-        } else {
-            1
-        }
-    });
+    let count = counts(dimension, ground.size);
     let step = std::array::from_fn(|a| {
         if a < dimension {
             ground.size[a] / real(count[a])
@@ -717,6 +737,22 @@ mod tests {
 
     fn near(found: f64, exact: f64) -> bool {
         (found / exact - 1.0).abs() < 0.08
+    }
+
+    #[test]
+    fn long_and_flat_boxes_have_no_more_samples_than_others() {
+        for size in [
+            [1e9, 1.0, 1.0],
+            [1.0, 1e7, 1e7],
+            [1e-3, 1.0, 1e5],
+            [1.0, 1.0, 1.0],
+        ] {
+            let samples: usize = counts(3, size).iter().product();
+            assert!((8_000..=96_000).contains(&samples), "{size:?}: {samples}");
+        }
+        assert!(counts(2, [1e12, 1.0, 0.0]).iter().product::<usize>() <= 80_000);
+        // As before where no axis is short.
+        assert_eq!(counts(3, [2.0, 1.0, 1.0]), [46, 23, 23]);
     }
 
     #[test]

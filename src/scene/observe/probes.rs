@@ -101,6 +101,9 @@ impl Measured<'_> {
                 let path = format!("{path}.section");
                 self.section(*axis, *position, part.as_ref(), &path, findings)
             }
+            Written::Gauge { position } => {
+                self.gauge(position, &format!("{path}.gauge.position"), findings)
+            }
             Written::Wall { face } => self.wall(*face, &format!("{path}.wall.face"), findings),
             Written::Grains(written) => self.grains(written, &format!("{path}.grains"), findings),
             Written::Bed(written) => {
@@ -130,6 +133,27 @@ impl Measured<'_> {
             );
         }
         ProbeAt::Point(self.inside(point, path, findings))
+    }
+
+    fn gauge(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
+        let point = Block::vector(self.grid, position, path, findings);
+        let surface = match &self.case.fluid {
+            Some(Fluid::LatticeBoltzmann(lbm)) => lbm.surface.is_some(),
+            _ => false,
+        };
+        if !surface {
+            findings.error(
+                path,
+                "a gauge measures a free surface, and there is none in this case",
+                "add `fluid.lattice_boltzmann.surface`, or use a point",
+            );
+        }
+        let point = self.inside(point, path, findings);
+        let cell = |a: usize| {
+            let place = crate::number::whole((point[a] / self.grid.spacing).floor());
+            place.min(self.grid.cells[a] - 1)
+        };
+        ProbeAt::Gauge([cell(0), cell(1), cell(2)])
     }
 
     fn plane(&self, axis: Axis, position: f64, path: &str, findings: &mut Findings) -> ProbeAt {

@@ -71,6 +71,11 @@ impl Found {
         body.radius = rigid.radius;
         body.orientation = block.map_or([0.0; 4], |block| block.quaternion);
         let frame = slab.frame(body.shift);
+        if !mapped {
+            let rows = slab.most_rows(rigid.radius + REACH);
+            body.rows.reserve(rows);
+            body.other.reserve(rows);
+        }
         body.slack = look(
             slab,
             rigid,
@@ -119,6 +124,9 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
     let resized = now.radius != body.radius;
     body.slack < 0.0 || moved >= body.slack * body.slack || resized
 }
+
+/// Cells round a body that are looked at as well.
+const REACH: f64 = 1.5;
 
 /// Cells watched.
 const WATCHED: usize = 8;
@@ -251,7 +259,7 @@ fn look_in<const D: usize>(
     found: &mut Rows,
     nearest: &mut Nearest,
 ) -> f64 {
-    let [low, high] = slab.window(rigid.position, frame, rigid.radius + 1.5);
+    let [low, high] = slab.window(rigid.position, frame, rigid.radius + REACH);
     if low[0] > high[0] {
         found.clear();
         return 0.4;
@@ -332,7 +340,7 @@ fn look_in_block(
     frame: [i32; 3],
     found: &mut Rows,
 ) -> f64 {
-    let [low, high] = slab.window(rigid.position, frame, rigid.radius + 1.5);
+    let [low, high] = slab.window(rigid.position, frame, rigid.radius + REACH);
     let mut slack = 0.4_f64;
     found.take(
         [low[1] + frame[1], low[2] + frame[2]],

@@ -73,6 +73,11 @@ impl Rows {
         self.count[axis] -= before;
     }
 
+    /// Makes room for so many rows.
+    pub(super) fn reserve(&mut self, rows: usize) {
+        self.spans.reserve(rows.saturating_sub(self.spans.len()));
+    }
+
     pub(super) fn clear(&mut self) {
         self.spans.clear();
         self.count = [0; 2];

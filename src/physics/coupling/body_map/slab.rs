@@ -117,4 +117,12 @@ impl Slab {
         }
         [low, high]
     }
+
+    /// Returns the largest number of rows that a window of this reach has, wherever its body is.
+    pub(super) fn most_rows(&self, reach: f64) -> usize {
+        let across = floor_i32(2.0 * reach) + 2;
+        (1..self.dimension)
+            .map(|a| usize::try_from(across.min(self.cells[a] + 2 * GHOSTS)).unwrap_or(0))
+            .product()
+    }
 }

@@ -59,7 +59,8 @@ pub struct Input {
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
     /// Whether the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the rebound is slightly
-    /// faster than the damping ratio implies.
+    /// faster than the damping ratio implies. A dashpot that pulls ends within a step: at a time step dt the restitution of one impact is off
+    /// its mean by up to 0.4 c dt/m, 3 % for a damping ratio of 0.2 and 12 % for 0.5 at the default step; pushing only, by 1 %.
     #[serde(default)]
     pub attraction: bool,
     /// Rolling resistance. Default: none.

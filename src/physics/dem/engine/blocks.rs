@@ -29,7 +29,7 @@ type BlockAtPlane = WallPair<Constants, History>;
 pub(in crate::dem) struct Scratch {
     poses: Vec<Pose>,
     narrows: Vec<Narrow>,
-    /// Of each wall: a face is one contact.
+    /// Faces of each wall: a face is one contact.
     faces: Vec<Faces>,
     /// Facets near a block, with their faces.
     order: Vec<[u32; 2]>,

@@ -12,7 +12,7 @@ pub(crate) struct Cells {
     pub(super) mass: Vec<f64>,
     /// Fill level: m/ρ of interface cells, 1 of liquid, 0 of others.
     pub(super) fill: Vec<f64>,
-    /// Excess mass for each interface cell beside a cell that has changed kind; 0 of most.
+    /// Excess mass for each interface cell next to a cell that has changed kind; 0 of most.
     pub(super) share: Vec<f64>,
     /// Directions along which sheets cut the links of a cell, a bit each; empty where there are none.
     closed: Vec<u32>,
@@ -53,6 +53,14 @@ impl Cells {
         self.closed[cell] |= 1 << direction;
     }
 
+    /// Returns the positions of the neighbours of a cell along the axes.
+    pub(super) fn along_axes(&self, cell: usize, dimension: usize) -> impl Iterator<Item = usize> {
+        let strides = self.strides;
+        (0..dimension).flat_map(move |axis| {
+            [-strides[axis], strides[axis]].map(|stride| cell.wrapping_add_signed(stride))
+        })
+    }
+
     /// Returns the number of directions.
     #[inline(always)]
     pub(super) fn directions(&self) -> usize {
@@ -61,24 +69,25 @@ impl Cells {
 
     /// Returns the position of the neighbour of a cell along a direction.
     #[inline(always)]
-    pub(super) fn beside(&self, cell: usize, i: usize) -> usize {
+    pub(super) fn neighbour(&self, cell: usize, i: usize) -> usize {
         cell.wrapping_add_signed(self.offsets[i])
     }
 
     /// Returns the kind of the neighbour of a cell along a direction; solid behind a sheet.
     #[inline(always)]
-    pub(super) fn kind_beside(&self, cell: usize, i: usize) -> u8 {
+    pub(super) fn kind_along(&self, cell: usize, i: usize) -> u8 {
         if !self.closed.is_empty() && self.closed[cell] & (1 << i) != 0 {
             return SOLID;
         }
-        self.kind[self.beside(cell, i)]
+        self.kind[self.neighbour(cell, i)]
     }
 
-    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall that of its mirror image.
+    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall
+    /// that of its mirror image.
     #[inline(always)]
-    pub(super) fn level_beside(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
-        let mut at = self.beside(cell, i);
-        if self.kind_beside(cell, i) == SOLID {
+    pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
+        let mut at = self.neighbour(cell, i);
+        if self.kind_along(cell, i) == SOLID {
             at = cell;
             for (c, stride) in c.into_iter().zip(self.strides) {
                 let next = at.wrapping_add_signed(isize::from(c) * stride);
@@ -91,19 +100,19 @@ impl Cells {
     }
 
     /// Returns the number of neighbours of a cell of some kinds.
-    pub(super) fn count_beside(&self, cell: usize, holds: impl Fn(u8) -> bool) -> usize {
+    pub(super) fn count_neighbours(&self, cell: usize, holds: impl Fn(u8) -> bool) -> usize {
         (1..self.directions())
-            .filter(|&i| holds(self.kind_beside(cell, i)))
+            .filter(|&i| holds(self.kind_along(cell, i)))
             .count()
     }
 
     /// Returns the sum of the shares that a cell takes from its neighbours.
     #[inline(always)]
-    pub(super) fn shares_beside(&self, cell: usize) -> f64 {
+    pub(super) fn shares_taken(&self, cell: usize) -> f64 {
         let mut sum = 0.0;
         for i in 1..self.directions() {
-            let share = self.share[self.beside(cell, i)];
-            if share != 0.0 && self.kind_beside(cell, i) != SOLID {
+            let share = self.share[self.neighbour(cell, i)];
+            if share != 0.0 && self.kind_along(cell, i) != SOLID {
                 sum += share;
             }
         }

@@ -1,8 +1,9 @@
 //! Conversions of interface cells to liquid and gas, and of their neighbours to interface cells.
 //!
-//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the equilibrium of the mean density
-//! and velocity of the interface cells beside them, without mass. A cell that empties keeps liquid from gas: its neighbours of liquid
-//! become interface cells with the mass that they have. Where both kinds meet, the cell that would empty stays what it is.
+//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the
+//! equilibrium of the mean density and velocity of the interface cells next to them, without mass. A cell
+//! that empties keeps liquid from gas: its neighbours of liquid become interface cells with the mass that
+//! they have. Where both kinds meet, the cell that would empty stays what it is.
 
 use super::cells::Cells;
 use super::ghosts::{Around, Ghosts, Moments};
@@ -42,11 +43,10 @@ fn inside<'a, S: Stored>(
     let at = populations.coordinates(cell);
     let cells = populations.cells();
     let velocities = populations.velocities();
-    super::directions(velocities).filter_map(move |i| {
+    super::directions(velocities).filter(move |&i| {
         let c = velocities.c[i];
         let next: [isize; 3] = std::array::from_fn(|a| at[a] + isize::from(c[a]));
-        let within = (0..3).all(|a| (0..cells[a].cast_signed()).contains(&next[a]));
-        within.then_some(i)
+        (0..3).all(|a| (0..cells[a].cast_signed()).contains(&next[a]))
     })
 }
 
@@ -54,6 +54,13 @@ impl Work {
     /// Notes a share on a restart.
     pub(super) fn note_share(&mut self, cell: usize) {
         self.shared.push(to_u32(cell));
+    }
+
+    /// Returns the cells that the surface entered, with their velocities.
+    pub(super) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let born = self.born.iter();
+        let cells = self.entered.iter().zip(born);
+        cells.map(|(&cell, &[_, u @ ..])| (cell as usize, u))
     }
 
     /// Forgets the shares, which have been taken.
@@ -81,11 +88,11 @@ impl Work {
         }
     }
 
-    /// Keeps cells from emptying beside cells that fill.
+    /// Keeps cells from emptying next to cells that fill.
     pub(super) fn resolve(&mut self, cells: &mut Cells) {
         self.empties.retain(|&cell| {
             let cell = cell as usize;
-            let kept = cells.count_beside(cell, |kind| kind == FILLS) > 0;
+            let kept = cells.count_neighbours(cell, |kind| kind == FILLS) > 0;
             if kept {
                 cells.kind[cell] = SURFACE;
             }
@@ -118,8 +125,8 @@ impl Work {
             let source = source as usize;
             let fills = cells.kind[source] == FILLS;
             for i in inside(populations, source) {
-                let cell = cells.beside(source, i);
-                if cells.kind_beside(source, i) == SOLID {
+                let cell = cells.neighbour(source, i);
+                if cells.kind_along(source, i) == SOLID {
                     continue;
                 }
                 match (fills, cells.kind[cell]) {
@@ -137,7 +144,7 @@ impl Work {
             }
         }
         for &cell in &self.entered {
-            self.born.push(mean_beside(
+            self.born.push(mean_of_neighbours(
                 cells,
                 populations,
                 ghosts.around(),
@@ -177,12 +184,12 @@ impl Work {
         self.excess.push(to_u32(cell));
     }
 
-    /// Divides excess mass by the number of interface cells beside; returns the mass that none takes, in quanta.
-    pub(super) fn share(&mut self, cells: &mut Cells) -> i128 {
+    /// Divides excess mass by the number of neighbouring interface cells; returns the mass that none takes, in quanta.
+    pub(super) fn distribute(&mut self, cells: &mut Cells) -> i128 {
         let mut lost = 0;
         for cell in self.excess.drain(..) {
             let at = cell as usize;
-            let count = cells.count_beside(at, is_surface);
+            let count = cells.count_neighbours(at, is_surface);
             if count == 0 {
                 lost += i128::from(quanta(cells.share[at]));
                 cells.share[at] = 0.0;
@@ -195,8 +202,8 @@ impl Work {
     }
 }
 
-/// Returns the mean density and velocity of the interface cells beside a cell of gas.
-fn mean_beside<S: Stored>(
+/// Returns the mean density and velocity of the interface cells next to a cell of gas.
+fn mean_of_neighbours<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
     around: &Around,
@@ -206,7 +213,7 @@ fn mean_beside<S: Stored>(
     let mut sum = [0.0; 4];
     let mut count = 0_usize;
     for i in 1..cells.directions() {
-        let kind = cells.kind_beside(cell, i);
+        let kind = cells.kind_along(cell, i);
         if !is_surface(kind) || matches!(kind, EMPTIES | ENTERED) {
             continue;
         }
@@ -234,13 +241,15 @@ fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moment
     }
 }
 
-/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells without water.
+/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells
+/// without water.
 fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
     let parity = populations.parity();
     for i in 0..cells.directions() {
         let incoming = populations.incoming(cell, i);
         populations.numbers_mut()[incoming] = S::from_f64(0.0);
-        if i > 0 && !super::is_wet(cells.kind_beside(cell, i)) {
+        // Behind a sheet the number is that which comes back to the cell there.
+        if i > 0 && !super::is_wet(cells.kind[cells.neighbour(cell, i)]) {
             let out = populations.link(cell, i).out(parity);
             populations.numbers_mut()[out] = S::from_f64(0.0);
         }

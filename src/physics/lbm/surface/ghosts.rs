@@ -1,8 +1,12 @@
-//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of symmetry.
+//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of
+//! symmetry.
 //!
-//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that a population reaches by
-//! reflection then has the kind and the fill level of the ghost cell to which its link leads.
+//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that
+//! a population reaches by reflection then has the kind and the fill level of the ghost cell to which its
+//! link leads.
 
+use super::cells::Cells;
+use super::kind::SOLID;
 use crate::lbm::lanes::Stored;
 use crate::lbm::populations::Populations;
 use crate::number::{to_u32, to_usize};
@@ -10,11 +14,11 @@ use decomposition::{Domain, HaloBytes, HaloExchange};
 
 /// Message tags of the kinds, and of the values.
 const TAGS: [u8; 2] = [3, 4];
-/// Numbers of a cell in a message of values.
-const VALUES: usize = 4;
+/// Numbers of a cell in a message of values: its moments, and two more.
+const VALUES: usize = 6;
 
 /// Density and velocity of a cell.
-pub(super) type Moments = [f64; VALUES];
+pub(super) type Moments = [f64; 4];
 
 /// Continuation of the slab beyond its ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +87,7 @@ impl Ghosts {
             HaloExchange::new(domain, TAGS[n], HaloBytes::symmetric(bytes[n]))
                 .map_err(|e| e.to_string())
         });
-        let moments = [(); 2].map(|()| vec![[0.0; VALUES]; plane.len()]);
+        let moments = [(); 2].map(|()| vec![[0.0; 4]; plane.len()]);
         let mut ghosts = Self {
             kinds: kinds?,
             values: values?,
@@ -189,23 +193,26 @@ impl Ghosts {
         }
     }
 
-    /// Fills two values of the ghost cells, and takes the densities of the planes of the neighbours. Collective.
+    /// Fills two values of the ghost cells, and takes the moments of the planes of the neighbours. Collective.
     pub(super) fn spread_values(
         &mut self,
         one: &mut [f64],
         other: &mut [f64],
-        density: impl Fn(usize) -> f64,
+        of_cell: impl Fn(usize) -> Moments,
     ) {
-        self.exchange(|cell| [density(cell), one[cell], other[cell], 0.0]);
+        self.exchange(|cell| {
+            let [density, x, y, z] = of_cell(cell);
+            [density, x, y, z, one[cell], other[cell]]
+        });
         let (lower, upper) = self.values.received::<f64>();
         let planes = [self.planes[0], self.planes[3]];
         for (side, buffer) in [lower, upper].into_iter().enumerate() {
             let Some(buffer) = buffer else { continue };
             let places = self.plane.iter().zip(&mut self.around.moments[side]);
             for (values, (cell, moments)) in buffer.chunks_exact(VALUES).zip(places) {
-                moments[0] = values[0];
-                one[planes[side] + cell] = values[1];
-                other[planes[side] + cell] = values[2];
+                moments.copy_from_slice(&values[..4]);
+                one[planes[side] + cell] = values[4];
+                other[planes[side] + cell] = values[5];
             }
         }
         for &[ghost, inside] in &self.copies {
@@ -216,18 +223,21 @@ impl Ghosts {
 
     /// Takes the moments of the surface from the planes of the neighbours. Collective.
     pub(super) fn exchange_moments(&mut self, of_cell: impl Fn(usize) -> Moments) {
-        self.exchange(of_cell);
+        self.exchange(|cell| {
+            let [density, x, y, z] = of_cell(cell);
+            [density, x, y, z, 0.0, 0.0]
+        });
         let (lower, upper) = self.values.received::<f64>();
         for (buffer, moments) in [lower, upper].into_iter().zip(&mut self.around.moments) {
             let Some(buffer) = buffer else { continue };
             for (from, to) in buffer.chunks_exact(VALUES).zip(moments) {
-                to.copy_from_slice(from);
+                to.copy_from_slice(&from[..4]);
             }
         }
     }
 
     /// Sends the values of the outer planes.
-    fn exchange(&mut self, of_cell: impl Fn(usize) -> Moments) {
+    fn exchange(&mut self, of_cell: impl Fn(usize) -> [f64; VALUES]) {
         let (lower, upper) = self.values.send_buffers_mut::<f64>();
         for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
             let Some(buffer) = buffer else { continue };
@@ -246,6 +256,34 @@ impl Ghosts {
 }
 
 impl Around {
+    /// Returns the links of cells of the slab, by cell and direction, that a plane of symmetry reflects into
+    /// a solid cell: the population that comes back from there is none of the water.
+    pub(super) fn corners<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        cells: &Cells,
+    ) -> Vec<(u32, u8)> {
+        let mut corners = Vec::new();
+        if !self.ends.mirrored.as_flattened().contains(&true) {
+            return corners;
+        }
+        let velocities = populations.velocities();
+        for (at, cell) in populations.interior() {
+            for i in super::directions(velocities) {
+                let c = velocities.c[i];
+                let reflected = (0..self.dimension).any(|a| {
+                    let lower = c[a] < 0 && at[a] == 0;
+                    let upper = c[a] > 0 && at[a] + 1 == self.cells[a];
+                    lower && self.ends.mirrored[a][0] || upper && self.ends.mirrored[a][1]
+                });
+                if reflected && cells.kind_along(cell, i) == SOLID && cells.kind[cell] != SOLID {
+                    corners.push((to_u32(cell), u8::try_from(i).unwrap_or(0)));
+                }
+            }
+        }
+        corners
+    }
+
     /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives those of a cell of the slab.
     pub(super) fn moments(
         &self,

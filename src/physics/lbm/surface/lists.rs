@@ -17,10 +17,14 @@ pub(crate) struct Facet {
     pub(super) distance: f64,
     /// Increase of the density along the normal in water at rest.
     pub(super) at_rest: f64,
+    /// Increase of the density over a cell against gravity in water at rest.
+    pub(super) weight: f64,
     /// Direction to the liquid cell that lies most against the normal; 0 without one.
     pub(super) inward: u8,
     /// Density of that cell.
     pub(super) inside: f64,
+    /// Force along the surface that the cell takes in the step.
+    pub(super) shear: [f64; 3],
     /// Distance of the centre of that cell from that of the interface cell against the normal.
     pub(super) inner: f64,
 }

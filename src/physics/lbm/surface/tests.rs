@@ -143,7 +143,7 @@ fn water_keeps_its_mass_and_liquid_never_touches_gas() {
             assert!((kept / before - 1.0).abs() < 1e-12, "{kept} of {before}");
             for (_, cell) in fluid.populations().interior() {
                 if surface.cells.kind[cell] == LIQUID {
-                    assert_eq!(surface.cells.count_beside(cell, |kind| kind == GAS), 0);
+                    assert_eq!(surface.cells.count_neighbours(cell, |kind| kind == GAS), 0);
                 }
             }
         }
@@ -206,7 +206,8 @@ struct Wave {
 }
 
 impl Wave {
-    /// Returns the frequency over that of linear waves, ω² = g k tanh(k h), from the zeros of the first Fourier coefficient of the surface.
+    /// Returns the frequency over that of linear waves, ω² = g k tanh(k h), from the zeros of the first
+    /// Fourier coefficient of the surface.
     fn frequency(&self) -> f64 {
         let &Self { cells, depth, .. } = self;
         let mut tank = Tank::new(cells);
@@ -233,7 +234,7 @@ impl Wave {
         for n in 0..crate::number::whole(4.25 * period) {
             step(&mut fluid, 1);
             let now = coefficient(&fluid);
-            // Shares of excess mass are on their way for a step: the surface crosses zero more than once.
+            // Shares of excess mass are taken a step later: the surface crosses zero more than once.
             let far = zeros
                 .last()
                 .is_none_or(|last| n as f64 - last > 0.25 * period);

@@ -25,6 +25,11 @@
 //! Sources: Z. Guo, T. S. Zhao, Phys. Rev. E 66 (2002) 036304; A. L. Kupershtokh, D. A. Medvedev, D. I. Karpov, Comput. Math. Appl. 58 (2009) 965;
 //! S. Ergun, Chem. Eng. Prog. 48 (1952) 89.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::Term;
 use crate::lbm::initial::equilibrium;
 use crate::lbm::lanes::Stored;

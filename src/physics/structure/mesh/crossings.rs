@@ -1,7 +1,7 @@
-//! Where a line crosses a triangulated surface, and how often the surface winds round a point.
+//! Crossings of a line with a triangulated surface, and how often the surface winds round a point.
 //!
 //! Every crossing counts +1 where the line leaves the inside and -1 where it enters. A point is inside where the sum of the crossings on the
-//! way from it is positive: inside at least one of several shells that cross, and outside in a cavity.
+//! line from it is positive: inside at least one of several shells that cross, and outside in a cavity.
 //!
 //! A line through an edge or a vertex, or in the plane of a triangle, is moved aside by [`ASIDE`] of its own size, in a direction that no
 //! drawing has. It crosses then each triangle in its face or not at all, and neighbours agree on it since they compute the same numbers
@@ -12,11 +12,7 @@ use super::super::{Point, cross, dot, minus, norm, plus, times};
 /// The distance by which a line is moved aside, over its length and its distance from the origin.
 const ASIDE: f64 = 1e-11;
 /// The direction: no two of its components have a simple ratio.
-const DIRECTION: Point = [
-    0.577_215_664_901_5,
-    0.693_147_180_559_9,
-    0.434_294_481_903_3,
-];
+const DIRECTION: Point = [0.577_215_6, 0.691_462_5, 0.433_012_7];
 
 /// A line from a point, moved aside.
 pub(super) struct Line {

@@ -1,6 +1,6 @@
 //! The shells of a triangulated surface: parts that hang together by edges, each with one outside.
 //!
-//! Files from the wild wind their triangles in any order. From the first triangle of a shell the winding is carried over its edges. Of a
+//! Files of other programs wind their triangles in any order. From the first triangle of a shell the winding is carried over its edges. Of a
 //! closed surface all together have a positive volume; a shell that is inside out becomes a solid of its own, unless it lies in another
 //! one: then it bounds a cavity.
 
@@ -10,9 +10,9 @@ use std::collections::HashMap;
 
 /// Triangles that are wound alike.
 pub(super) struct Shells {
-    /// Of each triangle, the number of its shell.
+    /// The number of the shell of each triangle.
     pub(super) of: Vec<usize>,
-    /// How many there are.
+    /// The number of shells.
     pub(super) count: usize,
     /// Edges that only one triangle has.
     pub(super) open_edges: usize,

@@ -1,0 +1,108 @@
+//! Gauges: surface elevation and depth of the water in a column of cells.
+//!
+//! The elevation is that of the highest cell that is at least half full, by the heights of water in this cell
+//! and its two neighbours: exact for a level surface, however it crosses the cells. The depth is the sum of
+//! the fill levels of the column: drops count, air does not.
+
+use crate::coupling::FluidView;
+use crate::lbm::boundary::from_quanta;
+use crate::lbm::quanta::quanta;
+use crate::number::real;
+use crate::scene::free_surface::FreeSurface;
+use decomposition::Communicator;
+
+/// A column of cells along the axis of gravity.
+#[derive(Debug)]
+pub(super) struct Gauge {
+    axis: usize,
+    rises: bool,
+    /// Cell of the domain, with 0 along the axis.
+    foot: [usize; 3],
+    height: f64,
+    /// Fill levels of the column from the bottom to the top in quanta; reused.
+    levels: Vec<u128>,
+}
+
+impl Gauge {
+    /// Returns the column that holds a cell; `cells` are those along the axis.
+    pub(super) fn new(surface: &FreeSurface, cell: [usize; 3], cells: usize, spacing: f64) -> Self {
+        let mut foot = cell;
+        foot[surface.axis] = 0;
+        Self {
+            axis: surface.axis,
+            rises: surface.rises,
+            foot,
+            height: spacing,
+            levels: vec![0; cells],
+        }
+    }
+
+    /// Returns elevation and depth \[m\]; the elevation is NaN without water. Collective.
+    pub(super) fn sample(
+        &mut self,
+        fluid: &dyn FluidView,
+        communicator: &Communicator,
+    ) -> [f64; 2] {
+        let (start, cells) = (fluid.start(), fluid.cells());
+        let count = self.levels.len();
+        for (n, level) in self.levels.iter_mut().enumerate() {
+            let mut cell = self.foot;
+            cell[self.axis] = if self.rises { n } else { count - 1 - n };
+            let local: [usize; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(start[a]));
+            let mine = (0..3).all(|a| local[a] < cells[a]) && !fluid.solid_at(local);
+            let part = if mine { quanta(fluid.fill(local)) } else { 0 };
+            *level = i128::from(part).cast_unsigned();
+        }
+        communicator.all_reduce_sum_u128s(&mut self.levels);
+        let levels: Vec<f64> = (self.levels.iter())
+            .map(|level| from_quanta(level.cast_signed()))
+            .collect();
+        let [elevation, depth] = measure(&levels).map(|cells| cells * self.height);
+        let elevation = if self.rises {
+            elevation
+        } else {
+            real(count) * self.height - elevation
+        };
+        [elevation, depth]
+    }
+}
+
+/// Returns elevation and depth in cells of a column of fill levels from the bottom to the top.
+fn measure(levels: &[f64]) -> [f64; 2] {
+    let depth = levels.iter().sum();
+    let Some(top) = levels.iter().rposition(|level| *level >= 0.5) else {
+        return [f64::NAN, depth];
+    };
+    let first = top.saturating_sub(1);
+    let last = (top + 1).min(levels.len() - 1);
+    let height: f64 = levels[first..=last].iter().sum();
+    [real(first) + height, depth]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A level surface is met wherever it lies, also under the lid and in the lowest cell.
+    #[test]
+    fn a_level_surface_is_exact() {
+        for n in 5..=60 {
+            let height = f64::from(n) / 10.0;
+            let levels: Vec<f64> = (0..6)
+                .map(|cell| (height - f64::from(cell)).clamp(0.0, 1.0))
+                .collect();
+            let [elevation, depth] = measure(&levels);
+            approx::assert_relative_eq!(elevation, height, epsilon = 1e-12);
+            approx::assert_relative_eq!(depth, height, epsilon = 1e-12);
+        }
+        assert!(measure(&[0.3, 0.0])[0].is_nan());
+    }
+
+    /// A drop above the surface is the highest water, and air below it counts for nothing.
+    #[test]
+    fn a_drop_counts_with_its_own_height() {
+        let [elevation, depth] = measure(&[1.0, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0]);
+        approx::assert_relative_eq!(elevation, 5.0);
+        approx::assert_relative_eq!(depth, 2.5);
+    }
+}

@@ -1,0 +1,221 @@
+//! Distance of the closed ends of a seepage from what drives it.
+//!
+//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k, water leaks into
+//! a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27, 198, 1946; J. Bear, Hydraulics of
+//! Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ = 2 D/π, the length of the slowest mode,
+//! cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of an imposed head adds the resistance of a length
+//! λ coth(L/λ) instead of λ. Between the heads lies the base B:
+//!
+//! ```text
+//! q(L) / q(∞) = (B + 2 λ) / (B + λ coth(L1/λ) + λ coth(L2/λ))
+//! ```
+//!
+//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with stated conductivities;
+//! structures are no part of it.
+
+use crate::case::darcy::ZonePermeability;
+use crate::case::geometry::{Axis, Region};
+use crate::darcy::Condition;
+use crate::number::real;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::seepage::Seepage;
+
+/// Loss of discharge from which the plan warns.
+const LOSS: f64 = 0.02;
+/// Distance of an end from the last edge, in leakage lengths, beyond which it does not matter.
+const FAR: f64 = 3.0;
+
+/// Warns of ends that are too close.
+pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
+    let dimension = scene.grid.dimension;
+    let up = dimension - 1;
+    let Some(conductivity) = layers(scene, seepage, up) else {
+        return;
+    };
+    let length = leakage_length(&conductivity, seepage.spacing[up]);
+    for axis in (0..dimension).filter(|axis| *axis != up) {
+        let Some(ends) = Ends::find(seepage, axis) else {
+            continue;
+        };
+        let loss = ends.loss(length);
+        if loss < LOSS {
+            continue;
+        }
+        let name = ["x", "y", "z"][axis];
+        let shortest = ends.distances.iter().flatten().copied().reduce(f64::min);
+        findings.warn(
+            &format!("domain.size[{axis}]"),
+            format!(
+                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground is {} m: \
+                 the discharge is about {} % below that of ground without ends",
+                number(shortest.unwrap_or(0.0)),
+                number(length),
+                number(100.0 * loss)
+            ),
+            format!(
+                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground beyond would do",
+                number(FAR * length)
+            ),
+        );
+    }
+}
+
+/// Closed ends along an axis, and the base between the heads.
+struct Ends {
+    /// Distance of the lower and the upper end from the nearest edge of a head \[m\]; none for an end that is open.
+    distances: [Option<f64>; 2],
+    /// Distance between the outer edges of the heads \[m\].
+    base: f64,
+}
+
+impl Ends {
+    /// Finds the ends along an axis; none without edges of heads between them, or without a closed end.
+    fn find(seepage: &Seepage, axis: usize) -> Option<Self> {
+        let cells = seepage.cells[axis];
+        let held = seepage.patches.iter().filter(|patch| {
+            let held = matches!(
+                patch.condition,
+                Condition::Head { .. } | Condition::Pressure { .. }
+            );
+            held && patch.face.axis() != axis
+        });
+        let edges: Vec<usize> = held
+            .flat_map(|patch| [patch.from[axis], patch.to[axis]])
+            .filter(|edge| (1..cells).contains(edge))
+            .collect();
+        let (first, last) = (*edges.iter().min()?, *edges.iter().max()?);
+        let open = |upper: bool| {
+            let mut patches = seepage.patches.iter();
+            patches.any(|patch| patch.face.axis() == axis && patch.face.is_max() == upper)
+        };
+        let spacing = seepage.spacing[axis];
+        let distance = |cells: usize, upper: bool| (!open(upper)).then_some(real(cells) * spacing);
+        let distances = [distance(first, false), distance(cells - last, true)];
+        distances.iter().any(Option::is_some).then(|| Self {
+            distances,
+            base: real(last - first) * spacing,
+        })
+    }
+
+    /// Returns the part of the discharge that the ends take, for a leakage length \[m\].
+    fn loss(&self, length: f64) -> f64 {
+        let entry = |distance: &Option<f64>| {
+            distance.map_or(length, |distance| length / (distance / length).tanh())
+        };
+        let closed: f64 = self.distances.iter().map(entry).sum();
+        1.0 - (self.base + 2.0 * length) / (self.base + closed)
+    }
+}
+
+/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for all as layers.
+fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
+    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let conducts = seepage.written.density * strength / seepage.written.viscosity;
+    let mut found = vec![None; seepage.cells[up]];
+    for zone in &seepage.written.zones {
+        let value = match zone.permeability {
+            Some(ZonePermeability::Value(k)) => k * conducts,
+            Some(ZonePermeability::HydraulicConductivity(k)) => k,
+            _ => return None,
+        };
+        let (from, to) = match &zone.region {
+            None => (None, None),
+            Some(Region::Layer(layer)) => {
+                let axis = layer.axis.map_or(up, Axis::index);
+                if axis != up {
+                    return None;
+                }
+                (layer.from, layer.to)
+            }
+            Some(Region::Box(_)) => return None,
+        };
+        for (k, known) in found.iter_mut().enumerate() {
+            let middle = seepage.origin[up] + (real(k) + 0.5) * seepage.spacing[up];
+            let inside = from.is_none_or(|from| middle >= from) && to.is_none_or(|to| middle < to);
+            if inside {
+                *known = Some(value);
+            }
+        }
+    }
+    found.into_iter().collect()
+}
+
+/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to the highest.
+fn leakage_length(conductivity: &[f64], thickness: f64) -> f64 {
+    let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
+    let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
+    let of_all = (transmissivity(conductivity) * resistance(conductivity)).sqrt();
+    let leaks = (1..conductivity.len()).map(|split| {
+        let (below, cover) = conductivity.split_at(split);
+        (transmissivity(below) * resistance(cover)).sqrt()
+    });
+    leaks.fold(std::f64::consts::FRAC_2_PI * of_all, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Document;
+    use crate::error::Problem;
+    use crate::plan::Plan;
+    use serde_json::json;
+    use std::path::Path;
+
+    #[test]
+    fn leakage_lengths_of_a_cover_and_of_uniform_ground() {
+        // Two metres of 1e-3 m/s under one metre of 1e-6 m/s: (2e-3 * 1e6)^(1/2).
+        let layered = [1e-3, 1e-3, 1e-6];
+        assert!((leakage_length(&layered, 1.0) / 2000_f64.sqrt() - 1.0).abs() < 0.01);
+        let uniform = [1e-5; 40];
+        let exact = 2.0 * 10.0 / std::f64::consts::PI;
+        assert!((leakage_length(&uniform, 0.25) / exact - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn ends_far_away_take_nothing() {
+        let ends = |distance: f64| Ends {
+            distances: [Some(distance), Some(distance)],
+            base: 20.0,
+        };
+        assert!(ends(400.0).loss(40.0) < 1e-8);
+        assert!(ends(120.0).loss(40.0) < 0.005);
+        let near = ends(20.0).loss(40.0);
+        let exact = 1.0 - (20.0 + 80.0) / (20.0 + 80.0 / 0.5_f64.tanh());
+        assert!((near - exact).abs() < 1e-12 && near > 0.4);
+    }
+
+    fn warnings(beyond: f64) -> Vec<Problem> {
+        let length = 20.0 + 2.0 * beyond;
+        let case = json!({
+            "domain": {"size": [length, 6], "spacing": 1},
+            "gravity": [0, -9.81],
+            "fluid": {"darcy": {
+                "density": 1000, "viscosity": 1e-3,
+                "zones": [
+                    {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
+                    {"name": "cover", "region": {"layer": {"from": 4}}, "permeability": {"hydraulic_conductivity": 4e-6}}
+                ],
+                "boundaries": [
+                    {"name": "up", "face": "y_max", "patch": {"from": [0, 0], "to": [beyond, 0]}, "condition": {"head": {"value": 10}}},
+                    {"name": "down", "face": "y_max", "patch": {"from": [beyond + 20.0, 0], "to": [length, 0]}, "condition": {"head": {"value": 6}}}
+                ]
+            }},
+            "time": {"end": 1}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        let mut plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"));
+        plan.warnings.retain(|p| p.path == "domain.size[0]");
+        plan.warnings
+    }
+
+    /// T = 4e-3 m2/s under D/k = 2/4e-6 s: a leakage length of 44.7 m.
+    #[test]
+    fn the_plan_names_the_leakage_length_of_a_dam() {
+        let near = warnings(40.0);
+        assert_eq!(near.len(), 1);
+        assert!(near[0].reason.contains("is 44.7"), "{}", near[0]);
+        assert!(near[0].remedy.contains("134"), "{}", near[0]);
+        assert_eq!(warnings(140.0), []);
+    }
+}

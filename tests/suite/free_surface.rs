@@ -1,0 +1,159 @@
+//! Water with a free surface: the same bits on any ranks, threads and slabs and over restarts, its mass, and
+//! refusals by name.
+
+use super::ranks::{Study, beside_others};
+use solver::case::{Document, examples};
+use solver::plan::Plan;
+use std::path::Path;
+
+/// A dam that breaks over a step and past a plate thinner than a cell, between walls and faces of free slip.
+const OVER_A_STEP: [(&str, &str); 5] = [
+    ("domain", r#"{"size": [0.12, 0.06], "spacing": 0.0025}"#),
+    (
+        "fluid.lattice_boltzmann.surface.water",
+        r#"[{"shape": {"box": {"from": [0, 0], "to": [0.0311, 0.0523]}}}, {"level": 0.0062}]"#,
+    ),
+    (
+        "structures",
+        r#"[{"name": "step", "shape": {"box": {"from": [0.08, 0], "to": [0.095, 0.0125]}}},
+            {"name": "plate", "shape": {"box": {"from": [0.05, 0.0149], "to": [0.0651, 0.0156]}}}]"#,
+    ),
+    (
+        "probes",
+        r#"[{"name": "gauge", "every": 0.01, "at": {"gauge": {"position": [0.1, 0]}}},
+            {"name": "plane", "every": 0.01, "at": {"plane": {"axis": "x", "position": 0.07}}},
+            {"name": "step", "every": 0.01, "at": {"structure": {"name": "step"}}}]"#,
+    ),
+    ("time.end", "0.12"),
+];
+
+#[test]
+fn a_dam_on_any_ranks_threads_and_slabs_and_over_restarts() {
+    let _beside = beside_others();
+    let mut set = OVER_A_STEP.to_vec();
+    set.push(("checkpoint.every", "0.03"));
+    let study = Study::of("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=y"),
+        ("two", 2, 2, "domain.split=x"),
+        ("three", 3, 1, "domain.split=y"),
+        ("narrow", 4, 1, "domain.slab_bounds=[1, 20, 21]"),
+        ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0417"]);
+    study.restart("parts", 1, &["time.end=0.08"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.12"]).expect(0);
+    study.same("straight", "parts");
+    let water = &study.summary("straight")["water"];
+    let error = water["mass_error"].as_f64().unwrap();
+    assert!(error.abs() < 1e-12, "{water}");
+    assert!(water["mass"].as_f64().unwrap() > 1.0, "{water}");
+}
+
+#[test]
+fn a_dam_in_three_dimensions_with_eddies() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "dam-break",
+        &[
+            (
+                "domain",
+                r#"{"size": [0.07, 0.04, 0.03], "spacing": 0.0025, "periodic": ["z"]}"#,
+            ),
+            ("gravity", "[0, -9.81, 0]"),
+            (
+                "fluid.lattice_boltzmann.surface.water",
+                r#"[{"shape": {"box": {"from": [0, 0, 0], "to": [0.026, 0.033, 0.02]}}}]"#,
+            ),
+            ("fluid.lattice_boltzmann.collision", r#"{"cumulant": {}}"#),
+            ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+            ("fluid.lattice_boltzmann.kinematic_viscosity", "1e-5"),
+            ("fluid.lattice_boltzmann.storage", "f32"),
+            ("probes", "[]"),
+            ("time.end", "0.03"),
+        ],
+    );
+    study.run("straight", 1, 2, &[]);
+    for (name, ranks, set) in [("x", 2, "x"), ("y", 3, "y"), ("z", 2, "z")] {
+        study.run(name, ranks, 1, &[&format!("domain.split={set}")]);
+        assert_eq!(study.hash("straight"), study.hash(name), "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=0.0123"]);
+    study.restart("parts", 3, &["time.end=0.03"]).expect(0);
+    assert_eq!(study.hash("straight"), study.hash("parts"));
+    let water = &study.summary("straight")["water"];
+    // Populations in f32: what one cell gives is what the other takes, but the mass of a liquid cell is
+    // rounded in each step.
+    assert!(
+        water["mass_error"].as_f64().unwrap().abs() < 1e-4,
+        "{water}"
+    );
+}
+
+/// Refuses a change of the dam break; returns the paths of the findings.
+fn refused(set: &[&str]) -> Vec<String> {
+    let text = examples::find("dam-break").unwrap().text;
+    let set: Vec<String> = set.iter().map(|text| (*text).to_owned()).collect();
+    let document = Document::read(text, &set, Path::new("."));
+    let problems = document.and_then(Plan::prepare).err();
+    let problems = problems.unwrap_or_else(|| panic!("{set:?} was accepted"));
+    problems.into_iter().map(|problem| problem.path).collect()
+}
+
+#[test]
+fn what_does_not_work_with_a_surface_is_refused_by_name() {
+    let lattice = "fluid.lattice_boltzmann";
+    let boundary = format!("{lattice}.boundaries[0].condition");
+    for (set, path) in [
+        (format!("{lattice}.device=gpu"), format!("{lattice}.device")),
+        (
+            format!(r#"{boundary}={{"pressure": {{"value": 0}}}}"#),
+            boundary.clone(),
+        ),
+        (
+            format!(r#"{boundary}={{"moving_wall": {{"velocity": [0.1, 0]}}}}"#),
+            boundary.clone(),
+        ),
+        (
+            format!(r#"{lattice}.boundaries[0].patch={{"from": [0, 0], "to": [0.1, 0]}}"#),
+            format!("{lattice}.boundaries[0].patch"),
+        ),
+        (
+            format!("{lattice}.gravity_acts_on_fluid=false"),
+            format!("{lattice}.gravity_acts_on_fluid"),
+        ),
+        (
+            format!(r#"{lattice}.initial={{"taylor_green": {{"velocity": 0.1}}}}"#),
+            format!("{lattice}.initial.taylor_green"),
+        ),
+        (
+            format!(r#"{lattice}.surface.water=[{{"level": 0.2}}]"#),
+            format!("{lattice}.surface.water[0].level"),
+        ),
+        (
+            format!(
+                r#"{lattice}.surface.water=[{{"wave": {{"level": 0.1, "amplitude": 0.01, "axis": "y"}}}}]"#
+            ),
+            format!("{lattice}.surface.water[0].wave.axis"),
+        ),
+        (
+            r#"bodies=[{"name": "a", "shape": {"sphere": {"radius": 0.01}}, "position": [0.2, 0.1],
+                "material": "m", "motion": {"fixed": {}}}]"#
+                .to_owned(),
+            "bodies".to_owned(),
+        ),
+    ] {
+        let found = refused(&[&set]);
+        assert!(found.contains(&path), "{set}: {found:?}");
+    }
+    let gauge = r#"probes=[{"name": "a", "every": 0.1, "at": {"gauge": {"position": [0.1, 0]}}}]"#;
+    let found = refused(&[gauge, &format!("{lattice}.surface=null")]);
+    assert!(
+        found.contains(&"probes[0].at.gauge.position".to_owned()),
+        "{found:?}"
+    );
+}
