@@ -31,8 +31,8 @@ pub struct Darcy {
     /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it states.
     #[serde(default)]
     pub zones: Vec<Zone>,
-    /// Soil that drains: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces. Needs gravity and zones that fill
-    /// the ground, and allows no grains. Default: all ground is saturated.
+    /// Soil that drains: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces.
+    /// Needs gravity and zones that fill the ground, and allows no grains. Default: all ground is saturated.
     #[serde(default)]
     pub unsaturated: Option<Unsaturated>,
     /// Form of the equations.
@@ -148,7 +148,8 @@ fn yes() -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Unsaturated {
-    /// Content of water and relative permeability as functions of the suction. The permeability at saturation is that of the zones.
+    /// Content of water and relative permeability as functions of the suction. The permeability at saturation is
+    /// that of the zones.
     pub retention: Retention,
 }
 

@@ -131,6 +131,9 @@ pub enum ProbeAt {
         #[serde(default)]
         part: Option<Extent>,
     },
+    /// Water table of ground that drains: one row for each column of cells along gravity with the point of zero
+    /// pressure [m] above its lowest saturated cell. Needs `fluid.darcy.unsaturated` and gravity along an axis.
+    WaterTable {},
     /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
     /// of cells that holds a point.
     Gauge {
@@ -274,6 +277,9 @@ pub enum FieldName {
     Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
+    /// Degree of saturation of ground that drains: volume of water over volume of pores [1]; 0 in cells without
+    /// water. Needs `fluid.darcy.unsaturated`.
+    Saturation,
 }
 
 impl FieldName {

@@ -156,7 +156,7 @@ impl<T: Number> Buffers<T> {
                         to.extend(band.clone().map(|cell| T::of(fluid.fill(cell))));
                     }
                     // Refused by the plan.
-                    FieldName::Head => {}
+                    FieldName::Head | FieldName::Saturation => {}
                     FieldName::Solid => {
                         for cell in band.clone() {
                             let body = fluid.body_at(cell);
@@ -183,7 +183,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::Solid => ("solid", "-"),
                 FieldName::Fill => ("fill", "1"),
                 // Refused by the plan.
-                FieldName::Head => continue,
+                FieldName::Head | FieldName::Saturation => continue,
             };
             let data = if *field == FieldName::Solid {
                 Data::U8(&self.solid)

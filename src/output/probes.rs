@@ -14,6 +14,7 @@
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
+//! | water table | of seepage: position of zero pressure; one row per column of cells and time |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
@@ -28,6 +29,7 @@ mod gauge;
 mod points;
 mod seepage;
 mod wall;
+mod water_table;
 
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
 use super::group::RankGroup;
@@ -52,6 +54,7 @@ use points::{Points, along, clamped};
 use seepage::Section;
 use std::path::{Path, PathBuf};
 use wall::Wall;
+use water_table::Columns;
 
 /// A probe with its file.
 #[derive(Debug)]
@@ -81,6 +84,7 @@ enum At {
     /// A point in seepage \[m\].
     Pores([f64; 3]),
     Section(Section),
+    WaterTable(Columns),
     Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
@@ -244,6 +248,7 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.extend(VELOCITY);
             headings.push(("pressure", "Pa"));
         }
+        ProbeAt::WaterTable(_) => headings.extend(POSITION),
         ProbeAt::Gauge(_) => headings.extend([("elevation", "m"), ("depth", "m")]),
         ProbeAt::Section { .. } => headings.extend([
             ("discharge", if flat { "m2/s" } else { "m3/s" }),
@@ -338,6 +343,10 @@ impl At {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
+            ProbeAt::WaterTable(_) => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                Self::WaterTable(Columns::new(seepage, scene.gravity))
+            }
             ProbeAt::Gauge(cell) => {
                 let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
                 let grid = &scene.grid;
@@ -382,6 +391,7 @@ impl At {
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
+            Self::WaterTable(columns) => columns.len(),
             _ => 1,
         }
     }
@@ -413,7 +423,9 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
-            Self::Pores(_) | Self::Section(_) if view.seepage.is_some_and(|s| !s.is_known()) => {
+            Self::Pores(_) | Self::Section(_) | Self::WaterTable(_)
+                if view.seepage.is_some_and(|s| !s.is_known()) =>
+            {
                 // There is no pressure before the first coupling.
                 return Ok(false);
             }
@@ -424,6 +436,12 @@ impl At {
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
                 rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::WaterTable(columns) => {
+                let seepage = view.seepage.ok_or_else(no_fluid)?;
+                for (column, row) in rows.iter_mut().enumerate() {
+                    row.extend(columns.sample(seepage, column));
+                }
             }
             Self::Gauge(gauge) => {
                 let values = gauge.sample(fluid(view)?, view.domain.communicator());

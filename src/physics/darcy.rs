@@ -74,9 +74,9 @@ pub enum Error {
     },
     /// Neither Newton's method nor the continuation found the flow in ground that drains.
     #[error(
-        "the flow in unsaturated ground did not converge in {iterations} iterations: the permeability changes too fast from cell to cell; \
-         use cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or `n`), or more \
-         `max_iterations`"
+        "the flow in unsaturated ground did not converge in {iterations} iterations: the permeability changes too \
+         fast from cell to cell; use cells of at most some capillary lengths of {length:.3e} m, a longer capillary \
+         length (a smaller `alpha` or `n`), or more `max_iterations`"
     )]
     Unsaturated {
         /// Iterations of the linear solver.

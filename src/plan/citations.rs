@@ -120,6 +120,18 @@ pub const MODELS: &[(&str, Models)] = &[
             ("darcy", &["bear1972"]),
             ("zones", &["cardwell1945", "renard1997"]),
             ("open_water", &["shah1978", "churchill1977"]),
+            (
+                "unsaturated",
+                &["richards1931", "scharfetter1969", "vandervorst1992"],
+            ),
+        ],
+    ),
+    (
+        "retention",
+        &[
+            ("van_genuchten", &["vangenuchten1980", "mualem1976"]),
+            ("gardner", &["gardner1958"]),
+            ("saturated_only", &["gardner1958", "bear1972"]),
         ],
     ),
     (
@@ -357,6 +369,10 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if !written.zones.is_empty() {
         used.push(("seepage", "zones".into()));
     }
+    if let Some(soil) = &written.unsaturated {
+        used.push(("seepage", "unsaturated".into()));
+        used.push(("retention", name(&soil.retention)));
+    }
     if scene.grains.is_some() || !scene.bodies.is_empty() {
         used.push(("seepage", "open_water".into()));
         used.push(("resistance", name(&written.resistance())));
@@ -482,6 +498,7 @@ mod tests {
             ("porous_zone", offered::<fluid::Resistance>()),
             ("resistance", offered::<crate::darcy::Resistance>()),
             ("drag", offered::<crate::darcy::DragLaw>()),
+            ("retention", offered::<crate::darcy::Retention>()),
             ("porosity", offered::<crate::darcy::PorosityMethod>()),
             ("contact", offered::<crate::dem::contact::Contact>()),
             ("block_model", offered::<BlockModel>()),

@@ -3,7 +3,7 @@
 use super::Clock;
 use super::device::device;
 use crate::case::coupling::{Coupling, Scheme, SolidFraction};
-use crate::case::darcy::Darcy;
+use crate::case::darcy::{Darcy, Unsaturated};
 use crate::case::fluid::Device;
 use crate::case::fluid::Precision;
 use crate::family::Description;
@@ -204,10 +204,34 @@ impl Choices<'_> {
             );
         }
         let tolerance = format!("to {:e} of the driving terms", written.tolerance);
-        self.add("pressure", "conjugate gradients with multigrid", tolerance);
+        match &written.unsaturated {
+            Some(soil) => self.unsaturated(soil, tolerance),
+            None => self.add("pressure", "conjugate gradients with multigrid", tolerance),
+        }
         if !without_grains {
             self.seepage_on_grains(written);
         }
+    }
+
+    /// Adds the models of ground that drains.
+    fn unsaturated(&mut self, soil: &Unsaturated, tolerance: String) {
+        let law = soil.retention.model();
+        let length = number(law.capillary_length());
+        self.add(
+            "retention",
+            law.description(),
+            format!("requested; capillary length {length} m"),
+        );
+        self.add(
+            "pressure",
+            "Newton's method, stabilised biconjugate gradients with multigrid",
+            tolerance,
+        );
+        self.add(
+            "not computed",
+            "hysteresis, air pressure, swelling",
+            "air moves freely at atmospheric pressure, and the ground is rigid",
+        );
     }
 
     /// Adds the equations and the drag of seepage through grains.

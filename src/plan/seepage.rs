@@ -151,12 +151,27 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
                 heights[0].max(heights[1])
             })
             .sum();
-        if head < elevation - 1e-9 * (1.0 + elevation.abs()) {
+        let below = head < elevation - 1e-9 * (1.0 + elevation.abs());
+        if below && seepage.written.unsaturated.is_some() {
+            let path = format!("{PATH}.boundaries[{n}].condition");
+            findings.warn(
+                &path,
+                format!(
+                    "the head of {} m lies below the highest point of `{}`, at an elevation of {} m: water passes there under suction, \
+                     which no face in air does",
+                    number(head),
+                    patch.name,
+                    number(elevation)
+                ),
+                Remedy::from("use a seepage face with this level of water in front of its lower part")
+                    .set(path.clone(), serde_json::json!({"seepage_face": {"level": head}})),
+            );
+        } else if below {
             findings.warn(
                 &format!("{PATH}.boundaries[{n}].condition.head.value"),
                 format!(
                     "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water there is under suction, and \
-                     seepage has no free surface",
+                     saturated ground has no water table",
                     number(head),
                     number(elevation - head),
                     patch.name,

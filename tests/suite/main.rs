@@ -45,5 +45,6 @@ mod stopping;
 mod structures;
 mod sweep;
 mod tutorial;
+mod unsaturated;
 mod usage;
 mod verification;

@@ -56,10 +56,7 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     match cell.filter(|&cell| seepage.pores().porosity()[cell] > 0.0) {
         Some(cell) => {
             let [u, v, w] = seepage.water_velocity(cell);
-            let (centre, gradient) = (
-                grid.centre(grid.cell(cell)),
-                pressure.reduced_gradient(cell),
-            );
+            let (centre, gradient) = (grid.centre(grid.cell(cell)), pressure.inner_gradient(cell));
             let weight = pressure.weight();
             let (mut reduced, mut hydrostatic) = (pressure.reduced(cell), 0.0);
             for a in 0..grid.dimension {

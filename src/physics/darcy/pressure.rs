@@ -93,8 +93,8 @@ pub enum Condition {
         #[schemars(range(min = 0.0))]
         rate: f64,
     },
-    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its hydrostatic pressure.
-    /// Needs `unsaturated`.
+    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
+    /// hydrostatic pressure. Needs `unsaturated`.
     SeepageFace {
         /// Head of the water in front of the lower part [m]. Default: air everywhere.
         #[serde(default)]

@@ -33,7 +33,7 @@ use van_genuchten::VanGenuchten;
 
 family! {
     /// The models of retention. A line here makes a model known to cases, to their schema and to runs.
-    pub enum Retention: Law {
+    pub enum Retention: RetentionLaw {
         VanGenuchten(VanGenuchten),
         Gardner(Gardner),
         SaturatedOnly(SaturatedOnly),
@@ -42,7 +42,7 @@ family! {
 
 /// State of a soil at a pressure head.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State {
+pub struct SoilState {
     /// Volume of water per volume of soil \[1\].
     pub content: f64,
     /// Water capacity: derivative of the content by the pressure head \[1/m\].
@@ -54,7 +54,7 @@ pub struct State {
 }
 
 /// A model of retention and relative permeability.
-pub trait Law: Sync {
+pub trait RetentionLaw: Sync {
     /// The model in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -64,7 +64,12 @@ pub trait Law: Sync {
     fn description(&self) -> String;
 
     /// Returns the state at a pressure head \[m\].
-    fn state(&self, head: f64) -> State;
+    fn state(&self, head: f64) -> SoilState;
+
+    /// Returns the degree of saturation at a pressure head: content of water over that at saturation \[1\].
+    fn saturation(&self, head: f64) -> f64 {
+        self.state(head).content / self.state(0.0).content
+    }
 
     /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
     /// (Kirchhoff's potential); none where it has no closed form.
@@ -196,7 +201,7 @@ pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
 mod tests {
     use super::*;
 
-    fn side(law: &dyn Law, head: f64) -> Side {
+    fn side(law: &dyn RetentionLaw, head: f64) -> Side {
         let state = law.state(head);
         Side {
             head,

@@ -39,6 +39,7 @@
 //! are exact, so that the bits do not depend on ranks and threads.
 
 mod newton;
+mod state;
 
 use super::boundary::Boundary;
 use super::{Condition, Medium, Pressure, Report};

@@ -13,7 +13,7 @@
 )]
 
 use super::van_genuchten::contents;
-use super::{Fault, Law, State};
+use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +34,7 @@ pub struct Gardner {
     pub residual_content: f64,
 }
 
-impl Law for Gardner {
+impl RetentionLaw for Gardner {
     fn summary() -> &'static str {
         "Gardner (1958): permeability and content fall exponentially with the suction."
     }
@@ -43,16 +43,16 @@ impl Law for Gardner {
         format!("Gardner, alpha {} 1/m", self.alpha)
     }
 
-    fn state(&self, head: f64) -> State {
+    fn state(&self, head: f64) -> SoilState {
         if head >= 0.0 {
-            return State {
+            return SoilState {
                 content: self.saturated_content,
-                ..State::default()
+                ..SoilState::default()
             };
         }
         let log_permeability = self.alpha * head;
         let drains = (self.saturated_content - self.residual_content) * log_permeability.exp();
-        State {
+        SoilState {
             content: self.residual_content + drains,
             capacity: self.alpha * drains,
             log_permeability,

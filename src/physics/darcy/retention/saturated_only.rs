@@ -14,7 +14,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{Fault, Law, State};
+use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,7 @@ pub struct SaturatedOnly {
     pub thickness: Option<f64>,
 }
 
-impl Law for SaturatedOnly {
+impl RetentionLaw for SaturatedOnly {
     fn summary() -> &'static str {
         "Flow below the phreatic surface only, without suction. Steady flow only."
     }
@@ -44,20 +44,20 @@ impl Law for SaturatedOnly {
         format!("saturated only, surface of {} m", self.capillary_length())
     }
 
-    fn state(&self, head: f64) -> State {
+    fn state(&self, head: f64) -> SoilState {
         let log_permeability = head / self.capillary_length();
         if head >= 0.0 {
-            State::default()
+            SoilState::default()
         } else if log_permeability > LOG_LEAST {
-            State {
+            SoilState {
                 log_permeability,
                 slope: 1.0 / self.capillary_length(),
-                ..State::default()
+                ..SoilState::default()
             }
         } else {
-            State {
+            SoilState {
                 log_permeability: LOG_LEAST,
-                ..State::default()
+                ..SoilState::default()
             }
         }
     }
@@ -68,6 +68,10 @@ impl Law for SaturatedOnly {
         let least = (LOG_LEAST * power).exp();
         let falls = (head.clamp(driest, 0.0) / length).exp() * length;
         Some(head.max(0.0) + falls + least * (head - driest).min(0.0))
+    }
+
+    fn saturation(&self, head: f64) -> f64 {
+        if head >= 0.0 { 1.0 } else { 0.0 }
     }
 
     fn capillary_length(&self) -> f64 {
@@ -100,6 +104,6 @@ mod tests {
         let law = SaturatedOnly { thickness: None };
         let dry = law.state(-1.0);
         assert!((dry.log_permeability.exp() / LEAST - 1.0).abs() < 1e-12);
-        assert_eq!(law.state(0.5), State::default());
+        assert_eq!(law.state(0.5), SoilState::default());
     }
 }

@@ -13,7 +13,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{Fault, Law, State};
+use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,7 +49,7 @@ fn half() -> f64 {
     0.5
 }
 
-impl Law for VanGenuchten {
+impl RetentionLaw for VanGenuchten {
     fn summary() -> &'static str {
         "Van Genuchten (1980) with the relative permeability of Mualem (1976)."
     }
@@ -61,13 +61,13 @@ impl Law for VanGenuchten {
         )
     }
 
-    fn state(&self, head: f64) -> State {
+    fn state(&self, head: f64) -> SoilState {
         let drains = self.saturated_content - self.residual_content;
         let suction = -self.alpha * head;
         if suction <= 0.0 {
-            return State {
+            return SoilState {
                 content: self.saturated_content,
-                ..State::default()
+                ..SoilState::default()
             };
         }
         let (n, m) = (self.n, 1.0 - 1.0 / self.n);
@@ -81,7 +81,7 @@ impl Law for VanGenuchten {
         let by_saturation = m * n * self.alpha * (u / (1.0 + u)) / suction;
         let by_blocked = -m * n * self.alpha / ((1.0 + u) * suction);
         let saturation = log_saturation.exp();
-        State {
+        SoilState {
             content: self.residual_content + drains * saturation,
             capacity: drains * saturation * by_saturation,
             log_permeability: self.exponent * log_saturation + 2.0 * passes.ln(),

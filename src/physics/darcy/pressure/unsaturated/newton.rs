@@ -27,7 +27,7 @@ pub(super) struct Krylov {
     /// Preconditioned direction, and its product.
     ready: Vec<f64>,
     product: Vec<f64>,
-    /// The same of the second half of a step.
+    /// Preconditioned direction of the second half of a step, and its product.
     second: Vec<f64>,
     second_product: Vec<f64>,
     /// Reciprocal pivots of the columns along gravity, and what the columns leave over.

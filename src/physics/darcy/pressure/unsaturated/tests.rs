@@ -84,7 +84,7 @@ fn dam(cells: [usize; 2], length: f64, levels: [f64; 2], retention: Retention) -
     ];
     let mut solver = solver(&grid, patches, retention);
     let report = solver.solve(still(&conductivity(&grid, 1.0))).unwrap();
-    // Pressure head of the air beside the last cells: 0 where water leaves.
+    // Pressure head of the last cells: 0 where water leaves.
     let last = |row: usize| {
         let cell = grid.index([cells[0] - 1, row, 0]);
         solver.pressure(cell) / (WATER.density * G)
