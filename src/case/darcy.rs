@@ -151,6 +151,45 @@ pub struct Unsaturated {
     /// Content of water and relative permeability as functions of the suction. The permeability at saturation is
     /// that of the zones.
     pub retention: Retention,
+    /// Flow that changes with time. Default: steady flow.
+    #[serde(default)]
+    pub transient: Option<TransientFlow>,
+}
+
+/// Flow of ground that drains as it changes with time, by the mixed form of Richards' equation. Water is stored where content and pressure
+/// rise. The steps are chosen by their error; the results are written at the steps of the clock.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TransientFlow {
+    /// State at time 0.
+    #[serde(default)]
+    pub initial: InitialState,
+    /// Specific storage of saturated ground [1/m]: volume of water that a volume of ground takes up by a rise of the head of 1 m. Clay: 1e-4 to
+    /// 1e-3; dense sand: 1e-5 to 1e-4; sound rock: below 1e-6.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
+    pub specific_storage: f64,
+    /// Largest error of the water content of a cell in a step [1].
+    #[serde(default = "default_content_error")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.1))]
+    pub content_error: f64,
+}
+
+fn default_content_error() -> f64 {
+    2e-3
+}
+
+/// State of ground that drains at time 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum InitialState {
+    /// Steady flow under the conditions at time 0.
+    #[default]
+    Steady,
+    /// Water at rest with this water level above the origin [m], under suction above it.
+    Head(f64),
+    /// One pressure head everywhere [m]; negative under suction.
+    PressureHead(f64),
 }
 
 /// The coarse grid: a box divided into equal cells. It may be smaller than the domain.

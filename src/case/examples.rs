@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 26] = [
+pub const EXAMPLES: [Example; 27] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -77,6 +77,11 @@ pub const EXAMPLES: [Example; 26] = [
         name: "earth-dam",
         summary: "a dam with a phreatic surface and a seepage face, beside the exact discharge (Charny 1951)",
         text: include_str!("examples/earth-dam.json"),
+    },
+    Example {
+        name: "infiltration",
+        summary: "water enters a dry column of soil, beside the published column of Celia, Bouloutas and Zarba (1990)",
+        text: include_str!("examples/infiltration.json"),
     },
     Example {
         name: "filter",

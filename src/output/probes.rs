@@ -15,6 +15,7 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | water table | of seepage: position of zero pressure; one row per column of cells and time |
+//! | water balance | of seepage that changes with time: water in the ground, in and out since the start, inflow, outflow |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
@@ -85,6 +86,7 @@ enum At {
     Pores([f64; 3]),
     Section(Section),
     WaterTable(Columns),
+    WaterBalance,
     Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
@@ -249,6 +251,16 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.push(("pressure", "Pa"));
         }
         ProbeAt::WaterTable(_) => headings.extend(POSITION),
+        ProbeAt::WaterBalance => {
+            let (volume, flow) = if flat { ("m2", "m2/s") } else { ("m3", "m3/s") };
+            headings.extend([
+                ("stored", volume),
+                ("entered", volume),
+                ("left", volume),
+                ("inflow", flow),
+                ("outflow", flow),
+            ]);
+        }
         ProbeAt::Gauge(_) => headings.extend([("elevation", "m"), ("depth", "m")]),
         ProbeAt::Section { .. } => headings.extend([
             ("discharge", if flat { "m2/s" } else { "m3/s" }),
@@ -343,6 +355,7 @@ impl At {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
+            ProbeAt::WaterBalance => Self::WaterBalance,
             ProbeAt::WaterTable(_) => {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::WaterTable(Columns::new(seepage, scene.gravity))
@@ -423,7 +436,7 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
-            Self::Pores(_) | Self::Section(_) | Self::WaterTable(_)
+            Self::Pores(_) | Self::Section(_) | Self::WaterTable(_) | Self::WaterBalance
                 if view.seepage.is_some_and(|s| !s.is_known()) =>
             {
                 // There is no pressure before the first coupling.
@@ -435,6 +448,10 @@ impl At {
             }
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::WaterBalance => {
+                let values = seepage::balance(view.seepage.ok_or_else(no_fluid)?);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::WaterTable(columns) => {

@@ -34,7 +34,7 @@ pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
-pub use pressure::unsaturated::Soil;
+pub use pressure::unsaturated::{InitialWater, Soil, TransientSettings, WaterBalance};
 pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
 pub use retention::Retention;
 pub use zones::Zones;
@@ -81,6 +81,18 @@ pub enum Error {
     Unsaturated {
         /// Iterations of the linear solver.
         iterations: u32,
+        /// Capillary length of the soil \[m\].
+        length: f64,
+    },
+    /// No step in time was short enough for the flow in ground that drains.
+    #[error(
+        "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use cells of at most some \
+         capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or `n`), or an initial state closer to the \
+         conditions of the boundary"
+    )]
+    UnsteadyFlow {
+        /// Time \[s\].
+        time: f64,
         /// Capillary length of the soil \[m\].
         length: f64,
     },

@@ -124,6 +124,7 @@ pub const MODELS: &[(&str, Models)] = &[
                 "unsaturated",
                 &["richards1931", "scharfetter1969", "vandervorst1992"],
             ),
+            ("transient", &["celia1990", "alexander1977"]),
         ],
     ),
     (
@@ -372,6 +373,9 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if let Some(soil) = &written.unsaturated {
         used.push(("seepage", "unsaturated".into()));
         used.push(("retention", name(&soil.retention)));
+        if soil.transient.is_some() {
+            used.push(("seepage", "transient".into()));
+        }
     }
     if scene.grains.is_some() || !scene.bodies.is_empty() {
         used.push(("seepage", "open_water".into()));

@@ -176,7 +176,12 @@ impl Choices<'_> {
         let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
         let [x, y, z] = seepage.cells;
         let cells = if without_grains {
-            format!("requested; {x} x {y} x {z} cells, steady: no grain moves")
+            let time = if seepage.is_transient() {
+                format!("every {} s", number(self.clock.time_step))
+            } else {
+                "steady: no grain moves".to_owned()
+            };
+            format!("requested; {x} x {y} x {z} cells, {time}")
         } else {
             let steps = self.clock.solid_steps_per_step;
             format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
@@ -227,6 +232,16 @@ impl Choices<'_> {
             "Newton's method, stabilised biconjugate gradients with multigrid",
             tolerance,
         );
+        if let Some(transient) = &soil.transient {
+            self.add(
+                "time integration",
+                "two implicit stages of second order, adaptive steps",
+                format!(
+                    "error of the content of water below {} in a step",
+                    number(transient.content_error)
+                ),
+            );
+        }
         self.add(
             "not computed",
             "hysteresis, air pressure, swelling",

@@ -103,6 +103,8 @@ pub enum ProbeAt {
     },
     /// Water table of the seepage in each of this number of columns of cells.
     WaterTable(usize),
+    /// Water balance of the seepage.
+    WaterBalance,
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
     /// Force on a face.

@@ -27,6 +27,8 @@ pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
+/// Default number of steps of the clock to an output of a flow that changes with time.
+const TRANSIENT_INTERVAL: u32 = 10;
 /// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
@@ -138,6 +140,13 @@ impl Seepage {
         self.cells.iter().product()
     }
 
+    /// `true` if the flow changes with time.
+    #[must_use]
+    pub fn is_transient(&self) -> bool {
+        let soil = self.written.unsaturated.as_ref();
+        soil.is_some_and(|soil| soil.transient.is_some())
+    }
+
     /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the
     /// longest time between them that is
     /// known to be right \[s\].
@@ -147,7 +156,12 @@ impl Seepage {
             let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
             u32::try_from(steps).unwrap_or(MOST_INTERVAL)
         };
-        let wanted = self.coupling_time.map_or(USUAL_INTERVAL, steps);
+        let usual = if self.is_transient() {
+            TRANSIENT_INTERVAL
+        } else {
+            USUAL_INTERVAL
+        };
+        let wanted = self.coupling_time.map_or(usual, steps);
         let chosen = longest.map_or(wanted, |time| wanted.min(steps(time)));
         self.written.coupling_interval.unwrap_or(chosen)
     }

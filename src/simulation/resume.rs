@@ -206,10 +206,9 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     checkpoint::Expected {
         prepared: matches!(stage, Stage::Run),
         lattice,
-        seepage: scene
-            .seepage
-            .as_ref()
-            .map(|seepage| seepage.cells.iter().product()),
+        seepage: scene.seepage.as_ref().map(|seepage| {
+            crate::darcy::pressure::numbers(seepage.cell_count(), seepage.is_transient())
+        }),
         grains: (scene.has_solids() || generates).then_some(grains),
         steps: plan.clock.steps,
         // The restart may have requested a shorter warm-up.

@@ -4,6 +4,7 @@ pub mod blocks;
 pub mod initial;
 
 use super::coupled;
+use crate::case::darcy::{InitialState, TransientFlow};
 use crate::coupling::body_map::GHOSTS;
 use crate::coupling::seepage::{self, Seepage};
 use crate::darcy;
@@ -280,6 +281,20 @@ pub fn grains<S: Space>(
     }
 }
 
+/// Returns the choices of a flow that changes with time; `interval`: time of a step of the clock \[s\].
+fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings {
+    darcy::TransientSettings {
+        initial: match written.initial {
+            InitialState::Steady => darcy::InitialWater::Steady,
+            InitialState::Head(head) => darcy::InitialWater::Head(head),
+            InitialState::PressureHead(head) => darcy::InitialWater::PressureHead(head),
+        },
+        specific_storage: written.specific_storage,
+        content_error: written.content_error,
+        interval,
+    }
+}
+
 /// The seepage of a plan with its drag, if there is one. Collective.
 ///
 /// # Errors
@@ -319,9 +334,19 @@ pub fn seepage<S: Space>(
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
     let pressure = match &written.unsaturated {
-        Some(soil) => pressure.with_soil(darcy::Soil {
-            retention: soil.retention,
-        }),
+        Some(soil) => {
+            let pressure = pressure.with_soil(darcy::Soil {
+                retention: soil.retention,
+            });
+            match &soil.transient {
+                Some(written) => {
+                    let cells = 0..openness.grid.count();
+                    let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
+                    pressure.with_transient(transient(written, plan.clock.time_step), &volume)
+                }
+                None => pressure,
+            }
+        }
         None => pressure,
     };
     let settings = seepage::Settings {

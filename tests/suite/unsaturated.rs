@@ -214,3 +214,53 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
         assert!(found.iter().any(said), "{set}: {found:#?}");
     }
 }
+
+/// Column of Celia, Bouloutas and Zarba (1990): water that entered in 6 h, 17.40 mm in a converged solution. The mass
+/// closes, the bits do not depend on ranks, threads and restarts, and the results are those of the balance.
+#[test]
+fn infiltration_closes_its_mass_with_the_same_bits_after_a_restart() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "infiltration",
+        &[("time.end", "21600"), ("checkpoint", r#"{"every": 3600}"#)],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    let seepage = &one["seepage"];
+    let number = |name: &str| seepage[name].as_f64().unwrap();
+    assert!(number("mass_error").abs() < 1e-10, "{seepage}");
+    let entered = (number("water_in") - number("water_out")) / 0.05;
+    assert!((entered / 0.01740 - 1.0).abs() < 0.01, "{entered}");
+    let last = rows(&study, "straight", "water").pop().unwrap();
+    assert_eq!(
+        [last[3], last[4]],
+        [number("water_in"), number("water_out")]
+    );
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=10800"]);
+    study.restart("parts", 3, &["time.end=21600"]).expect(0);
+    study.same("straight", "parts");
+    let water = rows(&study, "parts", "water");
+    assert_eq!(water, rows(&study, "straight", "water"));
+}
+
+#[test]
+fn flow_in_time_needs_a_soil_that_stores_water() {
+    for (set, path) in [
+        (
+            "fluid.darcy.unsaturated.transient={}",
+            "fluid.darcy.unsaturated.retention.saturated_only",
+        ),
+        (
+            r#"probes[0].at={"water_balance": {}}"#,
+            "probes[0].at.water_balance",
+        ),
+    ] {
+        let found = findings(set);
+        assert!(found.iter().any(|(p, _)| p == path), "{set}: {found:#?}");
+    }
+}

@@ -68,3 +68,16 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
         None => [f64::NAN; 5],
     }
 }
+
+/// Returns the water in the ground, what entered and left since the start, and the present inflow and outflow.
+pub(super) fn balance<S: Space>(seepage: &Seepage<S>) -> [f64; 5] {
+    let report = seepage.report();
+    let water = seepage.pressure().water_balance().unwrap_or_default();
+    [
+        water.stored,
+        water.entered,
+        water.left,
+        report.inflow,
+        report.outflow,
+    ]
+}

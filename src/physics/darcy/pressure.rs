@@ -132,6 +132,18 @@ impl Patch {
 /// of open water.
 pub const NUMBERS: usize = 9;
 
+/// Returns how many numbers a saved run holds of a grid of this many cells; `transient`: `true` if the flow changes
+/// with time, which adds the stored water of each cell.
+#[must_use]
+pub fn numbers(cells: usize, transient: bool) -> usize {
+    let stored = if transient {
+        cells + unsaturated::EXTRA_NUMBERS
+    } else {
+        0
+    };
+    NUMBERS * cells + stored
+}
+
 /// How the pressure is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

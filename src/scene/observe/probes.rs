@@ -59,7 +59,10 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
     }
     let of_pores = matches!(
         at,
-        Written::Point { .. } | Written::Section { .. } | Written::WaterTable {}
+        Written::Point { .. }
+            | Written::Section { .. }
+            | Written::WaterTable {}
+            | Written::WaterBalance {}
     );
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
         findings.error(
@@ -105,6 +108,20 @@ impl Measured<'_> {
                 self.section(*axis, *position, part.as_ref(), &path, findings)
             }
             Written::WaterTable {} => self.water_table(&format!("{path}.water_table"), findings),
+            Written::WaterBalance {} => {
+                let transient = match &self.case.fluid {
+                    Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
+                    _ => None,
+                };
+                if transient.is_none_or(|soil| soil.transient.is_none()) {
+                    findings.error(
+                        &format!("{path}.water_balance"),
+                        "a water balance is one of flow that changes with time, and there is none in this case",
+                        "add `fluid.darcy.unsaturated.transient`, or use a section",
+                    );
+                }
+                ProbeAt::WaterBalance
+            }
             Written::Gauge { position } => {
                 self.gauge(position, &format!("{path}.gauge.position"), findings)
             }

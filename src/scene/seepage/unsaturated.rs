@@ -2,6 +2,7 @@
 
 use super::{PATH, Seepage};
 use crate::case::Case;
+use crate::case::darcy::{TransientFlow, ZonePermeability};
 use crate::darcy::{Condition, Equations, Retention};
 use crate::error::Remedy;
 use crate::scene::findings::{Findings, number};
@@ -57,6 +58,9 @@ impl Seepage {
                 ),
             );
         }
+        if let Some(transient) = &soil.transient {
+            self.check_transient(transient, law.stores(), findings);
+        }
         if self.written.equations != Equations::Corrected {
             findings.error(
                 &format!("{PATH}.equations"),
@@ -92,6 +96,42 @@ impl Seepage {
                     number(COARSE * length)
                 ),
             );
+        }
+    }
+
+    /// Checks a flow that changes with time.
+    fn check_transient(&self, transient: &TransientFlow, stores: bool, findings: &mut Findings) {
+        let path = format!("{PATH}.unsaturated");
+        if !stores {
+            findings.error(
+                &format!("{path}.retention.saturated_only"),
+                "flow that changes with time stores water above the water table, and this retention has no content of water",
+                "use van_genuchten or gardner, or remove `transient` for steady flow",
+            );
+        }
+        for (name, value) in [
+            ("specific_storage", transient.specific_storage),
+            ("content_error", transient.content_error),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                findings.error(
+                    &format!("{path}.transient.{name}"),
+                    format!(
+                        "this is {}; it must be a number of at least 0",
+                        number(value)
+                    ),
+                    "omit it for its default",
+                );
+            }
+        }
+        for (n, zone) in self.written.zones.iter().enumerate() {
+            if matches!(zone.permeability, Some(ZonePermeability::Resistance(_))) {
+                findings.error(
+                    &format!("{PATH}.zones[{n}].permeability.resistance"),
+                    "a flow that changes with time needs permeabilities that do not depend on the flow",
+                    "state a `value` or a `hydraulic_conductivity`",
+                );
+            }
         }
     }
 

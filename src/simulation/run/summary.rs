@@ -279,6 +279,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         values["outflow"] = report.outflow.into();
         values["flow_imbalance"] =
             json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
+        let water = seepage.pressure().water_balance();
+        if water.is_some() {
+            // What enters and does not leave is stored.
+            values["flow_imbalance"] = Value::Null;
+        }
         values["seepage"] = json!({
             "iterations": report.iterations,
             "residual": report.residual,
@@ -297,6 +302,11 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "bernoulli_speed": bernoulli_speed(&now.plan.scene, extremes),
             "patch_inflows": seepage.pressure().patch_inflows(),
             "mean_porosity": grains.then(|| seepage.mean_porosity()),
+            "stored_water": water.map(|water| water.stored),
+            "initial_water": water.map(|water| water.initial),
+            "water_in": water.map(|water| water.entered),
+            "water_out": water.map(|water| water.left),
+            "mass_error": water.map(|water| water.error()),
         });
     }
 

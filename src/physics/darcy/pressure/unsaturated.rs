@@ -40,13 +40,19 @@
 
 mod newton;
 mod state;
+mod transient;
 
 use super::boundary::Boundary;
 use super::{Condition, Medium, Pressure, Report};
 use crate::darcy::retention::{Mean, Retention, Side, mean};
 use crate::darcy::{Error, multigrid};
 use newton::Krylov;
+pub(super) use transient::EXTRA_NUMBERS;
+use transient::Transient;
+pub use transient::{InitialWater, TransientSettings, WaterBalance};
 
+/// Steps of Newton's method in a steady flow.
+const STEPS: u32 = 40;
 /// Attempts of the continuation from a permeability that does not fall with the suction.
 const ATTEMPTS: u32 = 60;
 /// Power of the relative permeability after the first failure.
@@ -80,6 +86,8 @@ struct CellState {
     log_permeability: f64,
     slope: f64,
     potential: Option<f64>,
+    content: f64,
+    capacity: f64,
 }
 
 impl CellState {
@@ -122,6 +130,8 @@ pub(super) struct Unsaturated {
     /// Reduced pressures of the last solution of a continuation or of a Newton step.
     kept: Vec<f64>,
     start: Vec<f64>,
+    /// Flow that changes with time; none where it is steady.
+    transient: Option<Box<Transient>>,
 }
 
 impl Pressure {
@@ -162,6 +172,7 @@ impl Pressure {
             matrix_scale: 1.0,
             kept: vec![0.0; n],
             start: vec![0.0; n],
+            transient: None,
         }));
         self
     }
@@ -172,13 +183,19 @@ impl Pressure {
         self.unsaturated.is_some()
     }
 
-    /// Finds the steady flow in ground that drains. Collective.
+    /// Finds the flow in ground that drains: the steady one, or that at the end of an interval. Collective.
     pub(super) fn solve_unsaturated(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
         let Some(mut own) = self.unsaturated.take() else {
             return Ok(Report::default());
         };
         let solved = self.prepare(&mut own, medium);
-        let solved = solved.and_then(|()| self.find_steady(&mut own));
+        let solved = solved.and_then(|()| {
+            if own.transient.is_some() {
+                self.advance_steps(&mut own)
+            } else {
+                self.find_steady(&mut own)
+            }
+        });
         self.take_fluxes(&own);
         // What crosses the boundary is that of the ground from here on.
         self.unsaturated = Some(own);
@@ -203,7 +220,14 @@ impl Pressure {
         for (saturated, t) in own.saturated.iter_mut().zip(&self.system.matrix.t) {
             saturated.copy_from_slice(t);
         }
-        self.centre();
+        // The level of a flow that changes with time stays that of its start.
+        if own
+            .transient
+            .as_ref()
+            .is_none_or(|transient| !transient.began())
+        {
+            self.centre();
+        }
         for k in 0..self.boundary.len() {
             let face = self.boundary[k];
             let along = self.along(face.axis)[face.at];
@@ -236,7 +260,7 @@ impl Pressure {
         own.power = 1.0;
         let (mut known, mut iterations) = (0.0, 0);
         for _ in 0..ATTEMPTS {
-            let done = self.newton(own)?;
+            let done = self.newton(own, STEPS)?;
             iterations += done.iterations;
             if done.converged {
                 if own.power >= 1.0 {
@@ -279,6 +303,8 @@ impl Pressure {
                     log_permeability: power * found.log_permeability,
                     slope: power * found.slope,
                     potential: law.potential(head, power),
+                    content: found.content,
+                    capacity: found.capacity,
                 };
             }
         });
@@ -317,6 +343,10 @@ impl Pressure {
             self.boundary[k].response = response;
             self.system.residual[face.at] += rate;
             own.diagonal[face.at] += response;
+        }
+        if let Some(transient) = &mut own.transient {
+            let balance = (&mut self.system.residual[..], &mut own.diagonal[..]);
+            transient.store(&own.states, own.weight, balance);
         }
     }
 
@@ -415,6 +445,20 @@ impl Pressure {
             if face.response > 0.0 {
                 let response = face.response * own.scale[face.at];
                 self.ground.push((face.at, face.axis, response));
+            }
+        }
+        if let Some(transient) = own
+            .transient
+            .as_ref()
+            .filter(|transient| transient.advances())
+        {
+            for row in layout.rows(&whole) {
+                for at in row {
+                    let stored = transient.capacity[at] * own.scale[at];
+                    if stored > 0.0 {
+                        self.ground.push((at, multigrid::STORED, stored));
+                    }
+                }
             }
         }
         self.sum_faces();

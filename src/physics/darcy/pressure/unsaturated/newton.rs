@@ -6,14 +6,14 @@ use crate::darcy::pressure::Pressure;
 use crate::darcy::reproducible::{dot, power_above};
 use crate::number::single;
 
-/// Steps of Newton's method before it counts as failed.
-const STEPS: u32 = 40;
 /// Halvings of a step.
 const HALVINGS: u32 = 12;
 /// Part of the first-order decrease of the norm that a step has to reach (L. Armijo, Pac. J. Math. 16 (1966) 1).
 const DECREASE: f64 = 1e-4;
 /// Relative imbalance at which the linear solver ends.
 const FORCING: f64 = 1e-5;
+/// Part of the tolerance at which a step in time ends, so that the water of the pressure is that of the fluxes.
+const CLOSURE: f64 = 1e-3;
 /// Imbalance over the largest term of a cell that is rounding.
 const ROUNDING: f64 = 1e-15;
 
@@ -63,12 +63,12 @@ pub(super) struct Outcome {
 }
 
 impl Pressure {
-    /// Newton's method from the present pressure. Collective.
-    pub(super) fn newton(&mut self, own: &mut Unsaturated) -> Result<Outcome, Error> {
+    /// Newton's method from the present pressure, in at most this number of steps. Collective.
+    pub(super) fn newton(&mut self, own: &mut Unsaturated, steps: u32) -> Result<Outcome, Error> {
         let mut iterations = 0;
         self.evaluate(own);
         let mut norm = self.norm();
-        for _ in 0..STEPS {
+        for _ in 0..steps {
             let (residual, converged) = self.imbalance(own);
             if converged || !norm.is_finite() {
                 return Ok(Outcome {
@@ -140,9 +140,18 @@ impl Pressure {
         }
         let rates = self.boundary.iter().map(|face| face.rate.abs());
         let sources = own.source.iter().map(|q| q.abs());
-        let flow = rates.chain(sources).fold(0.0, f64::max);
+        let stored = own
+            .transient
+            .as_ref()
+            .map(|transient| transient.largest_net());
+        let flow = rates.chain(sources).chain(stored).fold(0.0, f64::max);
         let scale = flow.max(1e-12 * term).max(f64::MIN_POSITIVE);
-        let enough = most <= self.settings.tolerance * scale || most <= ROUNDING * term;
+        let stores = own
+            .transient
+            .as_ref()
+            .is_some_and(|transient| transient.advances());
+        let part = if stores { CLOSURE } else { 1.0 };
+        let enough = most <= part * self.settings.tolerance * scale || most <= ROUNDING * term;
         (most / scale, enough)
     }
 

@@ -1,3 +1,5 @@
+mod transient;
+
 use super::*;
 use crate::darcy::enclosure::Enclosure;
 use crate::darcy::pressure::{Equations, Liquid, Patch, Settings};
