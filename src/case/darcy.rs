@@ -156,16 +156,16 @@ pub struct Unsaturated {
     pub transient: Option<TransientFlow>,
 }
 
-/// Flow of ground that drains as it changes with time, by the mixed form of Richards' equation. Water is stored where content and pressure
-/// rise. The steps are chosen by their error; the results are written at the steps of the clock.
+/// Flow of ground that drains as it changes with time, by the mixed form of Richards' equation. Water is stored where
+/// content and pressure rise. The steps are chosen by their error; the results are written at the steps of the clock.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransientFlow {
     /// State at time 0.
     #[serde(default)]
     pub initial: InitialState,
-    /// Specific storage of saturated ground [1/m]: volume of water that a volume of ground takes up by a rise of the head of 1 m. Clay: 1e-4 to
-    /// 1e-3; dense sand: 1e-5 to 1e-4; sound rock: below 1e-6.
+    /// Specific storage of saturated ground [1/m]: volume of water that a volume of ground takes up by a rise of the
+    /// head of 1 m. Clay: 1e-4 to 1e-3; dense sand: 1e-5 to 1e-4; sound rock: below 1e-6.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub specific_storage: f64,

@@ -134,8 +134,8 @@ pub enum ProbeAt {
     /// Water table of ground that drains: one row for each column of cells along gravity with the point of zero
     /// pressure [m] above its lowest saturated cell. Needs `fluid.darcy.unsaturated` and gravity along an axis.
     WaterTable {},
-    /// Water balance of seepage that changes with time: water in the ground, water that entered and left since time 0 [m3; in 2-D m2],
-    /// and the present inflow and outflow. Needs `fluid.darcy.unsaturated.transient`.
+    /// Water balance of seepage that changes with time: water in the ground, water that entered and left since time 0
+    /// [m3; in 2-D m2], and the present inflow and outflow. Needs `fluid.darcy.unsaturated.transient`.
     WaterBalance {},
     /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
     /// of cells that holds a point.

@@ -15,7 +15,7 @@
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | water table | of seepage: position of zero pressure; one row per column of cells and time |
-//! | water balance | of seepage that changes with time: water in the ground, in and out since the start, inflow, outflow |
+//! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |

@@ -86,9 +86,9 @@ pub enum Error {
     },
     /// No step in time was short enough for the flow in ground that drains.
     #[error(
-        "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use cells of at most some \
-         capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or `n`), or an initial state closer to the \
-         conditions of the boundary"
+        "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use \
+         cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or \
+         `n`), or an initial state closer to the conditions of the boundary"
     )]
     UnsteadyFlow {
         /// Time \[s\].

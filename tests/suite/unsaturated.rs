@@ -182,7 +182,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
                 r#"{retention}={{"van_genuchten": {{"alpha": 1, "n": 0.9, "saturated_content": 0.4}}}}"#
             ),
             "fluid.darcy.unsaturated.retention.van_genuchten.n",
-            "it must lie between 1.1 and 20",
+            "the value must be at least 1.1 and at most 20",
         ),
         (
             format!(

@@ -105,7 +105,8 @@ impl Seepage {
         if !stores {
             findings.error(
                 &format!("{path}.retention.saturated_only"),
-                "flow that changes with time stores water above the water table, and this retention has no content of water",
+                "flow that changes with time stores water above the water table, \
+                 and this retention has no content of water",
                 "use van_genuchten or gardner, or remove `transient` for steady flow",
             );
         }

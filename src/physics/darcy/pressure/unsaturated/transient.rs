@@ -203,8 +203,8 @@ fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Pressure {
-    /// Lets the flow in ground that drains change with time: from here on [`Pressure::solve`] advances it by an interval.
-    /// `volume`: volume of each cell inside the walls \[m3\].
+    /// Lets the flow in ground that drains change with time: from here on [`Pressure::solve`] advances it by an
+    /// interval. `volume`: volume of each cell inside the walls \[m3\].
     #[must_use]
     pub fn with_transient(mut self, settings: TransientSettings, volume: &[f64]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);

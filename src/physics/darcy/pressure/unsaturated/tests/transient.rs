@@ -109,8 +109,8 @@ fn infiltration_into_a_dry_column() {
 }
 
 /// Absorption along a horizontal axis. In an exponential soil the diffusivity D = K/(alpha (theta_s - theta_r)) is
-/// constant, and the water that entered is 2 (theta_0 - theta_i) sqrt(D t/pi): the sorptivity of J. R. Philip (Soil Sci.
-/// 84 (1957) 257) in closed form.
+/// constant, and the water that entered is 2 (theta_0 - theta_i) sqrt(D t/pi): the sorptivity of J. R. Philip
+/// (Soil Sci. 84 (1957) 257) in closed form.
 #[test]
 fn absorption_with_the_exact_sorptivity() {
     let grid = plane([200, 1], [1.0, 0.01]);
@@ -141,8 +141,8 @@ fn absorption_with_the_exact_sorptivity() {
     }
 }
 
-/// Infiltration into an exponential soil above a water table after R. Srivastava and T.-C. J. Yeh (Water Resour. Res. 27
-/// (1991) 753): rain of 0.1 K, then 0.9 K; pressure heads in cm at heights of 20, 40, 60 and 80 cm.
+/// Infiltration into an exponential soil above a water table after R. Srivastava and T.-C. J. Yeh
+/// (Water Resour. Res. 27 (1991) 753): rain of 0.1 K, then 0.9 K; pressure heads in cm at heights of 20 to 80 cm.
 #[test]
 fn rain_that_grows_on_an_exponential_soil() {
     let grid = plane([1, 200], [0.01, 1.0]);
@@ -182,7 +182,8 @@ fn rain_that_grows_on_an_exponential_soil() {
     }
 }
 
-/// Consolidation of K. Terzaghi: part of the water that has left a saturated layer with a tight base, T = K t/(S_s H^2).
+/// Consolidation of K. Terzaghi: part of the water that has left a saturated layer with a tight base, over
+/// T = K t/(S_s H^2).
 #[test]
 fn a_saturated_layer_drains_by_its_specific_storage() {
     let grid = plane([1, 100], [0.01, 1.0]);
