@@ -244,6 +244,14 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity: Option<f64>,
+    /// Permeability along the horizontal bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits. The
+    /// stated permeability is the one along the bedding. Needs gravity along an axis. Default: 1.
+    #[serde(default)]
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub anisotropy: Option<f64>,
+    /// Retention of the zone in ground that drains. Default: that of `unsaturated`.
+    #[serde(default)]
+    pub retention: Option<Retention>,
     /// Values that vary within the region.
     #[serde(default)]
     pub raster: Option<RasterFile>,
@@ -290,6 +298,10 @@ pub struct SeepageBoundary {
     pub patch: Option<Extent>,
     /// The condition.
     pub condition: Condition,
+    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux or rate):
+    /// linear between, constant before and after; two values at one time are a jump. Needs `unsaturated.transient`.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | water table | of seepage: position of zero pressure; one row per column of cells and time |
 //! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
+//! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box, d50 of these and of what left |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
@@ -87,6 +88,7 @@ enum At {
     Section(Section),
     WaterTable(Columns),
     WaterBalance,
+    Uplift(Section, [f64; 3]),
     Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
@@ -251,6 +253,14 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.push(("pressure", "Pa"));
         }
         ProbeAt::WaterTable(_) => headings.extend(POSITION),
+        ProbeAt::Uplift { .. } => headings.extend([
+            ("force", force),
+            ("torque_x", torque),
+            ("torque_y", torque),
+            ("torque_z", torque),
+            ("mean_pressure", "Pa"),
+            ("area", if flat { "m" } else { "m2" }),
+        ]),
         ProbeAt::WaterBalance => {
             let (volume, flow) = if flat { ("m2", "m2/s") } else { ("m3", "m3/s") };
             headings.extend([
@@ -356,6 +366,16 @@ impl At {
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
             ProbeAt::WaterBalance => Self::WaterBalance,
+            ProbeAt::Uplift {
+                axis,
+                position,
+                part,
+                about,
+            } => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                let section = Section::new(seepage, *axis, *position, part.as_ref());
+                Self::Uplift(section, *about)
+            }
             ProbeAt::WaterTable(_) => {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::WaterTable(Columns::new(seepage, scene.gravity))
@@ -436,7 +456,11 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
-            Self::Pores(_) | Self::Section(_) | Self::WaterTable(_) | Self::WaterBalance
+            Self::Pores(_)
+            | Self::Section(_)
+            | Self::WaterTable(_)
+            | Self::WaterBalance
+            | Self::Uplift(..)
                 if view.seepage.is_some_and(|s| !s.is_known()) =>
             {
                 // There is no pressure before the first coupling.
@@ -448,6 +472,10 @@ impl At {
             }
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Uplift(section, about) => {
+                let values = section.uplift(view.seepage.ok_or_else(no_fluid)?, *about);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::WaterBalance => {

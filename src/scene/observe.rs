@@ -105,6 +105,17 @@ pub enum ProbeAt {
     WaterTable(usize),
     /// Water balance of the seepage.
     WaterBalance,
+    /// Force of the water of a seepage on a part of a plane.
+    Uplift {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate \[m\].
+        position: f64,
+        /// The part.
+        part: Option<Block>,
+        /// Point of the torque \[m\].
+        about: [f64; 3],
+    },
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
     /// Force on a face.

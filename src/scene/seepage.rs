@@ -54,6 +54,10 @@ pub struct Seepage {
     /// Permeabilities and porosities by region, on the grid.
     #[serde(skip)]
     pub zones: Option<Arc<Zones>>,
+    /// Number of the soil of each cell, 0 for that of `unsaturated`, then those of the zones that state one in their
+    /// order; empty where no zone states one.
+    #[serde(skip)]
+    pub soil_of: Vec<u8>,
     /// Structures that the water meets.
     #[serde(skip)]
     pub solids: Vec<Arc<Images>>,
@@ -70,8 +74,10 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last.
     pub to: [usize; 3],
-    /// The condition.
+    /// The condition, at time 0.
     pub condition: Condition,
+    /// Times \[s\] and values of the condition; empty where it stays.
+    pub history: Vec<[f64; 2]>,
 }
 
 impl Patch {
@@ -111,6 +117,7 @@ impl Seepage {
             walls: [[false; 2]; 3],
             patches: Vec::new(),
             zones: None,
+            soil_of: Vec::new(),
             solids: (structures.iter().filter(|s| s.stops.water()))
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
@@ -130,6 +137,7 @@ impl Seepage {
         }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
         scene.zones = scene.zones_of(case, grid, findings);
+        scene.soil_of = scene.soils(case, grid);
         scene.check(case, grid, grains, findings);
         Some(scene)
     }
@@ -307,13 +315,17 @@ impl Seepage {
                     );
                 }
             }
-            let patch = Patch {
+            let mut patch = Patch {
                 name: boundary.name.clone(),
                 face: boundary.face,
                 from,
                 to,
                 condition: boundary.condition,
+                history: boundary.history.clone().unwrap_or_default(),
             };
+            if let Some([_, value]) = patch.history.first() {
+                patch.condition.set_value(*value);
+            }
             if self.closed(&patch, grid.dimension) {
                 let whole = boundary.patch.is_none();
                 let path = format!("{path}.{}", if whole { "face" } else { "patch" });

@@ -25,6 +25,7 @@ use crate::scene::boundaries;
 use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::porous;
 use crate::scene::sample::Grain;
+use crate::scene::seepage::Patch as SeepagePatch;
 use crate::units::LatticeUnits;
 use decomposition::{Axis, Communicator};
 use std::sync::Arc;
@@ -309,7 +310,7 @@ pub fn seepage<S: Space>(
     let written = &scene.written;
     let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
     let pores = plan::explicit_drag::pores(scene, &openness);
-    let patch = |p: &crate::scene::seepage::Patch| darcy::Patch {
+    let patch = |p: &SeepagePatch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
         from: p.from,
@@ -338,11 +339,27 @@ pub fn seepage<S: Space>(
             let pressure = pressure.with_soil(darcy::Soil {
                 retention: soil.retention,
             });
+            let layers: Vec<_> = written
+                .zones
+                .iter()
+                .filter_map(|zone| zone.retention)
+                .collect();
+            let pressure = pressure.with_layers(&layers, &scene.soil_of);
             match &soil.transient {
                 Some(written) => {
                     let cells = 0..openness.grid.count();
                     let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
-                    pressure.with_transient(transient(written, plan.clock.time_step), &volume)
+                    let settings = transient(written, plan.clock.time_step);
+                    let histories = scene.patches.iter().enumerate();
+                    let histories = histories.filter(|(_, patch)| !patch.history.is_empty());
+                    let history = |(patch, written): (usize, &SeepagePatch)| darcy::History {
+                        patch,
+                        table: written.history.clone(),
+                    };
+                    let histories = histories.map(history).collect();
+                    pressure
+                        .with_transient(settings, &volume)
+                        .with_histories(histories)
                 }
                 None => pressure,
             }

@@ -264,3 +264,154 @@ fn flow_in_time_needs_a_soil_that_stores_water() {
         assert!(found.iter().any(|(p, _)| p == path), "{set}: {found:#?}");
     }
 }
+
+/// A dam with k_h = 9 k_v against its isotropic twin: lengths along x over 3, conductivity of the geometric mean.
+#[test]
+fn a_layered_dam_is_its_stretched_twin() {
+    let _beside = beside_others();
+    let discharge = |name: &str, set: &[(&str, &str)]| {
+        let study = Study::of("earth-dam", set);
+        study.run(name, 1, 1, &["probes=[]"]);
+        study.summary(name)["seepage"]["outflow"].as_f64().unwrap()
+    };
+    let grid =
+        |length: f64| format!(r#"{{"from": [0, 0], "to": [{length}, 10], "cells": [40, 40]}}"#);
+    let zone = |more: &str| {
+        format!(r#"[{{"name": "earth", "permeability": {{"hydraulic_conductivity": {more}}}]"#)
+    };
+    let layered = discharge(
+        "layered",
+        &[
+            ("domain.size", "[15, 10]"),
+            ("domain.spacing", "0.25"),
+            ("fluid.darcy.grid", &grid(15.0)),
+            ("fluid.darcy.zones", &zone(r#"9e-5}, "anisotropy": 9"#)),
+        ],
+    );
+    let twin = discharge(
+        "twin",
+        &[
+            ("domain.size", "[5, 10]"),
+            ("domain.spacing", "0.25"),
+            ("fluid.darcy.grid", &grid(5.0)),
+            ("fluid.darcy.zones", &zone("3e-5}")),
+        ],
+    );
+    assert!((layered / twin - 1.0).abs() < 1e-6, "{layered} {twin}");
+    // Exact: k_h (h1^2 - h2^2)/(2 L).
+    assert!((layered / 2.88e-4 - 1.0).abs() < 6e-3, "{layered}");
+}
+
+/// Uplift of a flat base of length B on deep ground under a head H: force gamma H B/2 and moment 3 gamma H B^2/16 about
+/// the heel, from phi/H = arccos(2 x/B - 1)/pi.
+#[test]
+fn uplift_of_a_flat_base_on_deep_ground() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "sheet-pile",
+        &[
+            ("domain.size", "[32, 16]"),
+            ("domain.spacing", "0.125"),
+            ("structures", "[]"),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "upstream", "face": "y_max", "patch": {"from": [0, 0], "to": [15, 16]},
+                     "condition": {"head": {"value": 17}}},
+                    {"name": "downstream", "face": "y_max", "patch": {"from": [17, 0], "to": [32, 16]},
+                     "condition": {"head": {"value": 16}}}]"#,
+            ),
+            (
+                "probes",
+                r#"[{"name": "base", "every": 1, "at": {"uplift": {"axis": "y", "position": 16,
+                     "part": {"from": [15, 0], "to": [17, 16]}, "about": [15, 16]}}}]"#,
+            ),
+        ],
+    );
+    study.run("dam", 1, 1, &[]);
+    let base = &rows(&study, "dam", "base")[0];
+    let weight = 9810.0;
+    assert!((base[7] / 2.0 - 1.0).abs() < 1e-9, "{base:?}");
+    assert!((base[2] / weight - 1.0).abs() < 1e-4, "{base:?}");
+    assert!((base[5] / (0.75 * weight) - 1.0).abs() < 0.01, "{base:?}");
+}
+
+/// Exit gradient next to a sheet pile to half the depth of a stratum, 0.0599 (M. E. Harr, Groundwater and Seepage, 1962).
+#[test]
+fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
+    let _beside = beside_others();
+    let study = Study::of("sheet-pile", &[]);
+    study.run("pile", 1, 1, &[]);
+    let exits = &study.summary("pile")["seepage"]["exit_gradients"];
+    let exit = &exits["downstream"];
+    assert!(
+        (exit["gradient"].as_f64().unwrap() / 0.0599 - 1.0).abs() < 0.02,
+        "{exits}"
+    );
+    assert!(
+        (exit["position"][0].as_f64().unwrap() - 3.00625).abs() < 1e-9,
+        "{exits}"
+    );
+    assert!(exits["upstream"].is_null(), "{exits}");
+}
+
+/// Conditions that follow tables, soils in layers: the same bits on any ranks and after a restart.
+#[test]
+fn a_falling_level_gives_the_same_bits_after_a_restart() {
+    let _beside = beside_others();
+    let soil = r#"{"van_genuchten": {"alpha": 0.64, "n": 2.5, "saturated_content": 0.4}}"#;
+    let study = Study::of(
+        "earth-dam",
+        &[
+            ("domain.spacing", "0.5"),
+            (
+                "fluid.darcy.unsaturated",
+                &format!(r#"{{"retention": {soil}, "transient": {{"specific_storage": 1e-5}}}}"#),
+            ),
+            (
+                "fluid.darcy.zones",
+                r#"[{"name": "earth", "permeability": {"hydraulic_conductivity": 1e-5}},
+                    {"name": "core", "region": {"box": {"from": [4, 0], "to": [6, 10]}}, "anisotropy": 4,
+                     "permeability": {"hydraulic_conductivity": 1e-6},
+                     "retention": {"van_genuchten": {"alpha": 0.3, "n": 1.8, "saturated_content": 0.45}}}]"#,
+            ),
+            (
+                "fluid.darcy.boundaries[0]",
+                r#"{"name": "upstream", "face": "x_min", "condition": {"seepage_face": {"level": 10}},
+                    "history": [[0, 10], [43200, 10], [129600, 4]]}"#,
+            ),
+            ("time", r#"{"end": 172800, "solid_time_step": 4320}"#),
+            ("probes[0].every", "43200"),
+            ("probes[1].every", "43200"),
+            ("output.fluid.every", "86400"),
+            ("checkpoint", r#"{"every": 43200}"#),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    assert!(
+        one["seepage"]["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{one:#}"
+    );
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=86400"]);
+    study.restart("parts", 3, &["time.end=172800"]).expect(0);
+    study.same("straight", "parts");
+    let tables = |run: &str| rows(&study, run, "water_table");
+    assert_eq!(tables("parts"), tables("straight"));
+    // The water table follows the level down.
+    let first = |row: &&Vec<f64>| row[2] < 0.5;
+    let upstream: Vec<f64> = tables("straight")
+        .iter()
+        .filter(first)
+        .map(|row| row[3])
+        .collect();
+    assert!(
+        upstream.windows(2).all(|pair| pair[1] <= pair[0] + 1e-9),
+        "{upstream:?}"
+    );
+    assert!(upstream[0] > 9.0 && upstream[3] < 6.0, "{upstream:?}");
+}

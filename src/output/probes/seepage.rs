@@ -7,6 +7,7 @@ use crate::dem::space::Space;
 use crate::number::{real, whole};
 use crate::scene::block::Block;
 use crate::scene::seepage::Seepage as Scene;
+use decomposition::ExactSum;
 use std::ops::Range;
 
 /// A part of a plane between cells of the coarse grid.
@@ -44,6 +45,44 @@ impl Section {
         let through = pressure.through(self.axis, self.plane, &self.ranges);
         let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
         [through.discharge, through.area, before, behind]
+    }
+
+    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the mean
+    /// pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
+    pub(super) fn uplift<S: Space>(&self, seepage: &Seepage<S>, about: [f64; 3]) -> [f64; 6] {
+        let (grid, pressure) = (seepage.grid(), seepage.pressure());
+        let (axis, area) = (self.axis, grid.area(self.axis));
+        let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
+        let mut whole = ExactSum::new();
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            let held = (0..3).all(|a| a == axis || self.ranges[a].contains(&cell[a]));
+            if !held || cell[axis] + 1 != self.plane || seepage.pores().porosity()[index] <= 0.0 {
+                continue;
+            }
+            let (gradient, weight) = (pressure.inner_gradient(index), pressure.weight());
+            let slope: [f64; 3] = std::array::from_fn(|a| gradient[a] + weight[a]);
+            let mut arm = grid.centre(cell);
+            arm[axis] += 0.5 * grid.spacing[axis];
+            let force = area * (pressure.pressure(index) + 0.5 * grid.spacing[axis] * slope[axis]);
+            // First moments of the linear pressure over the face, then the torque r x F.
+            let moment: [f64; 3] = std::array::from_fn(|a| {
+                let across = if a == axis || a >= grid.dimension {
+                    0.0
+                } else {
+                    area * slope[a] * grid.spacing[a].powi(2) / 12.0
+                };
+                force * (arm[a] - about[a]) + across
+            });
+            let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+            sums[0].add(force);
+            sums[1 + b].add(moment[c]);
+            sums[1 + c].add(-moment[b]);
+            whole.add(area);
+        }
+        let [force, x, y, z] = sums.map(|sum| sum.value());
+        let area = whole.value();
+        [force, x, y, z, force / area, area]
     }
 }
 

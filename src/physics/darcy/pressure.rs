@@ -28,6 +28,7 @@
 //! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the force of the imposed
 //! pressures; the closure of momentum relies on this.
 
+mod answers;
 mod boundary;
 mod iteration;
 pub mod section;
@@ -102,6 +103,18 @@ pub enum Condition {
     },
     /// Impermeable.
     NoFlow {},
+}
+
+impl Condition {
+    /// Sets the value of the condition: pressure, head, level, flux or rate.
+    pub fn set_value(&mut self, new: f64) {
+        match self {
+            Self::Pressure { value } | Self::Head { value } | Self::Flux { value } => *value = new,
+            Self::Rain { rate } => *rate = new,
+            Self::SeepageFace { level } => *level = Some(new),
+            Self::NoFlow {} => {}
+        }
+    }
 }
 
 /// A part of a face of the grid.

@@ -86,6 +86,8 @@ pub struct Zone {
     pub porosity: Option<f64>,
     /// Values that vary.
     pub raster: Option<Raster>,
+    /// Permeability along each axis over the stated one.
+    pub directions: [f64; 3],
     /// Whether it holds in cells without grains as well.
     pub without_grains: bool,
 }
@@ -109,10 +111,21 @@ impl Zone {
 }
 
 /// What zones state for a point. With each the answer whether it holds without grains.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
     porosity: Option<(f64, bool)>,
+    directions: [f64; 3],
+}
+
+impl Default for Medium {
+    fn default() -> Self {
+        Self {
+            permeability: None,
+            porosity: None,
+            directions: [1.0; 3],
+        }
+    }
 }
 
 impl Medium {
@@ -273,6 +286,7 @@ impl Zones {
             let key = ((n as u64 + 1) << 40) + node.map_or(0, |node| node as u64 + 1);
             if let Some(rule) = zone.rule(node) {
                 medium.permeability = Some((rule, zone.without_grains));
+                medium.directions = zone.directions;
                 from[0] = key;
             }
             if let Some(porosity) = zone.pores(node) {
@@ -337,6 +351,12 @@ impl Zones {
     pub fn media(&self, cells: usize) -> impl Iterator<Item = &Medium> {
         let outside = self.cells.len() < cells || self.media_of.contains(&0);
         self.media[usize::from(!outside)..].iter()
+    }
+
+    /// `true` if some cell conducts differently along its axes.
+    fn directed(&self) -> bool {
+        let differs = |medium: &Medium| medium.directions.iter().any(|d| d.total_cmp(&1.0).is_ne());
+        self.cut > 0 || self.media.iter().any(differs)
     }
 
     /// Whether a zone has a law that depends on the gradient.
@@ -417,7 +437,7 @@ impl Conduct {
     /// Room for the zones of a grid with so many cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
-        let cut = if zones.cut > 0 { cells } else { 0 };
+        let cut = if zones.directed() { cells } else { 0 };
         let most = zones.cells.iter().map(|c| c.counts.iter().product());
         Self {
             porosity: vec![1.0; zones.cells.len()],
@@ -509,14 +529,22 @@ impl Conduct {
             };
             let (lengths, media) = zones.boxes(divided);
             if let [medium] = media {
-                permeability[cell] = own(*medium);
+                let directions = zones.media[*medium as usize].directions;
+                let mean = geometric_mean(directions, zones.dimension);
+                permeability[cell] = own(*medium) * mean;
+                if let Some(ratios) = self.ratios.get_mut(cell) {
+                    *ratios = directions.map(|direction| direction / mean);
+                }
                 continue;
             }
-            self.boxes.clear();
-            self.boxes.extend(media.iter().map(|medium| own(*medium)));
-            let mut along = [0.0; 3];
-            let mut mean = 1.0;
+            let mut along = [1.0; 3];
             for (axis, along) in along.iter_mut().enumerate().take(zones.dimension) {
+                self.boxes.clear();
+                self.boxes.extend(
+                    media.iter().map(|medium| {
+                        own(*medium) * zones.media[*medium as usize].directions[axis]
+                    }),
+                );
                 if !self.grains[n] {
                     // What no zone holds is open water.
                     for (own, medium) in self.boxes.iter_mut().zip(media) {
@@ -526,13 +554,9 @@ impl Conduct {
                     }
                 }
                 *along = effective(axis, lengths, &self.boxes);
-                mean *= *along;
             }
             // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
-            let mean = match zones.dimension {
-                2 => mean.sqrt(),
-                _ => mean.cbrt(),
-            };
+            let mean = geometric_mean(along, zones.dimension);
             permeability[cell] = mean;
             for (ratio, along) in self.ratios[cell]
                 .iter_mut()
@@ -576,6 +600,15 @@ impl Conduct {
         }
         self.next = next;
         change
+    }
+}
+
+/// Returns the geometric mean of numbers along the axes of a dimension.
+fn geometric_mean(along: [f64; 3], dimension: usize) -> f64 {
+    let product: f64 = along[..dimension].iter().product();
+    match dimension {
+        2 => product.sqrt(),
+        _ => product.cbrt(),
     }
 }
 

@@ -63,6 +63,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
             | Written::Section { .. }
             | Written::WaterTable {}
             | Written::WaterBalance {}
+            | Written::Uplift { .. }
     );
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
         findings.error(
@@ -121,6 +122,30 @@ impl Measured<'_> {
                     );
                 }
                 ProbeAt::WaterBalance
+            }
+            Written::Uplift {
+                axis,
+                position,
+                part,
+                about,
+            } => {
+                let path = format!("{path}.uplift");
+                let about = about.as_ref().map_or([0.0; 3], |about| {
+                    Block::vector(self.grid, about, &format!("{path}.about"), findings)
+                });
+                match self.section(*axis, *position, part.as_ref(), &path, findings) {
+                    ProbeAt::Section {
+                        axis,
+                        position,
+                        part,
+                    } => ProbeAt::Uplift {
+                        axis,
+                        position,
+                        part,
+                        about,
+                    },
+                    other => other,
+                }
             }
             Written::Gauge { position } => {
                 self.gauge(position, &format!("{path}.gauge.position"), findings)

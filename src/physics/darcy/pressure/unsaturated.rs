@@ -44,12 +44,12 @@ mod transient;
 
 use super::boundary::Boundary;
 use super::{Condition, Medium, Pressure, Report};
-use crate::darcy::retention::{Mean, Retention, Side, mean};
+use crate::darcy::retention::{Mean, Retention, RetentionLaw, Side, mean};
 use crate::darcy::{Error, multigrid};
 use newton::Krylov;
 pub(super) use transient::EXTRA_NUMBERS;
 use transient::Transient;
-pub use transient::{InitialWater, TransientSettings, WaterBalance};
+pub use transient::{History, InitialWater, TransientSettings, WaterBalance};
 
 /// Steps of Newton's method in a steady flow.
 const STEPS: u32 = 40;
@@ -103,7 +103,9 @@ impl CellState {
 
 /// Ground that is saturated in part.
 pub(super) struct Unsaturated {
-    soil: Soil,
+    /// Soils, and the soil of each cell.
+    soils: Vec<Retention>,
+    soil_of: Vec<u8>,
     /// Weight of the water \[N/m3\].
     weight: f64,
     /// Rise of the elevation from a cell to the next along each axis \[m\].
@@ -134,6 +136,22 @@ pub(super) struct Unsaturated {
     transient: Option<Box<Transient>>,
 }
 
+impl Unsaturated {
+    /// Returns the soil of a position of the layout.
+    fn law(&self, at: usize) -> &dyn RetentionLaw {
+        self.soils[usize::from(self.soil_of[at])].model()
+    }
+
+    /// Returns the shortest capillary length of the soils \[m\].
+    fn capillary_length(&self) -> f64 {
+        let lengths = self
+            .soils
+            .iter()
+            .map(|soil| soil.model().capillary_length());
+        lengths.fold(f64::INFINITY, f64::min)
+    }
+}
+
 impl Pressure {
     /// Adds a soil that drains: from here on [`Pressure::solve`] finds steady flow in saturated and unsaturated ground.
     #[must_use]
@@ -150,7 +168,8 @@ impl Pressure {
         }
         log::info!("ground that is saturated in part: {soil:?}");
         self.unsaturated = Some(Box::new(Unsaturated {
-            soil,
+            soils: vec![soil.retention],
+            soil_of: vec![0; n],
             weight: self.liquid.density * strength,
             rise: std::array::from_fn(|a| up[a] * grid.spacing[a]),
             elevation,
@@ -174,6 +193,21 @@ impl Pressure {
             start: vec![0.0; n],
             transient: None,
         }));
+        self
+    }
+
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the soil
+    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the water
+    /// leaves, so that a fine soil above a coarse one holds its water.
+    #[must_use]
+    pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        if let Some(own) = &mut self.unsaturated {
+            own.soils.extend(layers);
+            for (cell, soil) in soil_of.iter().enumerate() {
+                own.soil_of[layout.at(grid.cell(cell))] = *soil;
+            }
+        }
         self
     }
 
@@ -284,7 +318,7 @@ impl Pressure {
         }
         Err(Error::Unsaturated {
             iterations,
-            length: own.soil.retention.model().capillary_length(),
+            length: own.capillary_length(),
         })
     }
 
@@ -293,10 +327,11 @@ impl Pressure {
         let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
         let (weight, level, power) = (own.weight, self.level, own.power);
         let (phi, elevation) = (&self.phi, &own.elevation);
-        let law = own.soil.retention.model();
+        let (soils, soil_of) = (&own.soils, &own.soil_of);
         layout.sweep(&whole, &mut own.states, |start, out| {
             for (i, state) in out.iter_mut().enumerate() {
                 let head = (level + phi[start + i]) / weight - elevation[start + i];
+                let law = soils[usize::from(soil_of[start + i])].model();
                 let found = law.state(head);
                 *state = CellState {
                     head,
@@ -317,7 +352,11 @@ impl Pressure {
                     let (at, below) = (start + i, start + i - stride);
                     let t = saturated[at];
                     *face = if t > 0.0 {
-                        let k = mean(states[below].side(), states[at].side(), rise);
+                        let k = if soil_of[below] == soil_of[at] {
+                            mean(states[below].side(), states[at].side(), rise)
+                        } else {
+                            upstream([states[below], states[at]], phi[below] - phi[at])
+                        };
                         face_flux(t, k, phi[below] - phi[at], weight)
                     } else {
                         FaceFlux::default()
@@ -357,12 +396,13 @@ impl Pressure {
         let held = |phi: f64| {
             let cell = own.states[face.at];
             let head = (phi - surface) / own.weight;
-            let found = own.soil.retention.model().state(head);
+            let law = own.law(face.at);
+            let found = law.state(head);
             let outside = Side {
                 head,
                 log_permeability: own.power * found.log_permeability,
                 slope: own.power * found.slope,
-                potential: own.soil.retention.model().potential(head, own.power),
+                potential: law.potential(head, own.power),
             };
             let k = mean(
                 cell.side(),
@@ -470,6 +510,19 @@ impl Pressure {
         self.system
             .multigrid
             .set(&self.system.matrix, ground, scale);
+    }
+}
+
+/// Returns the permeability of a face between two soils: that of the side which the water leaves.
+fn upstream([lower, upper]: [CellState; 2], difference: f64) -> Mean {
+    let side = usize::from(difference < 0.0);
+    let from = [lower, upper][side];
+    let permeability = from.log_permeability.exp();
+    let mut derivatives = [0.0; 2];
+    derivatives[side] = permeability * from.slope;
+    Mean {
+        permeability,
+        derivatives,
     }
 }
 

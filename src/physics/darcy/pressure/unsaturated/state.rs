@@ -17,10 +17,7 @@ impl Pressure {
             return 1.0;
         };
         let at = self.slab.layout.at(self.slab.grid.cell(cell));
-        own.soil
-            .retention
-            .model()
-            .saturation(self.pressure_head(own, at))
+        own.law(at).saturation(self.pressure_head(own, at))
     }
 
     /// Returns the pressure head at a position of the layout \[m\].

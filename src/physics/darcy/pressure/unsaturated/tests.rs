@@ -264,3 +264,47 @@ fn rain_that_the_soil_does_not_take_runs_off() {
     assert!((run(3e-5) / 1e-5 - 1.0).abs() < 1e-7);
     assert!((run(0.9e-5) / 0.9e-5 - 1.0).abs() < 1e-7);
 }
+
+/// Rain through two exponential soils in layers: in each, e^(alpha psi) = R/K + C e^(-alpha z), with one pressure at the
+/// boundary between them. Water at rest stays at rest across it.
+#[test]
+fn rain_through_layers_has_one_pressure_at_their_boundary() {
+    let gardner = |alpha: f64| {
+        Retention::Gardner(Gardner {
+            alpha,
+            saturated_content: 0.4,
+            residual_content: 0.1,
+        })
+    };
+    let exact = |rain: f64, z: f64| {
+        let lower = |z: f64| (rain + (1.0 - rain) * (-5.0 * z).exp()).ln() / 5.0;
+        let middle = (2.0 * lower(1.0)).exp();
+        if z < 1.0 {
+            lower(z)
+        } else {
+            (rain + (middle - rain) * (-2.0 * (z - 1.0)).exp()).ln() / 2.0
+        }
+    };
+    let largest_error = |rows: usize, rain: f64| {
+        let grid = plane([1, rows], [0.1, 2.0]);
+        let table = Condition::Head { value: 0.0 };
+        let rate = 1e-5 * rain;
+        let patches = vec![
+            patch(&grid, 1, false, [0.0, 0.1], table),
+            patch(&grid, 1, true, [0.0, 0.1], Condition::Rain { rate }),
+        ];
+        let upper: Vec<u8> = (0..rows).map(|row| u8::from(2 * row >= rows)).collect();
+        let mut solver = solver(&grid, patches, gardner(5.0)).with_layers(&[gardner(2.0)], &upper);
+        let report = solver.solve(still(&conductivity(&grid, 1e-5))).unwrap();
+        assert!((report.outflow - rate * 0.1).abs() < 1e-13, "{report:?}");
+        let error = |cell: usize| {
+            let found = solver.pressure(cell) / (WATER.density * G);
+            (found - exact(rain, grid.centre(grid.cell(cell))[1])).abs()
+        };
+        (0..rows).map(error).fold(0.0, f64::max)
+    };
+    assert!(largest_error(40, 0.0) < 1e-7);
+    let (coarse, fine) = (largest_error(40, 0.1), largest_error(160, 0.1));
+    println!("{coarse} {fine}");
+    assert!(fine < 0.01 && fine < 0.3 * coarse, "{coarse} {fine}");
+}

@@ -58,6 +58,36 @@ pub struct TransientSettings {
     pub interval: f64,
 }
 
+/// Values of the condition of a patch in time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct History {
+    /// The patch.
+    pub patch: usize,
+    /// Times \[s\] and values, by rising time, linear between; two values at one time are a jump.
+    pub table: Vec<[f64; 2]>,
+}
+
+impl History {
+    /// Returns the value at a time, that before a jump at the time of the jump.
+    #[must_use]
+    pub fn value(&self, time: f64) -> f64 {
+        let after = self.table.partition_point(|[t, _]| *t < time);
+        let last = self.table.len().saturating_sub(1);
+        let [t1, v1] = self.table[after.min(last)];
+        if after == 0 || after > last {
+            return v1;
+        }
+        let [t0, v0] = self.table[after - 1];
+        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
+    }
+
+    /// Returns the first time of the table after a time \[s\].
+    fn next(&self, time: f64) -> Option<f64> {
+        let after = self.table.partition_point(|[t, _]| *t <= time);
+        self.table.get(after).map(|[t, _]| *t)
+    }
+}
+
 /// Volumes of water since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WaterBalance {
@@ -87,6 +117,7 @@ impl WaterBalance {
 /// State and vectors of a flow that changes with time.
 pub(super) struct Transient {
     settings: TransientSettings,
+    histories: Vec<History>,
     /// Volume of each cell inside the walls \[m3\].
     volume: Vec<f64>,
     /// Reciprocal time of a stage \[1/s\]; 0 in a steady flow.
@@ -218,6 +249,7 @@ impl Pressure {
         if let Some(own) = &mut self.unsaturated {
             own.transient = Some(Box::new(Transient {
                 settings,
+                histories: Vec::new(),
                 volume: inside,
                 rate: 0.0,
                 known: zeros(),
@@ -237,6 +269,28 @@ impl Pressure {
             }));
         }
         self
+    }
+
+    /// Lets conditions of a flow that changes with time follow tables.
+    #[must_use]
+    pub fn with_histories(mut self, histories: Vec<History>) -> Self {
+        let own = self.unsaturated.as_mut();
+        if let Some(transient) = own.and_then(|own| own.transient.as_mut()) {
+            transient.histories = histories;
+        }
+        self
+    }
+
+    /// Imposes the conditions of a time.
+    fn impose_histories(&mut self, own: &Unsaturated, time: f64) {
+        let histories = own
+            .transient
+            .iter()
+            .flat_map(|transient| &transient.histories);
+        for history in histories {
+            let value = history.value(time);
+            self.patches[history.patch].condition.set_value(value);
+        }
     }
 
     /// Returns the volumes of water since the start; none in a steady flow.
@@ -363,9 +417,13 @@ impl Pressure {
         let mut time = start;
         while time < end {
             let wanted = own.transient.as_ref().map_or(interval, |t| t.step);
-            let pieces = ((end - time) / wanted).ceil().max(1.0);
-            let dt = (end - time) / pieces;
-            let found = self.try_step(own, dt, &mut iterations)?;
+            let stop = own.transient.as_ref().map_or(end, |transient| {
+                let times = transient.histories.iter().filter_map(|h| h.next(time));
+                times.fold(end, f64::min)
+            });
+            let pieces = ((stop - time) / wanted).ceil().max(1.0);
+            let dt = (stop - time) / pieces;
+            let found = self.try_step(own, (time, dt), &mut iterations)?;
             let scale = self.largest_difference() / own.weight;
             let Some(transient) = &mut own.transient else {
                 break;
@@ -375,7 +433,7 @@ impl Pressure {
                 transient.error(dt, &own.states, scale)
             });
             if error <= 1.0 {
-                time = if pieces > 1.0 { time + dt } else { end };
+                time = if pieces > 1.0 { time + dt } else { stop };
                 transient.accept(dt, self.crossed());
             } else {
                 self.phi.copy_from_slice(&transient.begin);
@@ -389,7 +447,7 @@ impl Pressure {
             if transient.step < SHORTEST_STEP * interval {
                 return Err(Error::UnsteadyFlow {
                     time,
-                    length: own.soil.retention.model().capillary_length(),
+                    length: own.capillary_length(),
                 });
             }
         }
@@ -403,12 +461,13 @@ impl Pressure {
     fn try_step(
         &mut self,
         own: &mut Unsaturated,
-        dt: f64,
+        (time, dt): (f64, f64),
         iterations: &mut u32,
     ) -> Result<Option<f64>, Error> {
         if let Some(transient) = &mut own.transient {
             transient.start_step(dt, &self.phi);
         }
+        self.impose_histories(own, time + STAGE * dt);
         let first = self.newton(own, NEWTON_STEPS)?;
         *iterations += first.iterations;
         if !first.converged {
@@ -418,6 +477,7 @@ impl Pressure {
         if let Some(transient) = &mut own.transient {
             transient.start_second(dt, crossed);
         }
+        self.impose_histories(own, time + dt);
         let second = self.newton(own, NEWTON_STEPS)?;
         *iterations += second.iterations;
         Ok(second.converged.then_some(second.residual))

@@ -1,7 +1,7 @@
 //! Flow that changes with time against exact and published solutions. All close their mass.
 
 use super::*;
-use crate::darcy::{InitialWater, TransientSettings};
+use crate::darcy::{History, InitialWater, TransientSettings};
 
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
@@ -257,4 +257,64 @@ fn rain_ponds_where_the_soil_cannot_take_it() {
             .windows(2)
             .all(|pair| pair[1] <= pair[0] * (1.0 + 1e-9))
     );
+}
+
+/// Consolidation under a head that falls in time: at once, and linearly over T_0 = 0.3 (R. E. Olson,
+/// J. Geotech. Eng. Div. ASCE 103 (1977) 55): U = T/T_0 {1 - 2/T sum [1 - exp(-M^2 T)]/M^4}, M = (m + 1/2) pi.
+#[test]
+fn heads_follow_their_tables() {
+    let grid = plane([1, 100], [0.01, 1.0]);
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = TransientSettings {
+        specific_storage: 1e-3,
+        ..transient(InitialWater::Head(12.0), 100.0)
+    };
+    let (high, low) = (11.0 * WEIGHT, 10.0 * WEIGHT);
+    let ramp = |time: f64| {
+        let sum: f64 = (0..200)
+            .map(|m| ((f64::from(m) + 0.5) * std::f64::consts::PI).powi(2))
+            .map(|square| (1.0 - (-square * time).exp()) / (square * square))
+            .sum();
+        time / 0.3 * (1.0 - 2.0 / time * sum)
+    };
+    let jump = vec![[0.0, high], [100.0, high], [100.0, low]];
+    let slope = vec![[0.0, high], [300.0, low]];
+    for (table, exact) in [
+        (jump, [0.0, 0.356_823, f64::NAN]),
+        (slope, [ramp(0.1), ramp(0.2), ramp(0.3)]),
+    ] {
+        let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(11.0))];
+        let history = History { patch: 0, table };
+        let mut solver = advancing(&grid, patches, soil, settings).with_histories(vec![history]);
+        let conductivity = conductivity(&grid, 1e-6);
+        for exact in exact {
+            solver.solve(still(&conductivity)).unwrap();
+            closes(&solver);
+            let found = solver.water_balance().unwrap().left / (1e-3 * 0.01);
+            println!("{found} {exact}");
+            assert!(
+                exact.is_nan() || (found - exact).abs() < 2e-3,
+                "{found} {exact}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
+    let history = History {
+        patch: 0,
+        table: vec![[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]],
+    };
+    for (time, value) in [
+        (0.0, 10.0),
+        (1.0, 10.0),
+        (2.0, 15.0),
+        (3.0, 20.0),
+        (3.5, 5.5),
+        (4.0, 6.0),
+        (9.0, 6.0),
+    ] {
+        assert!((history.value(time) - value).abs() < 1e-12, "{time}");
+    }
 }
