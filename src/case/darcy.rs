@@ -1,7 +1,7 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::geometry::{Extent, Face, Region, Vector};
-use darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance};
+use darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance, Retention};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -31,6 +31,10 @@ pub struct Darcy {
     /// states.
     #[serde(default)]
     pub zones: Vec<Zone>,
+    /// Soil that drains: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces.
+    /// Needs gravity and zones that fill the ground, and allows no grains. Default: all ground is saturated.
+    #[serde(default)]
+    pub unsaturated: Option<Unsaturated>,
     /// Form of the equations.
     #[serde(default)]
     pub equations: Equations,
@@ -143,6 +147,54 @@ fn yes() -> bool {
     true
 }
 
+/// Soil that drains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Unsaturated {
+    /// Content of water and relative permeability as functions of the suction. The permeability at saturation is
+    /// that of the zones.
+    pub retention: Retention,
+    /// Flow that changes with time. Default: steady flow.
+    #[serde(default)]
+    pub transient: Option<TransientFlow>,
+}
+
+/// Flow of ground that drains as it changes with time, by the mixed form of Richards' equation. Water is stored where
+/// content and pressure rise. The steps are chosen by their error; the results are written at the steps of the clock.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TransientFlow {
+    /// State at time 0.
+    #[serde(default)]
+    pub initial: InitialState,
+    /// Specific storage of saturated ground [1/m]: volume of water that a volume of ground takes up by a rise of the
+    /// head of 1 m. Clay: 1e-4 to 1e-3; dense sand: 1e-5 to 1e-4; sound rock: below 1e-6.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
+    pub specific_storage: f64,
+    /// Largest error of the water content of a cell in a step [1].
+    #[serde(default = "default_content_error")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.1))]
+    pub content_error: f64,
+}
+
+fn default_content_error() -> f64 {
+    2e-3
+}
+
+/// State of ground that drains at time 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum InitialState {
+    /// Steady flow under the conditions at time 0.
+    #[default]
+    Steady,
+    /// Water at rest with this water level above the origin [m], under suction above it.
+    Head(f64),
+    /// One pressure head everywhere [m]; negative under suction.
+    PressureHead(f64),
+}
+
 /// The coarse grid: a box divided into equal cells. It may be smaller than the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -195,6 +247,14 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity: Option<f64>,
+    /// Permeability along the horizontal bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits. The
+    /// stated permeability is the one along the bedding. Needs gravity along an axis. Default: 1.
+    #[serde(default)]
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub anisotropy: Option<f64>,
+    /// Retention of the zone in ground that drains. Default: that of `unsaturated`.
+    #[serde(default)]
+    pub retention: Option<Retention>,
     /// Values that vary within the region.
     #[serde(default)]
     pub raster: Option<RasterFile>,
@@ -243,6 +303,10 @@ pub struct SeepageBoundary {
     pub patch: Option<Extent>,
     /// The condition.
     pub condition: Condition,
+    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux or rate):
+    /// linear between, constant before and after; two values at one time are a jump. Needs `unsaturated.transient`.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
 }
 
 #[cfg(test)]

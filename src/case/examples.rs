@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 25] = [
+pub const EXAMPLES: [Example; 27] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -73,6 +73,16 @@ pub const EXAMPLES: [Example; 25] = [
         summary: "a cut-off wall under a dam on layered ground, with the exact solution for its equivalent \
             permeability (Harr 1962)",
         text: include_str!("examples/cut-off.json"),
+    },
+    Example {
+        name: "earth-dam",
+        summary: "a dam with a phreatic surface and a seepage face, beside the exact discharge (Charny 1951)",
+        text: include_str!("examples/earth-dam.json"),
+    },
+    Example {
+        name: "infiltration",
+        summary: "water enters a dry column of soil, beside the published column of Celia, Bouloutas and Zarba (1990)",
+        text: include_str!("examples/infiltration.json"),
     },
     Example {
         name: "filter",

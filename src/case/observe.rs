@@ -132,8 +132,28 @@ pub enum ProbeAt {
         #[serde(default)]
         part: Option<Extent>,
     },
-    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of
-    /// water [m] in the column of cells that holds a point.
+    /// Water table of ground that drains: one row for each column of cells along gravity with the point of zero
+    /// pressure [m] above its lowest saturated cell. Needs `fluid.darcy.unsaturated` and gravity along an axis.
+    WaterTable {},
+    /// Water balance of seepage that changes with time: water in the ground, water that entered and left since time 0
+    /// [m3; in 2-D m2], and the present inflow and outflow. Needs `fluid.darcy.unsaturated.transient`.
+    WaterBalance {},
+    /// Force of the water of a seepage on the base of a structure [N; in 2-D N/m]: pressure over a plane between cells,
+    /// integrated from the cells below it, and its torque about a point.
+    Uplift {
+        /// Axis normal to the base; the water is on its lower side and pushes along the axis.
+        axis: Axis,
+        /// Coordinate of the base [m]; the nearest plane between cells is taken.
+        position: f64,
+        /// Box that selects a part of the plane [m]: the cells whose centres lie in it. Default: the whole plane.
+        #[serde(default)]
+        part: Option<Extent>,
+        /// Point of the torque [m]. Default: the lower corner of the domain.
+        #[serde(default)]
+        about: Option<Vector>,
+    },
+    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
+    /// of cells that holds a point.
     Gauge {
         /// The point [m]; its coordinate along the axis of gravity has no effect.
         position: Vector,
@@ -279,6 +299,9 @@ pub enum FieldName {
     Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
+    /// Degree of saturation of ground that drains: volume of water over volume of pores [1]; 0 in cells without
+    /// water. Needs `fluid.darcy.unsaturated`.
+    Saturation,
 }
 
 impl FieldName {

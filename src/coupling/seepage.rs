@@ -92,7 +92,7 @@ pub use balance::{Balance, Extremes};
 use base::error::Error;
 use base::thread_pool;
 use bed::Sums;
-use darcy::pressure::NUMBERS;
+use darcy::pressure;
 use darcy::zones::Conduct;
 use darcy::{
     DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
@@ -291,6 +291,7 @@ impl<Sp: Space> Seepage<Sp> {
             .chain(gradient)
             .chain(flux)
             .chain(water.speed.iter().copied())
+            .chain(self.pressure.saved_water())
             .collect()
     }
 
@@ -304,14 +305,17 @@ impl<Sp: Space> Seepage<Sp> {
         if state.is_empty() {
             return Ok(());
         }
-        if state.len() != NUMBERS * n {
+        let expected = pressure::numbers(n, self.pressure.water_balance().is_some());
+        if state.len() != expected {
             return Err(Error::Io(format!(
-                "the checkpoint holds {} numbers of the seepage, not {}",
+                "the checkpoint holds {} numbers of the seepage, not {expected}",
                 state.len(),
-                NUMBERS * n
             )));
         }
         self.pressure.restore(&state[..n]).map_err(failed)?;
+        self.pressure
+            .restore_water(&state[pressure::numbers(n, false)..])
+            .map_err(failed)?;
         self.before.copy_from_slice(&state[n..2 * n]);
         let water = &mut self.water;
         water
@@ -322,7 +326,7 @@ impl<Sp: Space> Seepage<Sp> {
             .flux
             .as_flattened_mut()
             .copy_from_slice(&state[5 * n..8 * n]);
-        water.speed.copy_from_slice(&state[8 * n..]);
+        water.speed.copy_from_slice(&state[8 * n..9 * n]);
         water.steepen();
         self.has_before = true;
         Ok(())

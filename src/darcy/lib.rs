@@ -42,6 +42,7 @@ pub mod permeability;
 pub mod porosity;
 pub mod pressure;
 mod reproducible;
+pub mod retention;
 pub mod zones;
 
 pub use drag::DragLaw;
@@ -50,7 +51,9 @@ pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
+pub use pressure::unsaturated::{History, InitialWater, Soil, TransientSettings, WaterBalance};
 pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
+pub use retention::Retention;
 pub use zones::Zones;
 
 pub use reproducible::power_above;
@@ -86,6 +89,30 @@ pub enum Error {
         residual: f64,
         /// The requested value.
         tolerance: f64,
+    },
+    /// Neither Newton's method nor the continuation found the flow in ground that drains.
+    #[error(
+        "the flow in unsaturated ground did not converge in {iterations} iterations: the permeability changes too \
+         fast from cell to cell; use cells of at most some capillary lengths of {length:.3e} m, a longer capillary \
+         length (a smaller `alpha` or `n`), or more `max_iterations`"
+    )]
+    Unsaturated {
+        /// Iterations of the linear solver.
+        iterations: u32,
+        /// Capillary length of the soil \[m\].
+        length: f64,
+    },
+    /// No step in time was short enough for the flow in ground that drains.
+    #[error(
+        "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use \
+         cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or \
+         `n`), or an initial state closer to the conditions of the boundary"
+    )]
+    UnsteadyFlow {
+        /// Time \[s\].
+        time: f64,
+        /// Capillary length of the soil \[m\].
+        length: f64,
     },
     /// A porosity, source or pressure is not a finite number.
     #[error("the seepage pressure is not finite ({0})")]

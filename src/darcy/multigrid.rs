@@ -41,6 +41,9 @@ pub(super) struct Matrix<T> {
 /// A face with an imposed pressure: position of its cell, axis, conductance.
 pub(super) type Ground = (usize, usize, f64);
 
+/// Axis of a conductance that stands for water stored in a cell: it is in series with nothing.
+pub(super) const STORED: usize = 3;
+
 impl<T: Copy + Default> Matrix<T> {
     pub(super) fn new(layout: &Layout) -> Self {
         Self {
@@ -472,7 +475,11 @@ impl Level {
                 let [_, sy, sz] = from.stride;
                 [at % sy - 1, at % sz / sy - 1, at / sz - 1]
             };
-            let lane = fine.in_series(g, axis, at, cell[axis]);
+            let lane = if axis == STORED {
+                g
+            } else {
+                fine.in_series(g, axis, at, cell[axis])
+            };
             let coarse = to.at(std::array::from_fn(|a| cell[a] / fine.joined[a]));
             self.ground.push((coarse, axis, lane));
         }

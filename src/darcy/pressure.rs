@@ -28,9 +28,11 @@
 //! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the
 //! force of the imposed pressures; the closure of momentum relies on this.
 
+mod answers;
 mod boundary;
 mod iteration;
 pub mod section;
+pub mod unsaturated;
 
 use super::Error;
 use super::enclosure::Openness;
@@ -42,6 +44,7 @@ use boundary::{Boundary, boundary, head_pressure, slabs};
 use decomposition::{Communicator, Domain, ExactSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use unsaturated::Unsaturated;
 
 /// Form of the equations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -91,8 +94,27 @@ pub enum Condition {
         #[schemars(range(min = 0.0))]
         rate: f64,
     },
+    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
+    /// hydrostatic pressure. Needs `unsaturated`.
+    SeepageFace {
+        /// Head of the water in front of the lower part [m]. Default: air everywhere.
+        #[serde(default)]
+        level: Option<f64>,
+    },
     /// Impermeable.
     NoFlow {},
+}
+
+impl Condition {
+    /// Sets the value of the condition: pressure, head, level, flux or rate.
+    pub fn set_value(&mut self, new: f64) {
+        match self {
+            Self::Pressure { value } | Self::Head { value } | Self::Flux { value } => *value = new,
+            Self::Rain { rate } => *rate = new,
+            Self::SeepageFace { level } => *level = Some(new),
+            Self::NoFlow {} => {}
+        }
+    }
 }
 
 /// A part of a face of the grid.
@@ -123,7 +145,19 @@ impl Patch {
 /// of open water.
 pub const NUMBERS: usize = 9;
 
-/// Settings of the pressure solver.
+/// Returns how many numbers a saved run holds of a grid of this many cells; `transient`: `true` if the flow changes
+/// with time, which adds the stored water of each cell.
+#[must_use]
+pub fn numbers(cells: usize, transient: bool) -> usize {
+    let stored = if transient {
+        cells + unsaturated::EXTRA_NUMBERS
+    } else {
+        0
+    };
+    NUMBERS * cells + stored
+}
+
+/// How the pressure is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Form of the equations.
@@ -253,6 +287,8 @@ pub struct Pressure {
     level: f64,
     /// `true` if no pressure has been found or restored yet.
     fresh: bool,
+    /// Ground that is saturated in part; none where all of it is.
+    unsaturated: Option<Box<Unsaturated>>,
 }
 
 impl Pressure {
@@ -327,6 +363,7 @@ impl Pressure {
             phi: vec![0.0; n],
             level: 0.0,
             fresh: true,
+            unsaturated: None,
         };
         all.check_outlets()?;
         Ok(all)
@@ -338,7 +375,7 @@ impl Pressure {
         for face in &self.boundary {
             if matches!(
                 self.patches[face.patch].condition,
-                Condition::Pressure { .. } | Condition::Head { .. }
+                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
             ) {
                 held[face.at] = true;
             }
@@ -440,6 +477,9 @@ impl Pressure {
     /// # Errors
     /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
     pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+        if self.unsaturated.is_some() {
+            return self.solve_unsaturated(medium);
+        }
         self.assemble(medium)?;
         let (iterations, residual) = self.iterate()?;
         if let Some(gather) = &mut self.slab.gather {
@@ -588,7 +628,7 @@ impl Pressure {
                 Condition::Rain { rate: q } => {
                     self.system.right[face.at] += q * face.area * face.up
                 }
-                Condition::NoFlow {} => {}
+                Condition::SeepageFace { .. } | Condition::NoFlow {} => {}
             }
         }
     }
@@ -700,16 +740,23 @@ impl Pressure {
         match self.patches[face.patch].condition {
             Condition::Pressure { value: p } => Some(p + face.lift),
             Condition::Head { value: h } => Some(head_pressure(&self.liquid, &self.settings, h)),
+            Condition::SeepageFace { level } => {
+                let below = level.map(|h| head_pressure(&self.liquid, &self.settings, h));
+                Some(below.map_or(face.lift, |phi| phi.max(face.lift)))
+            }
             _ => None,
         }
     }
 
     /// Returns the flow through a boundary face, into the grid \[m3/s\].
     fn inflow(&self, face: &Boundary) -> f64 {
+        if self.unsaturated.is_some() {
+            return face.rate;
+        }
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
             Condition::Rain { rate: q } => q * face.area * face.up,
-            Condition::NoFlow {} => 0.0,
+            Condition::SeepageFace { .. } | Condition::NoFlow {} => 0.0,
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 let inward = if face.upper { -1.0 } else { 1.0 };
                 let carried = inward * face.area * self.conduction.carried[face.axis][face.at];

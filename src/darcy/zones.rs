@@ -89,7 +89,9 @@ pub struct Zone {
     pub porosity: Option<f64>,
     /// Values that vary.
     pub raster: Option<Raster>,
-    /// `true` if it also holds in cells without grains.
+    /// Permeability along each axis over the stated one.
+    pub directions: [f64; 3],
+    /// Whether it holds in cells without grains as well.
     pub without_grains: bool,
 }
 
@@ -111,11 +113,22 @@ impl Zone {
     }
 }
 
-/// Values that zones state for a point, each with a flag: `true` if it holds without grains.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What zones state for a point. With each the answer whether it holds without grains.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
     porosity: Option<(f64, bool)>,
+    directions: [f64; 3],
+}
+
+impl Default for Medium {
+    fn default() -> Self {
+        Self {
+            permeability: None,
+            porosity: None,
+            directions: [1.0; 3],
+        }
+    }
 }
 
 impl Medium {
@@ -276,6 +289,7 @@ impl Zones {
             let key = ((n as u64 + 1) << 40) + node.map_or(0, |node| node as u64 + 1);
             if let Some(rule) = zone.rule(node) {
                 medium.permeability = Some((rule, zone.without_grains));
+                medium.directions = zone.directions;
                 from[0] = key;
             }
             if let Some(porosity) = zone.pores(node) {
@@ -343,7 +357,13 @@ impl Zones {
         self.media[usize::from(!outside)..].iter()
     }
 
-    /// Returns `true` if a zone has a law that depends on the gradient.
+    /// `true` if some cell conducts differently along its axes.
+    fn directed(&self) -> bool {
+        let differs = |medium: &Medium| medium.directions.iter().any(|d| d.total_cmp(&1.0).is_ne());
+        self.cut > 0 || self.media.iter().any(differs)
+    }
+
+    /// Whether a zone has a law that depends on the gradient.
     #[must_use]
     pub fn depend_on_the_gradient(&self) -> bool {
         self.media.iter().any(|medium| {
@@ -421,7 +441,7 @@ impl Conduct {
     /// Allocates buffers for the zones of a grid with `cells` cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
-        let cut = if zones.cut > 0 { cells } else { 0 };
+        let cut = if zones.directed() { cells } else { 0 };
         let most = zones.cells.iter().map(|c| c.counts.iter().product());
         Self {
             porosity: vec![1.0; zones.cells.len()],
@@ -513,14 +533,22 @@ impl Conduct {
             };
             let (lengths, media) = zones.boxes(divided);
             if let [medium] = media {
-                permeability[cell] = own(*medium);
+                let directions = zones.media[*medium as usize].directions;
+                let mean = geometric_mean(directions, zones.dimension);
+                permeability[cell] = own(*medium) * mean;
+                if let Some(ratios) = self.ratios.get_mut(cell) {
+                    *ratios = directions.map(|direction| direction / mean);
+                }
                 continue;
             }
-            self.boxes.clear();
-            self.boxes.extend(media.iter().map(|medium| own(*medium)));
-            let mut along = [0.0; 3];
-            let mut mean = 1.0;
+            let mut along = [1.0; 3];
             for (axis, along) in along.iter_mut().enumerate().take(zones.dimension) {
+                self.boxes.clear();
+                self.boxes.extend(
+                    media.iter().map(|medium| {
+                        own(*medium) * zones.media[*medium as usize].directions[axis]
+                    }),
+                );
                 if !self.grains[n] {
                     // What no zone holds is open water.
                     for (own, medium) in self.boxes.iter_mut().zip(media) {
@@ -530,14 +558,9 @@ impl Conduct {
                     }
                 }
                 *along = effective(axis, lengths, &self.boxes);
-                mean *= *along;
             }
-            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along
-            // each.
-            let mean = match zones.dimension {
-                2 => mean.sqrt(),
-                _ => mean.cbrt(),
-            };
+            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
+            let mean = geometric_mean(along, zones.dimension);
             permeability[cell] = mean;
             for (ratio, along) in self.ratios[cell]
                 .iter_mut()
@@ -585,8 +608,16 @@ impl Conduct {
     }
 }
 
-/// Returns the permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`:
-/// parts of the edges.
+/// Returns the geometric mean of numbers along the axes of a dimension.
+fn geometric_mean(along: [f64; 3], dimension: usize) -> f64 {
+    let product: f64 = along[..dimension].iter().product();
+    match dimension {
+        2 => product.sqrt(),
+        _ => product.cbrt(),
+    }
+}
+
+/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the edges.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

@@ -14,6 +14,9 @@
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
 //! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
+//! | water table | of seepage: position of zero pressure; one row per column of cells and time |
+//! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
+//! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
@@ -29,6 +32,7 @@ mod gauge;
 mod points;
 mod seepage;
 mod wall;
+mod water_table;
 
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
 use super::group::RankGroup;
@@ -53,6 +57,7 @@ use points::{Points, along, clamped};
 use seepage::Section;
 use std::path::{Path, PathBuf};
 use wall::Wall;
+use water_table::Columns;
 
 /// A probe with its file.
 #[derive(Debug)]
@@ -82,6 +87,9 @@ enum At {
     /// A point in seepage \[m\].
     Pores([f64; 3]),
     Section(Section),
+    WaterTable(Columns),
+    WaterBalance,
+    Uplift(Section, [f64; 3]),
     Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
@@ -246,6 +254,25 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.extend(VELOCITY);
             headings.push(("pressure", "Pa"));
         }
+        ProbeAt::WaterTable(_) => headings.extend(POSITION),
+        ProbeAt::Uplift { .. } => headings.extend([
+            ("force", force),
+            ("torque_x", torque),
+            ("torque_y", torque),
+            ("torque_z", torque),
+            ("mean_pressure", "Pa"),
+            ("area", if flat { "m" } else { "m2" }),
+        ]),
+        ProbeAt::WaterBalance => {
+            let (volume, flow) = if flat { ("m2", "m2/s") } else { ("m3", "m3/s") };
+            headings.extend([
+                ("stored", volume),
+                ("entered", volume),
+                ("left", volume),
+                ("inflow", flow),
+                ("outflow", flow),
+            ]);
+        }
         ProbeAt::Gauge(_) => headings.extend([("elevation", "m"), ("depth", "m")]),
         ProbeAt::Section { .. } => headings.extend([
             ("discharge", if flat { "m2/s" } else { "m3/s" }),
@@ -340,6 +367,21 @@ impl At {
                 let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
+            ProbeAt::WaterBalance => Self::WaterBalance,
+            ProbeAt::Uplift {
+                axis,
+                position,
+                part,
+                about,
+            } => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                let section = Section::new(seepage, *axis, *position, part.as_ref());
+                Self::Uplift(section, *about)
+            }
+            ProbeAt::WaterTable(_) => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                Self::WaterTable(Columns::new(seepage, scene.gravity))
+            }
             ProbeAt::Gauge(cell) => {
                 let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
                 let grid = &scene.grid;
@@ -384,6 +426,7 @@ impl At {
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
+            Self::WaterTable(columns) => columns.len(),
             _ => 1,
         }
     }
@@ -415,7 +458,13 @@ impl At {
                 let values = plane(view, fluid(view)?, *axis, *position);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
-            Self::Pores(_) | Self::Section(_) if view.seepage.is_some_and(|s| !s.is_known()) => {
+            Self::Pores(_)
+            | Self::Section(_)
+            | Self::WaterTable(_)
+            | Self::WaterBalance
+            | Self::Uplift(..)
+                if view.seepage.is_some_and(|s| !s.is_known()) =>
+            {
                 // There is no pressure before the first coupling.
                 return Ok(false);
             }
@@ -426,6 +475,20 @@ impl At {
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
                 rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Uplift(section, about) => {
+                let values = section.uplift(view.seepage.ok_or_else(no_fluid)?, *about);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::WaterBalance => {
+                let values = seepage::balance(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::WaterTable(columns) => {
+                let seepage = view.seepage.ok_or_else(no_fluid)?;
+                for (column, row) in rows.iter_mut().enumerate() {
+                    row.extend(columns.sample(seepage, column));
+                }
             }
             Self::Gauge(gauge) => {
                 let values = gauge.sample(fluid(view)?, view.domain.communicator());

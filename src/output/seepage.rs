@@ -23,6 +23,7 @@ pub(crate) struct Buffers<T> {
     porosity: Vec<T>,
     velocity: Vec<T>,
     head: Vec<T>,
+    saturation: Vec<T>,
     wanted: Vec<FieldName>,
 }
 
@@ -70,6 +71,7 @@ impl<T: Number> Buffers<T> {
             porosity: Vec::new(),
             velocity: Vec::new(),
             head: Vec::new(),
+            saturation: Vec::new(),
             wanted: fields.to_vec(),
         }
     }
@@ -79,6 +81,7 @@ impl<T: Number> Buffers<T> {
         self.porosity.clear();
         self.velocity.clear();
         self.head.clear();
+        self.saturation.clear();
         if !first {
             return;
         }
@@ -94,6 +97,8 @@ impl<T: Number> Buffers<T> {
                 f64::NAN
             };
             self.head.push(T::from_value(head));
+            self.saturation
+                .push(T::from_value(pressure.saturation(cell)));
         }
     }
 
@@ -113,6 +118,9 @@ impl<T: Number> Buffers<T> {
         }
         if self.wanted.contains(&FieldName::Head) {
             columns.push(column("head", "m", 1, &self.head));
+        }
+        if self.wanted.contains(&FieldName::Saturation) {
+            columns.push(column("saturation", "-", 1, &self.saturation));
         }
         columns.push(column("porosity", "-", 1, &self.porosity));
         columns

@@ -120,6 +120,19 @@ pub const MODELS: &[(&str, Models)] = &[
             ("darcy", &["bear1972"]),
             ("zones", &["cardwell1945", "renard1997"]),
             ("open_water", &["shah1978", "churchill1977"]),
+            (
+                "unsaturated",
+                &["richards1931", "scharfetter1969", "vandervorst1992"],
+            ),
+            ("transient", &["celia1990", "alexander1977"]),
+        ],
+    ),
+    (
+        "retention",
+        &[
+            ("van_genuchten", &["vangenuchten1980", "mualem1976"]),
+            ("gardner", &["gardner1958"]),
+            ("saturated_only", &["gardner1958", "bear1972"]),
         ],
     ),
     (
@@ -357,6 +370,13 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if !written.zones.is_empty() {
         used.push(("seepage", "zones".into()));
     }
+    if let Some(soil) = &written.unsaturated {
+        used.push(("seepage", "unsaturated".into()));
+        used.push(("retention", name(&soil.retention)));
+        if soil.transient.is_some() {
+            used.push(("seepage", "transient".into()));
+        }
+    }
     if scene.grains.is_some() || !scene.bodies.is_empty() {
         used.push(("seepage", "open_water".into()));
         used.push(("resistance", name(&written.resistance())));
@@ -482,6 +502,7 @@ mod tests {
             ("porous_zone", offered::<fluid::Resistance>()),
             ("resistance", offered::<darcy::Resistance>()),
             ("drag", offered::<darcy::DragLaw>()),
+            ("retention", offered::<darcy::Retention>()),
             ("porosity", offered::<darcy::PorosityMethod>()),
             ("contact", offered::<dem::contact::Contact>()),
             ("block_model", offered::<BlockModel>()),

@@ -10,7 +10,7 @@ use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;
 use base::family::Description;
 use case::coupling::{Coupling, Scheme, SolidFraction};
-use case::darcy::Darcy;
+use case::darcy::{Darcy, Unsaturated};
 use case::fluid::Device;
 use case::fluid::Precision;
 use lbm::lattice::VelocitySet;
@@ -176,7 +176,12 @@ impl Choices<'_> {
         let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
         let [x, y, z] = seepage.cells;
         let cells = if without_grains {
-            format!("requested; {x} x {y} x {z} cells, steady: no grain moves")
+            let time = if seepage.is_transient() {
+                format!("every {} s", number(self.clock.time_step))
+            } else {
+                "steady: no grain moves".to_owned()
+            };
+            format!("requested; {x} x {y} x {z} cells, {time}")
         } else {
             let steps = self.clock.solid_steps_per_step;
             format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
@@ -204,10 +209,44 @@ impl Choices<'_> {
             );
         }
         let tolerance = format!("to {:e} of the driving terms", written.tolerance);
-        self.add("pressure", "conjugate gradients with multigrid", tolerance);
+        match &written.unsaturated {
+            Some(soil) => self.unsaturated(soil, tolerance),
+            None => self.add("pressure", "conjugate gradients with multigrid", tolerance),
+        }
         if !without_grains {
             self.seepage_on_grains(written);
         }
+    }
+
+    /// Adds the models of ground that drains.
+    fn unsaturated(&mut self, soil: &Unsaturated, tolerance: String) {
+        let law = soil.retention.model();
+        let length = number(law.capillary_length());
+        self.add(
+            "retention",
+            law.description(),
+            format!("requested; capillary length {length} m"),
+        );
+        self.add(
+            "pressure",
+            "Newton's method, stabilised biconjugate gradients with multigrid",
+            tolerance,
+        );
+        if let Some(transient) = &soil.transient {
+            self.add(
+                "time integration",
+                "two implicit stages of second order, adaptive steps",
+                format!(
+                    "error of the content of water below {} in a step",
+                    number(transient.content_error)
+                ),
+            );
+        }
+        self.add(
+            "not computed",
+            "hysteresis, air pressure, swelling",
+            "air moves freely at atmospheric pressure, and the ground is rigid",
+        );
     }
 
     /// Adds the equations and the drag of seepage through grains.

@@ -54,7 +54,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
 fn holds(condition: &Condition) -> bool {
     matches!(
         condition,
-        Condition::Pressure { .. } | Condition::Head { .. }
+        Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
     )
 }
 
@@ -153,13 +153,27 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
                 heights[0].max(heights[1])
             })
             .sum();
-        if head < elevation - 1e-9 * (1.0 + elevation.abs()) {
+        let below = head < elevation - 1e-9 * (1.0 + elevation.abs());
+        if below && seepage.written.unsaturated.is_some() {
+            let path = format!("{PATH}.boundaries[{n}].condition");
+            findings.warn(
+                &path,
+                format!(
+                    "the head of {} m lies below the highest point of `{}`, at an elevation of {} m: water passes there under suction, \
+                     which no face in air does",
+                    number(head),
+                    patch.name,
+                    number(elevation)
+                ),
+                Remedy::from("use a seepage face with this level of water in front of its lower part")
+                    .set(path.clone(), serde_json::json!({"seepage_face": {"level": head}})),
+            );
+        } else if below {
             findings.warn(
                 &format!("{PATH}.boundaries[{n}].condition.head.value"),
                 format!(
-                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water \
-                     there is under suction, and \
-                     seepage has no free surface",
+                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water there is under suction, and \
+                     saturated ground has no water table",
                     number(head),
                     number(elevation - head),
                     patch.name,
@@ -299,16 +313,24 @@ fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     };
     let place = grid.centre(grid.cell(first));
     let place: Vec<String> = place[..grid.dimension].iter().map(|x| number(*x)).collect();
-    findings.warn(
-        &format!("{PATH}.zones"),
-        format!(
-            "no zone fills {} of {} cells, the first of them at ({}) m: without grains they are open water, which \
-             hardly resists the flow",
-            open().count(),
-            wet().count(),
-            place.join(", ")
-        ),
-        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds \
-         everywhere else",
+    let counted = format!(
+        "no zone fills {} of {} cells, the first of them at ({}) m",
+        open().count(),
+        wet().count(),
+        place.join(", ")
     );
+    let (path, remedy) = (
+        format!("{PATH}.zones"),
+        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds everywhere else",
+    );
+    if seepage.written.unsaturated.is_some() {
+        let reason = format!("{counted}: open water and air have no retention");
+        findings.error(&path, reason, remedy);
+    } else {
+        findings.warn(
+            &path,
+            format!("{counted}: without grains they are open water, which hardly resists the flow"),
+            remedy,
+        );
+    }
 }

@@ -211,7 +211,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
         seepage: scene
             .seepage
             .as_ref()
-            .map(|seepage| seepage.cells.iter().product()),
+            .map(|seepage| darcy::pressure::numbers(seepage.cell_count(), seepage.is_transient())),
         grains: (scene.has_solids() || generates).then_some(grains),
         steps: plan.clock.steps,
         // The restart may have requested a shorter warm-up.

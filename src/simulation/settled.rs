@@ -77,7 +77,10 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
             ("mean_pressure", &["mean_pressure"], pressure),
         ],
         // Seepage is in equilibrium in every step.
-        ProbeAt::Section { .. } => Vec::new(),
+        ProbeAt::Section { .. }
+        | ProbeAt::WaterTable(_)
+        | ProbeAt::WaterBalance
+        | ProbeAt::Uplift { .. } => Vec::new(),
         // Grains fluctuate; the means over their own window are in the summary.
         ProbeAt::Bed(_) | ProbeAt::Grains { .. } => Vec::new(),
         ProbeAt::Body(_) | ProbeAt::Structure(_) => vec![(

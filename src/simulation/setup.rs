@@ -8,6 +8,7 @@ use super::coupled;
 use base::error::Error;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
+use case::darcy::{InitialState, TransientFlow};
 use coupling::body_map::GHOSTS;
 use coupling::seepage::{self, Seepage};
 use darcy;
@@ -26,6 +27,7 @@ use plan::scene::boundaries;
 use plan::scene::flow::{BodyForce, Flow};
 use plan::scene::porous;
 use plan::scene::sample::Grain;
+use plan::scene::seepage::Patch as SeepagePatch;
 use plan::{self, Plan};
 use std::sync::Arc;
 
@@ -281,7 +283,21 @@ pub fn grains<S: Space>(
     }
 }
 
-/// Returns the seepage of a plan with its drag, if there is one. Collective.
+/// Returns the choices of a flow that changes with time; `interval`: time of a step of the clock \[s\].
+fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings {
+    darcy::TransientSettings {
+        initial: match written.initial {
+            InitialState::Steady => darcy::InitialWater::Steady,
+            InitialState::Head(head) => darcy::InitialWater::Head(head),
+            InitialState::PressureHead(head) => darcy::InitialWater::PressureHead(head),
+        },
+        specific_storage: written.specific_storage,
+        content_error: written.content_error,
+        interval,
+    }
+}
+
+/// The seepage of a plan with its drag, if there is one. Collective.
 ///
 /// # Errors
 /// When water is shut in without an outlet.
@@ -295,7 +311,7 @@ pub fn seepage<S: Space>(
     let written = &scene.written;
     let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
     let pores = plan::explicit_drag::pores(scene, &openness);
-    let patch = |p: &plan::scene::seepage::Patch| darcy::Patch {
+    let patch = |p: &SeepagePatch| darcy::Patch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
         from: p.from,
@@ -319,6 +335,38 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
+    let pressure = match &written.unsaturated {
+        Some(soil) => {
+            let pressure = pressure.with_soil(darcy::Soil {
+                retention: soil.retention,
+            });
+            let layers: Vec<_> = written
+                .zones
+                .iter()
+                .filter_map(|zone| zone.retention)
+                .collect();
+            let pressure = pressure.with_layers(&layers, &scene.soil_of);
+            match &soil.transient {
+                Some(written) => {
+                    let cells = 0..openness.grid.count();
+                    let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
+                    let settings = transient(written, plan.clock.time_step);
+                    let histories = scene.patches.iter().enumerate();
+                    let histories = histories.filter(|(_, patch)| !patch.history.is_empty());
+                    let history = |(patch, written): (usize, &SeepagePatch)| darcy::History {
+                        patch,
+                        table: written.history.clone(),
+                    };
+                    let histories = histories.map(history).collect();
+                    pressure
+                        .with_transient(settings, &volume)
+                        .with_histories(histories)
+                }
+                None => pressure,
+            }
+        }
+        None => pressure,
+    };
     let settings = seepage::Settings {
         liquid,
         permeability: darcy::Permeability {

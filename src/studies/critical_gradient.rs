@@ -274,7 +274,7 @@ impl Inlet {
             Condition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
             Condition::Flux { .. } => ("flux.value", "m/s", None),
             Condition::Rain { .. } => ("rain.rate", "m/s", None),
-            Condition::NoFlow {} => {
+            Condition::SeepageFace { .. } | Condition::NoFlow {} => {
                 return Err(refusal(
                     "--boundary",
                     patch.name.clone(),

@@ -1571,7 +1571,11 @@ fn absent_features_are_named_as_such() {
             "grains={\"material\": \"m\", \"clumps\": [], \"initial\": {\"list\": []}}",
             "clumps",
         ),
-        ("seepage", "fluid.darcy.van_genuchten={}", "unsaturated"),
+        (
+            "seepage",
+            "fluid.darcy.capillary_bridges={}",
+            "capillary bridges",
+        ),
     ] {
         let problems = judge(find(example).unwrap().text, &[set.into()]);
         let told = problems.iter().any(|p| {
@@ -1584,14 +1588,32 @@ fn absent_features_are_named_as_such() {
 /// Features under other names lead to the field that has them.
 #[test]
 fn features_under_other_names_lead_to_their_field() {
-    for set in [
-        "fluid.lattice_boltzmann.free_surface={}",
-        "fluid.lattice_boltzmann.boundaries[0].condition={\"free_surface\": {}}",
-        "fluid.lattice_boltzmann.boundaries[0].condition=\"free_surface\"",
+    let surface = "fluid.lattice_boltzmann.surface";
+    for (example, set, field) in [
+        (
+            "couette",
+            "fluid.lattice_boltzmann.free_surface={}",
+            surface,
+        ),
+        (
+            "couette",
+            "fluid.lattice_boltzmann.boundaries[0].condition={\"free_surface\": {}}",
+            surface,
+        ),
+        (
+            "couette",
+            "fluid.lattice_boltzmann.boundaries[0].condition=\"free_surface\"",
+            surface,
+        ),
+        (
+            "seepage",
+            "fluid.darcy.richards={}",
+            "fluid.darcy.unsaturated",
+        ),
     ] {
-        let problems = judge(find("couette").unwrap().text, &[set.into()]);
-        let remedy = "use `fluid.lattice_boltzmann.surface`";
-        let said = problems.iter().any(|p| p.to_string().contains(remedy));
+        let problems = judge(find(example).unwrap().text, &[set.into()]);
+        let remedy = format!("use `{field}`");
+        let said = problems.iter().any(|p| p.to_string().contains(&remedy));
         assert!(said, "{set}: {problems:#?}");
     }
 }

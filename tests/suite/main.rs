@@ -46,5 +46,6 @@ mod stopping;
 mod structures;
 mod sweep;
 mod tutorial;
+mod unsaturated;
 mod usage;
 mod verification;

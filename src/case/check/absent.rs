@@ -34,17 +34,9 @@ pub const ABSENT: [Absent; 12] = [
         "use a free surface (`fluid.lattice_boltzmann.surface`) where waves and drops are well above 2 cm",
     ),
     absent(
-        &[
-            "unsaturated",
-            "suction",
-            "vangenuchten",
-            "richards",
-            "capillary",
-            "liquidbridge",
-            "watertable",
-        ],
-        "unsaturated soil and suction",
-        "place the ends of the seepage below the water table, and state the cohesion of the contact law",
+        &["capillary", "liquidbridge"],
+        "capillary bridges between grains",
+        "state the cohesion of the contact law",
     ),
     absent(
         &[
@@ -141,14 +133,35 @@ pub const ABSENT: [Absent; 12] = [
     ),
 ];
 
-/// Words by which others name a free surface.
-const FREE_SURFACE: [&str; 5] = ["freesurface", "vof", "levelset", "watersurface", "dambreak"];
+/// A feature that others state under another name.
+struct Renamed {
+    /// Parts of names, in small letters without separators.
+    words: &'static [&'static str],
+    /// The feature.
+    feature: &'static str,
+    /// Field of a case that has it.
+    field: &'static str,
+}
+
+/// Features under other names.
+const RENAMED: [Renamed; 2] = [
+    Renamed {
+        words: &["freesurface", "vof", "levelset", "watersurface", "dambreak"],
+        feature: "a free surface of water",
+        field: "fluid.lattice_boltzmann.surface",
+    },
+    Renamed {
+        words: &["unsaturated", "suction", "richards", "phreatic"],
+        feature: "unsaturated soil",
+        field: "fluid.darcy.unsaturated",
+    },
+];
 
 /// Returns the field that has the feature of a name under another name, with the feature.
 #[must_use]
 pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
-    means(name, &FREE_SURFACE)
-        .then_some(("a free surface of water", "fluid.lattice_boltzmann.surface"))
+    let renamed = RENAMED.iter().find(|renamed| means(name, renamed.words))?;
+    Some((renamed.feature, renamed.field))
 }
 
 /// Returns the feature that a name stands for: one of its words, or several together, begin with a word of the feature.
@@ -191,7 +204,7 @@ mod tests {
         for (name, found) in [
             ("surface_tension", "surface tension of water"),
             ("clumps", "clumps of spheres and ellipsoids"),
-            ("vanGenuchten", "unsaturated soil and suction"),
+            ("liquidBridges", "capillary bridges between grains"),
             ("gas", "two fluids, gas and bubbles"),
             ("adaptive_refinement", "grids with local refinement"),
         ] {

@@ -25,6 +25,10 @@ pub(super) struct Boundary {
     pub(super) up: f64,
     /// Conductance from the centre of the cell.
     pub(super) conductance: f64,
+    /// Volume that enters in a second where the ground drains \[m3/s\].
+    pub(super) rate: f64,
+    /// Its derivative by minus the reduced pressure of the cell.
+    pub(super) response: f64,
 }
 
 /// Returns the reduced pressure of a head: rho g h \[Pa\].
@@ -101,6 +105,8 @@ pub(super) fn boundary(
                     lift,
                     up,
                     conductance: 0.0,
+                    rate: 0.0,
+                    response: 0.0,
                 });
             }
         }

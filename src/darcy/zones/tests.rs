@@ -24,6 +24,7 @@ fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> Zone {
         permeability: Some(Rule::Value(permeability)),
         porosity: None,
         raster: None,
+        directions: [1.0; 3],
         without_grains: true,
     }
 }
@@ -142,6 +143,7 @@ fn later_zones_take_precedence_in_what_they_state() {
 fn zones_of_grains_end_where_there_are_none() {
     let grid = grid(2);
     let only = Zone {
+        directions: [1.0; 3],
         without_grains: false,
         ..layer(0, 0.0, 4.0, 1e-12)
     };

@@ -5,7 +5,6 @@ use super::{EARLIER, TABLES};
 use crate::averages::SUMS;
 use base::error::Error;
 use base::number::to_usize;
-use darcy::pressure::NUMBERS;
 use dem::state::{Contacts, Table, Values};
 use io::checkpoint::Manifest;
 use io::data::Kind;
@@ -18,7 +17,7 @@ pub struct Expected {
     pub prepared: bool,
     /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
-    /// Cells of the grid in which water seeps; none without seepage.
+    /// Numbers of the seepage in a saved run; none without seepage.
     pub seepage: Option<usize>,
     /// Grains, blocks and bodies at most; none if nothing is solid.
     pub grains: Option<u64>,
@@ -87,10 +86,10 @@ impl Expected {
         }
         let seepage = count("seepage")?;
         if seepage > 0 {
-            let cells = self.seepage.unwrap_or(0);
-            if cells.checked_mul(NUMBERS) != Some(to_usize(seepage)) {
+            let expected = self.seepage.unwrap_or(0);
+            if expected != to_usize(seepage) {
                 return Err(format!(
-                    "it holds {seepage} numbers of the seepage; the case has {cells} cells with {NUMBERS} numbers each"
+                    "it holds {seepage} numbers of the seepage; the case has {expected}"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));

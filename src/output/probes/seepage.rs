@@ -4,6 +4,7 @@
 
 use base::number::{real, whole};
 use coupling::seepage::Seepage;
+use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::block::Block;
 use plan::scene::seepage::Seepage as Scene;
@@ -45,6 +46,44 @@ impl Section {
         let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
         [through.discharge, through.area, before, behind]
     }
+
+    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the mean
+    /// pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
+    pub(super) fn uplift<S: Space>(&self, seepage: &Seepage<S>, about: [f64; 3]) -> [f64; 6] {
+        let (grid, pressure) = (seepage.grid(), seepage.pressure());
+        let (axis, area) = (self.axis, grid.area(self.axis));
+        let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
+        let mut whole = ExactSum::new();
+        for index in 0..grid.count() {
+            let cell = grid.cell(index);
+            let held = (0..3).all(|a| a == axis || self.ranges[a].contains(&cell[a]));
+            if !held || cell[axis] + 1 != self.plane || seepage.pores().porosity()[index] <= 0.0 {
+                continue;
+            }
+            let (gradient, weight) = (pressure.inner_gradient(index), pressure.weight());
+            let slope: [f64; 3] = std::array::from_fn(|a| gradient[a] + weight[a]);
+            let mut arm = grid.centre(cell);
+            arm[axis] += 0.5 * grid.spacing[axis];
+            let force = area * (pressure.pressure(index) + 0.5 * grid.spacing[axis] * slope[axis]);
+            // First moments of the linear pressure over the face, then the torque r x F.
+            let moment: [f64; 3] = std::array::from_fn(|a| {
+                let across = if a == axis || a >= grid.dimension {
+                    0.0
+                } else {
+                    area * slope[a] * grid.spacing[a].powi(2) / 12.0
+                };
+                force * (arm[a] - about[a]) + across
+            });
+            let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+            sums[0].add(force);
+            sums[1 + b].add(moment[c]);
+            sums[1 + c].add(-moment[b]);
+            whole.add(area);
+        }
+        let [force, x, y, z] = sums.map(|sum| sum.value());
+        let area = whole.value();
+        [force, x, y, z, force / area, area]
+    }
 }
 
 /// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
@@ -56,10 +95,7 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     match cell.filter(|&cell| seepage.pores().porosity()[cell] > 0.0) {
         Some(cell) => {
             let [u, v, w] = seepage.water_velocity(cell);
-            let (centre, gradient) = (
-                grid.centre(grid.cell(cell)),
-                pressure.reduced_gradient(cell),
-            );
+            let (centre, gradient) = (grid.centre(grid.cell(cell)), pressure.inner_gradient(cell));
             let weight = pressure.weight();
             let (mut reduced, mut hydrostatic) = (pressure.reduced(cell), 0.0);
             for a in 0..grid.dimension {
@@ -70,4 +106,17 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
         }
         None => [f64::NAN; 5],
     }
+}
+
+/// Returns the water in the ground, what entered and left since the start, and the present inflow and outflow.
+pub(super) fn balance<S: Space>(seepage: &Seepage<S>) -> [f64; 5] {
+    let report = seepage.report();
+    let water = seepage.pressure().water_balance().unwrap_or_default();
+    [
+        water.stored,
+        water.entered,
+        water.left,
+        report.inflow,
+        report.outflow,
+    ]
 }

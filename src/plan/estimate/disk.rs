@@ -125,6 +125,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         .map(|probe| {
             let sample = match &probe.at {
                 ProbeAt::Line { points, .. } => real(*points) * POINT,
+                ProbeAt::WaterTable(columns) => real(*columns) * LINE,
                 _ => LINE,
             };
             outputs(probe.every, end) * sample

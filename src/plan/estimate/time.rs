@@ -107,6 +107,8 @@ const BONDS: f64 = 3.1e-8;
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
 /// A solution of the seepage without its cells, for each of its cells, and the porosity of a grain.
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
+/// A cell of ground that drains: in the first solution, and in a later one.
+const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
 /// An output without the bytes of its fields.
 const OUTPUT: f64 = 2.5e-3;
 /// Files and folders that an output makes durable.
@@ -229,10 +231,14 @@ impl Seconds {
             all.guards = looks * populations * GUARD / machine.grains;
             all.start_and_end += populations * HASH / machine.grains;
         }
-        if scene.seepage.is_some() {
+        if let Some(seepage) = &scene.seepage {
             let [once, cell, _] = SEEPAGE;
             let porosity = amounts.grains * parts.porosity;
             all.seepage = steps * (once + amounts.seepage_cells * cell + porosity) / machine.grains;
+            if seepage.written.unsaturated.is_some() {
+                let [first, later] = UNSATURATED;
+                all.seepage += amounts.seepage_cells * (first + steps * later) / machine.grains;
+            }
         }
         if amounts.moving() > 0.0 {
             let [round, block] = parts.solid;

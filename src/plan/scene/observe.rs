@@ -101,6 +101,21 @@ pub enum ProbeAt {
         /// The part.
         part: Option<Block>,
     },
+    /// Water table of the seepage in each of this number of columns of cells.
+    WaterTable(usize),
+    /// Water balance of the seepage.
+    WaterBalance,
+    /// Force of the water of a seepage on a part of a plane.
+    Uplift {
+        /// Axis normal to it: 0, 1 or 2.
+        axis: usize,
+        /// Its coordinate \[m\].
+        position: f64,
+        /// The part.
+        part: Option<Block>,
+        /// Point of the torque \[m\].
+        about: [f64; 3],
+    },
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
     /// Force on a face.
@@ -299,6 +314,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
 /// Refuses fields that the fluid does not have, and fields that are named twice.
 fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
     let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
+    let drains = matches!(&case.fluid, Some(Fluid::Darcy(darcy)) if darcy.unsaturated.is_some());
     let weightless =
         (case.gravity.as_ref()).is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
     for (n, field) in fields.iter().enumerate() {
@@ -316,10 +332,16 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
                 "add `gravity`, or use `pressure`",
             ),
             FieldName::Head => {}
+            FieldName::Saturation if drains => {}
+            FieldName::Saturation => findings.error(
+                &path,
+                "all water of this case fills its pores or its domain: there is no saturation",
+                "add `fluid.darcy.unsaturated`, or remove the field",
+            ),
             _ if seeps => findings.error(
                 &path,
                 "seepage has no such field",
-                "use velocity, pressure or head",
+                "use velocity, pressure, head or saturation",
             ),
             _ => {}
         }

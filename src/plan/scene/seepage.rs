@@ -1,5 +1,6 @@
 //! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
+mod unsaturated;
 mod zones;
 
 use super::block::Block;
@@ -26,8 +27,9 @@ pub(crate) const PATH: &str = "fluid.darcy";
 /// Default and largest number of solid steps between two couplings.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
-/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean
-/// diameters).
+/// Default number of steps of the clock to an output of a flow that changes with time.
+const TRANSIENT_INTERVAL: u32 = 10;
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
 /// A resolved seepage, in SI.
@@ -52,6 +54,10 @@ pub struct Seepage {
     /// Permeabilities and porosities by region, on the grid.
     #[serde(skip)]
     pub zones: Option<Arc<Zones>>,
+    /// Number of the soil of each cell, 0 for that of `unsaturated`, then those of the zones that state one in their
+    /// order; empty where no zone states one.
+    #[serde(skip)]
+    pub soil_of: Vec<u8>,
     /// Structures that the water meets.
     #[serde(skip)]
     pub solids: Vec<Arc<Images>>,
@@ -68,8 +74,10 @@ pub struct Patch {
     pub from: [usize; 3],
     /// One past the last.
     pub to: [usize; 3],
-    /// The condition.
+    /// The condition, at time 0.
     pub condition: Condition,
+    /// Times \[s\] and values of the condition; empty where it stays.
+    pub history: Vec<[f64; 2]>,
 }
 
 impl Patch {
@@ -109,6 +117,7 @@ impl Seepage {
             walls: [[false; 2]; 3],
             patches: Vec::new(),
             zones: None,
+            soil_of: Vec::new(),
             solids: (structures.iter().filter(|s| s.stops.water()))
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
@@ -123,8 +132,12 @@ impl Seepage {
             };
             scene.walls[a][upper] = (at - edge).abs() <= 1e-6 * scene.spacing[a];
         }
+        if let Some(gravity) = &case.gravity {
+            scene.resolve_surface(gravity.to_array());
+        }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
         scene.zones = scene.zones_of(case, grid, findings);
+        scene.soil_of = scene.soils(case, grid);
         scene.check(case, grid, grains, findings);
         Some(scene)
     }
@@ -133,6 +146,13 @@ impl Seepage {
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
+    }
+
+    /// `true` if the flow changes with time.
+    #[must_use]
+    pub fn is_transient(&self) -> bool {
+        let soil = self.written.unsaturated.as_ref();
+        soil.is_some_and(|soil| soil.transient.is_some())
     }
 
     /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the
@@ -144,7 +164,12 @@ impl Seepage {
             let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
             u32::try_from(steps).unwrap_or(MOST_INTERVAL)
         };
-        let wanted = self.coupling_time.map_or(USUAL_INTERVAL, steps);
+        let usual = if self.is_transient() {
+            TRANSIENT_INTERVAL
+        } else {
+            USUAL_INTERVAL
+        };
+        let wanted = self.coupling_time.map_or(usual, steps);
         let chosen = longest.map_or(wanted, |time| wanted.min(steps(time)));
         self.written.coupling_interval.unwrap_or(chosen)
     }
@@ -194,12 +219,34 @@ impl Seepage {
                 Some(value - density * below)
             }
             Condition::Head { value } => Some(density * strength * value),
+            Condition::SeepageFace { level } => {
+                let lowest = self.lowest(patch, gravity);
+                Some(density * strength * level.map_or(lowest, |level| level.max(lowest)))
+            }
             _ => None,
         };
         let imposed = || self.patches.iter().filter_map(excess);
         let high = imposed().fold(f64::NEG_INFINITY, f64::max);
         let low = imposed().fold(f64::INFINITY, f64::min);
         (high - low).max(0.0)
+    }
+
+    /// Lowest elevation of a patch \[m\].
+    fn lowest(&self, patch: &Patch, gravity: [f64; 3]) -> f64 {
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let lower = |a: usize| {
+            let up = -gravity[a] / strength;
+            let ends = if a != patch.face.axis() {
+                [real(patch.from[a]), real(patch.to[a])]
+            } else if patch.face.is_max() {
+                [real(self.cells[a]); 2]
+            } else {
+                [0.0; 2]
+            };
+            let at = ends.map(|end| up * (self.origin[a] + end * self.spacing[a]));
+            at[0].min(at[1])
+        };
+        (0..3).map(lower).sum()
     }
 
     fn patches_of(&self, grid: &Grid, with_grains: bool, findings: &mut Findings) -> Vec<Patch> {
@@ -268,13 +315,17 @@ impl Seepage {
                     );
                 }
             }
-            let patch = Patch {
+            let mut patch = Patch {
                 name: boundary.name.clone(),
                 face: boundary.face,
                 from,
                 to,
                 condition: boundary.condition,
+                history: boundary.history.clone().unwrap_or_default(),
             };
+            if let Some([_, value]) = patch.history.first() {
+                patch.condition.set_value(*value);
+            }
             if self.closed(&patch, grid.dimension) {
                 let whole = boundary.patch.is_none();
                 let path = format!("{path}.{}", if whole { "face" } else { "patch" });
@@ -425,6 +476,7 @@ impl Seepage {
     fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
         self.check_conditions(case, findings);
         self.check_laws(findings);
+        self.check_unsaturated(case, grid, findings);
         let path = if self.written.grid.is_some() {
             format!("{PATH}.grid.cells")
         } else {
@@ -464,7 +516,7 @@ impl Seepage {
         let holds = |p: &Patch| {
             matches!(
                 p.condition,
-                Condition::Pressure { .. } | Condition::Head { .. }
+                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
             )
         };
         if !self.patches.iter().any(holds) {
@@ -482,12 +534,12 @@ impl Seepage {
         for (n, patch) in self.patches.iter().enumerate() {
             let needs = matches!(
                 patch.condition,
-                Condition::Head { .. } | Condition::Rain { .. }
+                Condition::Head { .. } | Condition::Rain { .. } | Condition::SeepageFace { .. }
             );
             if needs && weightless {
                 findings.error(
                     &format!("{PATH}.boundaries[{n}].condition"),
-                    "a head and rain need gravity, and there is none in this case",
+                    "a head, rain and a seepage face need gravity, and there is none in this case",
                     "add `gravity`, or impose a pressure or a flux",
                 );
             }

@@ -13,10 +13,12 @@ use super::runner::Runner;
 use base::error::Error;
 use base::number::real;
 use coupling::seepage::{Extremes, Seepage};
+use darcy::Pressure;
 use dem::space::Space;
 use lbm::quanta::from_quanta;
 use output::checkpoint::Saved;
 use plan::scene::Scene;
+use plan::scene::seepage::Seepage as SeepageScene;
 use serde_json::{Value, json};
 
 /// Relative change of the mass of enclosed water from which a run warns.
@@ -279,6 +281,12 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         values["outflow"] = report.outflow.into();
         values["flow_imbalance"] =
             json!((most > 0.0).then(|| (report.inflow - report.outflow) / most));
+        let water = seepage.pressure().water_balance();
+        let scene = now.plan.scene.seepage.as_ref();
+        if water.is_some() {
+            // What enters and does not leave is stored.
+            values["flow_imbalance"] = Value::Null;
+        }
         values["seepage"] = json!({
             "iterations": report.iterations,
             "residual": report.residual,
@@ -296,7 +304,13 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "fastest_grain": grains.then_some(extremes.speed),
             "bernoulli_speed": bernoulli_speed(&now.plan.scene, extremes),
             "patch_inflows": seepage.pressure().patch_inflows(),
+            "exit_gradients": exits(seepage.pressure(), scene),
             "mean_porosity": grains.then(|| seepage.mean_porosity()),
+            "stored_water": water.map(|water| water.stored),
+            "initial_water": water.map(|water| water.initial),
+            "water_in": water.map(|water| water.entered),
+            "water_out": water.map(|water| water.left),
+            "mass_error": water.map(|water| water.error()),
         });
     }
 
@@ -463,4 +477,18 @@ pub(super) fn peak_rss() -> u64 {
             line.split_whitespace().nth(1)?.parse::<u64>().ok()
         })
         .map_or(0, |kib| kib * 1024)
+}
+
+/// Returns the largest gradient with which water leaves each patch, and the face where it does, by the names of the patches.
+fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
+    let patches = scene.into_iter().flat_map(|scene| &scene.patches);
+    let found = patches.zip(pressure.exit_gradients());
+    let found = found.filter_map(|(patch, exit)| {
+        let exit = exit?;
+        Some((
+            patch.name.clone(),
+            json!({"gradient": exit.gradient, "position": exit.centre}),
+        ))
+    });
+    found.collect::<serde_json::Map<String, Value>>().into()
 }

@@ -57,7 +57,14 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
         );
         findings.depends(&["fluid"]);
     }
-    let of_pores = matches!(at, Written::Point { .. } | Written::Section { .. });
+    let of_pores = matches!(
+        at,
+        Written::Point { .. }
+            | Written::Section { .. }
+            | Written::WaterTable {}
+            | Written::WaterBalance {}
+            | Written::Uplift { .. }
+    );
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
         findings.error(
             path,
@@ -100,6 +107,45 @@ impl Measured<'_> {
             } => {
                 let path = format!("{path}.section");
                 self.section(*axis, *position, part.as_ref(), &path, findings)
+            }
+            Written::WaterTable {} => self.water_table(&format!("{path}.water_table"), findings),
+            Written::WaterBalance {} => {
+                let transient = match &self.case.fluid {
+                    Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
+                    _ => None,
+                };
+                if transient.is_none_or(|soil| soil.transient.is_none()) {
+                    findings.error(
+                        &format!("{path}.water_balance"),
+                        "a water balance is one of flow that changes with time, and there is none in this case",
+                        "add `fluid.darcy.unsaturated.transient`, or use a section",
+                    );
+                }
+                ProbeAt::WaterBalance
+            }
+            Written::Uplift {
+                axis,
+                position,
+                part,
+                about,
+            } => {
+                let path = format!("{path}.uplift");
+                let about = about.as_ref().map_or([0.0; 3], |about| {
+                    Block::vector(self.grid, about, &format!("{path}.about"), findings)
+                });
+                match self.section(*axis, *position, part.as_ref(), &path, findings) {
+                    ProbeAt::Section {
+                        axis,
+                        position,
+                        part,
+                    } => ProbeAt::Uplift {
+                        axis,
+                        position,
+                        part,
+                        about,
+                    },
+                    other => other,
+                }
             }
             Written::Gauge { position } => {
                 self.gauge(position, &format!("{path}.gauge.position"), findings)
@@ -154,6 +200,36 @@ impl Measured<'_> {
             place.min(self.grid.cells[a] - 1)
         };
         ProbeAt::Gauge([cell(0), cell(1), cell(2)])
+    }
+
+    /// Returns the columns of a water table, and refuses one without ground that drains or without an axis of gravity.
+    fn water_table(&self, path: &str, findings: &mut Findings) -> ProbeAt {
+        let written = match &self.case.fluid {
+            Some(Fluid::Darcy(written)) => written.unsaturated.as_ref().map(|_| written),
+            _ => None,
+        };
+        let gravity = (self.case.gravity.as_ref()).map_or([0.0; 3], Vector::to_array);
+        let steepest = gravity.map(f64::abs).into_iter().fold(0.0, f64::max);
+        let pulls = |a: &usize| gravity[*a].abs() > 1e-9 * steepest;
+        if written.is_none() {
+            findings.error(
+                path,
+                "a water table is one of ground that drains, and there is none in this case",
+                "add `fluid.darcy.unsaturated`, or use a point or a gauge",
+            );
+        } else if (0..3).filter(pulls).count() > 1 {
+            findings.error(
+                path,
+                "a water table is found along columns of cells, and gravity does not point along an axis",
+                "use points, or the field `pressure` of `output.fluid`",
+            );
+        }
+        let axis = (0..3).find(pulls).unwrap_or(0);
+        let cells = |a: usize| match written.and_then(|written| written.grid.as_ref()) {
+            Some(grid) => grid.cells.get(a).map_or(1, |n| *n as usize),
+            None => self.grid.cells[a],
+        };
+        ProbeAt::WaterTable((0..3).filter(|a| *a != axis).map(cells).product())
     }
 
     fn plane(&self, axis: Axis, position: f64, path: &str, findings: &mut Findings) -> ProbeAt {

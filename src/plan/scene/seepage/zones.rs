@@ -46,7 +46,11 @@ impl Seepage {
                 .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
                     region(grid, written, &format!("{path}.region"), findings)
                 });
-            if zone.permeability.is_none() && zone.porosity.is_none() && zone.raster.is_none() {
+            if zone.permeability.is_none()
+                && zone.porosity.is_none()
+                && zone.raster.is_none()
+                && zone.retention.is_none()
+            {
                 findings.error(
                     &path,
                     "the zone states neither a permeability nor a porosity: it changes nothing",
@@ -64,6 +68,7 @@ impl Seepage {
                         .set(format!("{path}.permeability.resistance"), "kozeny_carman"),
                 );
             }
+            let directions = bedding(case, zone, &path, findings);
             let raster = raster(case, zone, grid, (&path, permeable), findings);
             let conducts = matches!(
                 zone.permeability,
@@ -86,6 +91,7 @@ impl Seepage {
                 }),
                 porosity: zone.porosity,
                 raster,
+                directions,
                 without_grains: zone.without_grains || alone,
             });
         }
@@ -129,6 +135,10 @@ impl Seepage {
                     }
                     None => {}
                 }
+                let bedding =
+                    |ratio: f64| format!("{} along the bedding over across", number(ratio));
+                states.extend(zone.anisotropy.map(bedding));
+                states.extend(zone.retention.as_ref().map(|r| r.model().description()));
                 states.extend(zone.porosity.map(|n| format!("porosity {}", number(n))));
                 let from = |raster: &case::darcy::RasterFile| {
                     format!("raster of {}", raster.path.display())
@@ -147,6 +157,35 @@ impl Seepage {
             })
             .collect()
     }
+}
+
+/// Returns the permeability of a zone along each axis over the stated one; findings where gravity gives no bedding.
+fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f64; 3] {
+    let Some(ratio) = zone.anisotropy else {
+        return [1.0; 3];
+    };
+    let path = format!("{path}.anisotropy");
+    if zone.permeability.is_none() && zone.raster.is_none() {
+        findings.error(
+            &path,
+            "the zone states no permeability along its bedding",
+            "add `permeability`",
+        );
+    }
+    let gravity = (case.gravity.as_ref()).map_or([0.0; 3], |gravity| gravity.to_array());
+    let steepest = gravity.iter().map(|g| g.abs()).fold(0.0, f64::max);
+    let pulls = |a: &usize| gravity[*a].abs() > 1e-9 * steepest;
+    let vertical: Vec<usize> = (0..3).filter(pulls).collect();
+    let mut directions = [1.0; 3];
+    match vertical[..] {
+        [axis] => directions[axis] = 1.0 / ratio,
+        _ => findings.error(
+            &path,
+            "the bedding is horizontal, across gravity along an axis; gravity does not point along an axis in this case",
+            "point gravity along an axis, or remove the anisotropy",
+        ),
+    }
+    directions
 }
 
 fn weightless(path: &str, findings: &mut Findings) {

@@ -1,0 +1,542 @@
+//! Water in ground that is saturated in part: the equation of L. A. Richards (Physics 1 (1931) 318) in its mixed form.
+//!
+//! ```text
+//! dM/dt + div q = 0,     q = -(K/mu) k_r(psi) grad phi,     M = theta(psi) + S_s max(psi, 0),     psi = p/(rho g)
+//! ```
+//!
+//! The unknown is the reduced pressure `phi` as in saturated ground ([`super`]); `theta` and `k_r` follow from the
+//! pressure head by the model of the soil ([`crate::retention`]). `S_s` is the specific storage of the
+//! saturated part.
+//!
+//! **Space.** Cell-centred finite volumes on the faces of the saturated system. The flux of a face is its conductance
+//! at saturation times `k_f (phi_i - phi_j)`, with the mean `k_f` of [`crate::retention::mean`]. Each flux
+//! rises with the pressure on one side and falls with that on the other, water at rest is at rest, and what leaves a
+//! cell enters the next.
+//!
+//! **Boundaries.** The flux of a face with a stated pressure head `psi_f` is `T k_f (phi_f - phi_c)` over the half
+//! cell. A seepage face is in contact with air: either water leaves and its pressure is 0, or nothing crosses it and
+//! its pressure is not above 0. In one cell this complementarity has the closed solution
+//!
+//! ```text
+//! seepage face:   outflow = max[0, T k_f (phi_c - phi_f)]      at psi_f = 0
+//! rain:           inflow  = min[rate, T k_f (phi_f - phi_c)]   at psi_f = 0
+//! ```
+//!
+//! so that no list of wet faces is needed. Rain that the soil does not take runs off: the water above the ground is of
+//! no depth.
+//!
+//! **Solution.** Newton's method with the exact derivatives of the fluxes; Picard's iteration does not converge where
+//! the permeability changes within a cell. The Jacobian is not symmetric: the stabilised biconjugate gradients of H.
+//! A. van der Vorst (SIAM J. Sci. Stat. Comput. 13 (1992) 631) solve it. The preconditioner solves the columns of
+//! cells along gravity exactly, in which water falls through unsaturated ground, and adds a multigrid cycle on what
+//! they leave. The cycle takes the symmetric part of the Jacobian over `k_r` of each column of the matrix: in
+//! Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at saturation. A step of
+//! Newton's method is halved until the norm of the imbalance falls. Where Newton's method fails, the permeability is
+//! first replaced by `k_r^s` with a small `s`, and `s` is raised to 1 from solution to solution; Gardner's soil with a
+//! power is Gardner's soil with a longer capillary length.
+//!
+//! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums
+//! are exact, so that the bits do not depend on ranks and threads.
+
+mod newton;
+mod state;
+mod transient;
+
+use super::boundary::Boundary;
+use super::{Condition, Medium, Pressure, Report};
+use crate::retention::{Mean, Retention, RetentionLaw, Side, mean};
+use crate::{Error, multigrid};
+use newton::Krylov;
+pub(super) use transient::EXTRA_NUMBERS;
+use transient::Transient;
+pub use transient::{History, InitialWater, TransientSettings, WaterBalance};
+
+/// Steps of Newton's method in a steady flow.
+const STEPS: u32 = 40;
+/// Attempts of the continuation from a permeability that does not fall with the suction.
+const ATTEMPTS: u32 = 60;
+/// Power of the relative permeability after the first failure.
+const FIRST_POWER: f64 = 0.125;
+/// Factor by which the power rises after a success.
+const RAISE: f64 = 4.0;
+/// Closest ratio of two powers.
+const CLOSEST: f64 = 1.02;
+
+/// A soil that drains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Soil {
+    /// Retention and relative permeability.
+    pub retention: Retention,
+}
+
+/// A face between two cells: flux from the lower cell to the upper one \[m3/s\], its derivatives by the reduced
+/// pressure of the lower and minus that of the upper one, and its conductance \[m3/(Pa s)\].
+#[derive(Clone, Copy, Debug, Default)]
+struct FaceFlux {
+    flux: f64,
+    lower: f64,
+    upper: f64,
+    conductance: f64,
+}
+
+/// State of a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct CellState {
+    head: f64,
+    log_permeability: f64,
+    slope: f64,
+    potential: Option<f64>,
+    content: f64,
+    capacity: f64,
+}
+
+impl CellState {
+    fn side(self) -> Side {
+        Side {
+            head: self.head,
+            log_permeability: self.log_permeability,
+            slope: self.slope,
+            potential: self.potential,
+        }
+    }
+}
+
+/// Ground that is saturated in part.
+pub(super) struct Unsaturated {
+    /// Soils, and the soil of each cell.
+    soils: Vec<Retention>,
+    soil_of: Vec<u8>,
+    /// Weight of the water \[N/m3\].
+    weight: f64,
+    /// Rise of the elevation from a cell to the next along each axis \[m\].
+    rise: [f64; 3],
+    /// Elevation of the centre of each cell \[m\].
+    elevation: Vec<f64>,
+    /// Conductances of the faces at saturation.
+    saturated: [Vec<f64>; 3],
+    /// Water that appears in each cell \[m3/s\].
+    source: Vec<f64>,
+    /// Power of the relative permeability: 1 but in a continuation.
+    power: f64,
+    states: Vec<CellState>,
+    faces: [Vec<FaceFlux>; 3],
+    /// Derivatives of what crosses the boundary and of what is stored, by minus the reduced pressure.
+    diagonal: Vec<f64>,
+    krylov: Krylov,
+    /// Axis closest to gravity.
+    axis: usize,
+    /// Reciprocal relative permeability of each cell: scale of the unknowns of the cycle.
+    scale: Vec<f64>,
+    /// Factor of the matrix of the cycle.
+    matrix_scale: f64,
+    /// Reduced pressures of the last solution of a continuation or of a Newton step.
+    kept: Vec<f64>,
+    start: Vec<f64>,
+    /// Flow that changes with time; none where it is steady.
+    transient: Option<Box<Transient>>,
+}
+
+impl Unsaturated {
+    /// Returns the soil of a position of the layout.
+    fn law(&self, at: usize) -> &dyn RetentionLaw {
+        self.soils[usize::from(self.soil_of[at])].model()
+    }
+
+    /// Returns the shortest capillary length of the soils \[m\].
+    fn capillary_length(&self) -> f64 {
+        let lengths = self
+            .soils
+            .iter()
+            .map(|soil| soil.model().capillary_length());
+        lengths.fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Pressure {
+    /// Adds a soil that drains: from here on [`Pressure::solve`] finds steady flow in saturated and unsaturated ground.
+    #[must_use]
+    pub fn with_soil(mut self, soil: Soil) -> Self {
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let n = layout.len();
+        let gravity = self.settings.gravity;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let up = gravity.map(|g| -g / strength);
+        let mut elevation = vec![0.0; n];
+        for cell in 0..grid.count() {
+            let centre = grid.centre(grid.cell(cell));
+            elevation[layout.at(grid.cell(cell))] = (0..3).map(|a| up[a] * centre[a]).sum();
+        }
+        log::info!("ground that is saturated in part: {soil:?}");
+        self.unsaturated = Some(Box::new(Unsaturated {
+            soils: vec![soil.retention],
+            soil_of: vec![0; n],
+            weight: self.liquid.density * strength,
+            rise: std::array::from_fn(|a| up[a] * grid.spacing[a]),
+            elevation,
+            saturated: std::array::from_fn(|_| vec![0.0; n]),
+            source: vec![0.0; n],
+            power: 1.0,
+            states: vec![CellState::default(); n],
+            faces: std::array::from_fn(|_| vec![FaceFlux::default(); n]),
+            diagonal: vec![0.0; n],
+            krylov: Krylov::new(n),
+            axis: (0..3).fold(0, |best, a| {
+                if up[a].abs() > up[best].abs() {
+                    a
+                } else {
+                    best
+                }
+            }),
+            scale: vec![1.0; n],
+            matrix_scale: 1.0,
+            kept: vec![0.0; n],
+            start: vec![0.0; n],
+            transient: None,
+        }));
+        self
+    }
+
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the soil
+    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the water
+    /// leaves, so that a fine soil above a coarse one holds its water.
+    #[must_use]
+    pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        if let Some(own) = &mut self.unsaturated {
+            own.soils.extend(layers);
+            for (cell, soil) in soil_of.iter().enumerate() {
+                own.soil_of[layout.at(grid.cell(cell))] = *soil;
+            }
+        }
+        self
+    }
+
+    /// `true` if the ground may drain.
+    #[must_use]
+    pub fn drains(&self) -> bool {
+        self.unsaturated.is_some()
+    }
+
+    /// Finds the flow in ground that drains: the steady one, or that at the end of an interval. Collective.
+    pub(super) fn solve_unsaturated(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+        let Some(mut own) = self.unsaturated.take() else {
+            return Ok(Report::default());
+        };
+        let solved = self.prepare(&mut own, medium);
+        let solved = solved.and_then(|()| {
+            if own.transient.is_some() {
+                self.advance_steps(&mut own)
+            } else {
+                self.find_steady(&mut own)
+            }
+        });
+        self.take_fluxes(&own);
+        // What crosses the boundary is that of the ground from here on.
+        self.unsaturated = Some(own);
+        let (iterations, residual) = solved?;
+        let (inflow, outflow) = self.fluxes();
+        Ok(Report {
+            iterations,
+            residual,
+            inflow,
+            outflow,
+        })
+    }
+
+    /// Takes conductivities and sources, and starts a fresh solution from water at rest below the highest head.
+    fn prepare(&mut self, own: &mut Unsaturated, medium: Medium<'_>) -> Result<(), Error> {
+        let mut bad = self.take(medium);
+        bad |= self.direct();
+        if bad {
+            return Err(Error::NotFinite("the permeability"));
+        }
+        self.join_cells();
+        for (saturated, t) in own.saturated.iter_mut().zip(&self.system.matrix.t) {
+            saturated.copy_from_slice(t);
+        }
+        // The level of a flow that changes with time stays that of its start.
+        if own
+            .transient
+            .as_ref()
+            .is_none_or(|transient| !transient.began())
+        {
+            self.centre();
+        }
+        for k in 0..self.boundary.len() {
+            let face = self.boundary[k];
+            let along = self.along(face.axis)[face.at];
+            self.boundary[k].conductance =
+                2.0 * along * face.area / self.slab.grid.spacing[face.axis];
+        }
+        self.system.right.fill(0.0);
+        if let Some(source) = medium.source {
+            self.add_source(source);
+        }
+        own.source.copy_from_slice(&self.system.right);
+        if own.source.iter().any(|q| !q.is_finite()) || !self.level.is_finite() {
+            return Err(Error::NotFinite("the source or the boundary"));
+        }
+        if self.fresh {
+            let highest = self.boundary.iter().filter_map(|face| self.imposed(face));
+            let highest = highest.fold(f64::NEG_INFINITY, f64::max) - self.level;
+            self.phi.fill(0.0);
+            for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+                self.phi[row].fill(highest);
+            }
+            self.fresh = false;
+        }
+        Ok(())
+    }
+
+    /// Newton's method, with a continuation in the power of the permeability where it fails: iterations and residual.
+    fn find_steady(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), Error> {
+        own.kept.copy_from_slice(&self.phi);
+        own.power = 1.0;
+        let (mut known, mut iterations) = (0.0, 0);
+        for _ in 0..ATTEMPTS {
+            let done = self.newton(own, STEPS)?;
+            iterations += done.iterations;
+            if done.converged {
+                if own.power >= 1.0 {
+                    return Ok((iterations, done.residual));
+                }
+                known = own.power;
+                own.kept.copy_from_slice(&self.phi);
+                own.power = (RAISE * known).min(1.0);
+            } else {
+                self.phi.copy_from_slice(&own.kept);
+                own.power = if known > 0.0 {
+                    (known * own.power).sqrt()
+                } else {
+                    FIRST_POWER * own.power
+                };
+                if known > 0.0 && own.power < CLOSEST * known {
+                    break;
+                }
+            }
+            log::debug!("relative permeability to the power {:.4}", own.power);
+        }
+        Err(Error::Unsaturated {
+            iterations,
+            length: own.capillary_length(),
+        })
+    }
+
+    /// Evaluates states, fluxes, imbalances and their derivatives at the present pressure, on the whole grid.
+    fn evaluate(&mut self, own: &mut Unsaturated) {
+        let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
+        let (weight, level, power) = (own.weight, self.level, own.power);
+        let (phi, elevation) = (&self.phi, &own.elevation);
+        let (soils, soil_of) = (&own.soils, &own.soil_of);
+        layout.sweep(&whole, &mut own.states, |start, out| {
+            for (i, state) in out.iter_mut().enumerate() {
+                let head = (level + phi[start + i]) / weight - elevation[start + i];
+                let law = soils[usize::from(soil_of[start + i])].model();
+                let found = law.state(head);
+                *state = CellState {
+                    head,
+                    log_permeability: power * found.log_permeability,
+                    slope: power * found.slope,
+                    potential: law.potential(head, power),
+                    content: found.content,
+                    capacity: found.capacity,
+                };
+            }
+        });
+        let states = &own.states;
+        for axis in 0..3 {
+            let (stride, rise) = (layout.stride[axis], own.rise[axis]);
+            let saturated = &own.saturated[axis];
+            layout.sweep(&whole, &mut own.faces[axis], |start, out| {
+                for (i, face) in out.iter_mut().enumerate() {
+                    let (at, below) = (start + i, start + i - stride);
+                    let t = saturated[at];
+                    *face = if t > 0.0 {
+                        let k = if soil_of[below] == soil_of[at] {
+                            mean(states[below].side(), states[at].side(), rise)
+                        } else {
+                            upstream([states[below], states[at]], phi[below] - phi[at])
+                        };
+                        face_flux(t, k, phi[below] - phi[at], weight)
+                    } else {
+                        FaceFlux::default()
+                    };
+                }
+            });
+        }
+        let faces = &own.faces;
+        let source = &own.source;
+        layout.sweep(&whole, &mut self.system.residual, |start, out| {
+            for (i, residual) in out.iter_mut().enumerate() {
+                let at = start + i;
+                let net =
+                    |axis: usize| faces[axis][at].flux - faces[axis][at + layout.stride[axis]].flux;
+                *residual = ((net(0) + net(1)) + net(2)) + source[at];
+            }
+        });
+        own.diagonal.fill(0.0);
+        for k in 0..self.boundary.len() {
+            let face = self.boundary[k];
+            let (rate, response) = self.crossing(own, &face);
+            self.boundary[k].rate = rate;
+            self.boundary[k].response = response;
+            self.system.residual[face.at] += rate;
+            own.diagonal[face.at] += response;
+        }
+        if let Some(transient) = &mut own.transient {
+            let balance = (&mut self.system.residual[..], &mut own.diagonal[..]);
+            transient.store(&own.states, own.weight, balance);
+        }
+    }
+
+    /// Returns what enters through a face of the boundary \[m3/s\], and its derivative by minus the reduced pressure
+    /// of the cell.
+    fn crossing(&self, own: &Unsaturated, face: &Boundary) -> (f64, f64) {
+        let surface = face.lift;
+        let held = |phi: f64| {
+            let cell = own.states[face.at];
+            let head = (phi - surface) / own.weight;
+            let law = own.law(face.at);
+            let found = law.state(head);
+            let outside = Side {
+                head,
+                log_permeability: own.power * found.log_permeability,
+                slope: own.power * found.slope,
+                potential: law.potential(head, own.power),
+            };
+            let k = mean(
+                cell.side(),
+                outside,
+                surface / own.weight - own.elevation[face.at],
+            );
+            let difference = phi - self.level - self.phi[face.at];
+            let rate = face.conductance * k.permeability * difference;
+            let by_head = k.derivatives[0] / own.weight * difference;
+            (rate, face.conductance * (k.permeability - by_head))
+        };
+        match self.patches[face.patch].condition {
+            Condition::NoFlow {} => (0.0, 0.0),
+            Condition::Flux { value } => (value * face.area, 0.0),
+            Condition::Pressure { .. } | Condition::Head { .. } => {
+                self.imposed(face).map_or((0.0, 0.0), held)
+            }
+            Condition::SeepageFace { .. } => match self.imposed(face) {
+                Some(phi) if phi > surface => held(phi),
+                _ => {
+                    let (rate, response) = held(surface);
+                    if rate < 0.0 {
+                        (rate, response)
+                    } else {
+                        (0.0, 0.0)
+                    }
+                }
+            },
+            Condition::Rain { rate } => {
+                let rain = rate * face.area * face.up;
+                let (taken, response) = held(surface);
+                if rain > taken {
+                    (taken, response)
+                } else {
+                    (rain, 0.0)
+                }
+            }
+        }
+    }
+
+    /// Writes the conductances of the faces, by which fluxes, sections and probes are found.
+    fn take_fluxes(&mut self, own: &Unsaturated) {
+        let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
+        for (t, faces) in self.system.matrix.t.iter_mut().zip(&own.faces) {
+            layout.sweep(&whole, t, |start, out| {
+                for (t, face) in out.iter_mut().zip(&faces[start..]) {
+                    *t = face.conductance;
+                }
+            });
+        }
+    }
+
+    /// Sets the preconditioner: the symmetric part of the derivatives.
+    fn set_symmetric(&mut self, own: &mut Unsaturated) {
+        let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
+        let states = &own.states;
+        layout.sweep(&whole, &mut own.scale, |start, out| {
+            for (i, scale) in out.iter_mut().enumerate() {
+                *scale = (-states[start + i].log_permeability).exp();
+            }
+        });
+        let scale = &own.scale;
+        for (axis, (t, faces)) in self.system.matrix.t.iter_mut().zip(&own.faces).enumerate() {
+            let stride = layout.stride[axis];
+            layout.sweep(&whole, t, |start, out| {
+                for (i, t) in out.iter_mut().enumerate() {
+                    let at = start + i;
+                    let face = faces[at];
+                    let middle = 0.5 * (face.lower * scale[at - stride] + face.upper * scale[at]);
+                    *t = if middle > 0.0 {
+                        middle
+                    } else {
+                        face.conductance
+                    };
+                }
+            });
+        }
+        self.ground.clear();
+        for face in &self.boundary {
+            if face.response > 0.0 {
+                let response = face.response * own.scale[face.at];
+                self.ground.push((face.at, face.axis, response));
+            }
+        }
+        if let Some(transient) = own
+            .transient
+            .as_ref()
+            .filter(|transient| transient.advances())
+        {
+            for row in layout.rows(&whole) {
+                for at in row {
+                    let stored = transient.capacity[at] * own.scale[at];
+                    if stored > 0.0 {
+                        self.ground.push((at, multigrid::STORED, stored));
+                    }
+                }
+            }
+        }
+        self.sum_faces();
+        let diagonal = &self.system.matrix.diagonal;
+        let largest = diagonal.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let scale = 1.0 / crate::power_above(largest);
+        own.matrix_scale = scale;
+        let ground: &[multigrid::Ground] = &self.ground;
+        self.system
+            .multigrid
+            .set(&self.system.matrix, ground, scale);
+    }
+}
+
+/// Returns the permeability of a face between two soils: that of the side which the water leaves.
+fn upstream([lower, upper]: [CellState; 2], difference: f64) -> Mean {
+    let side = usize::from(difference < 0.0);
+    let from = [lower, upper][side];
+    let permeability = from.log_permeability.exp();
+    let mut derivatives = [0.0; 2];
+    derivatives[side] = permeability * from.slope;
+    Mean {
+        permeability,
+        derivatives,
+    }
+}
+
+/// Returns the flux of a face over a difference of the reduced pressure.
+fn face_flux(saturated: f64, mean: Mean, difference: f64, weight: f64) -> FaceFlux {
+    let conductance = saturated * mean.permeability;
+    let by = |side: usize| saturated * (mean.derivatives[side] / weight) * difference;
+    FaceFlux {
+        flux: conductance * difference,
+        lower: conductance + by(0),
+        upper: conductance - by(1),
+        conductance,
+    }
+}
+
+#[cfg(test)]
+mod tests;

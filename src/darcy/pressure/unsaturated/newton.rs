@@ -1,0 +1,337 @@
+//! Newton's method for the unsaturated flow, and the linear solver of its steps.
+
+use super::Unsaturated;
+use crate::Error;
+use crate::pressure::Pressure;
+use crate::reproducible::{dot, power_above};
+use base::number::single;
+
+/// Halvings of a step.
+const HALVINGS: u32 = 12;
+/// Part of the first-order decrease of the norm that a step has to reach (L. Armijo, Pac. J. Math. 16 (1966) 1).
+const DECREASE: f64 = 1e-4;
+/// Relative imbalance at which the linear solver ends.
+const FORCING: f64 = 1e-5;
+/// Part of the tolerance at which a step in time ends, so that the water of the pressure is that of the fluxes.
+const CLOSURE: f64 = 1e-3;
+/// Imbalance over the largest term of a cell that is rounding.
+const ROUNDING: f64 = 1e-15;
+
+/// Vectors of the linear solver.
+pub(super) struct Krylov {
+    /// Change of the reduced pressure.
+    change: Vec<f64>,
+    residual: Vec<f64>,
+    shadow: Vec<f64>,
+    direction: Vec<f64>,
+    /// Preconditioned direction, and its product.
+    ready: Vec<f64>,
+    product: Vec<f64>,
+    /// Preconditioned direction of the second half of a step, and its product.
+    second: Vec<f64>,
+    second_product: Vec<f64>,
+    /// Reciprocal pivots of the columns along gravity, and what the columns leave over.
+    pivot: Vec<f64>,
+    rest: Vec<f64>,
+}
+
+impl Krylov {
+    pub(super) fn new(n: usize) -> Self {
+        let zeros = || vec![0.0; n];
+        Self {
+            change: zeros(),
+            residual: zeros(),
+            shadow: zeros(),
+            direction: zeros(),
+            ready: zeros(),
+            product: zeros(),
+            second: zeros(),
+            second_product: zeros(),
+            pivot: zeros(),
+            rest: zeros(),
+        }
+    }
+}
+
+/// Outcome of Newton's method.
+pub(super) struct Outcome {
+    pub(super) converged: bool,
+    /// Iterations of the linear solver.
+    pub(super) iterations: u32,
+    /// Largest imbalance of a cell over the largest flow.
+    pub(super) residual: f64,
+}
+
+impl Pressure {
+    /// Newton's method from the present pressure, in at most this number of steps. Collective.
+    pub(super) fn newton(&mut self, own: &mut Unsaturated, steps: u32) -> Result<Outcome, Error> {
+        let mut iterations = 0;
+        self.evaluate(own);
+        let mut norm = self.norm();
+        for _ in 0..steps {
+            let (residual, converged) = self.imbalance(own);
+            if converged || !norm.is_finite() {
+                return Ok(Outcome {
+                    converged,
+                    iterations,
+                    residual,
+                });
+            }
+            self.set_symmetric(own);
+            iterations += self.solve_linear(own);
+            if let Some(gather) = &mut self.slab.gather {
+                gather.fill(&mut own.krylov.change);
+            }
+            own.start.copy_from_slice(&self.phi);
+            let mut length = 1.0;
+            let mut halvings = 0;
+            loop {
+                let (start, change) = (&own.start, &own.krylov.change);
+                for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+                    for at in row {
+                        self.phi[at] = start[at] + length * change[at];
+                    }
+                }
+                self.evaluate(own);
+                let next = self.norm();
+                if next <= (1.0 - DECREASE * length) * norm {
+                    norm = next;
+                    break;
+                }
+                if halvings == HALVINGS {
+                    return Ok(Outcome {
+                        converged: false,
+                        iterations,
+                        residual: f64::NAN,
+                    });
+                }
+                halvings += 1;
+                length *= 0.5;
+            }
+        }
+        let (residual, converged) = self.imbalance(own);
+        Ok(Outcome {
+            converged,
+            iterations,
+            residual,
+        })
+    }
+
+    /// Returns the norm of the imbalances. Collective.
+    fn norm(&self) -> f64 {
+        let here = (&self.slab.layout, &self.slab.part);
+        let residual = &self.system.residual;
+        dot(here, residual, residual, &self.slab.communicator).sqrt()
+    }
+
+    /// Returns the largest imbalance over the largest flow through the boundary, and `true` if it is within the
+    /// tolerance or is rounding.
+    fn imbalance(&self, own: &Unsaturated) -> (f64, bool) {
+        let (mut most, mut term) = (0.0_f64, 0.0_f64);
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+            for at in row {
+                most = most.max(self.system.residual[at].abs());
+                for (axis, faces) in own.faces.iter().enumerate() {
+                    let upper = at + self.slab.layout.stride[axis];
+                    let conductance = faces[at].conductance + faces[upper].conductance;
+                    term = term.max(conductance * (self.level.abs() + self.phi[at].abs()));
+                }
+            }
+        }
+        let rates = self.boundary.iter().map(|face| face.rate.abs());
+        let sources = own.source.iter().map(|q| q.abs());
+        let stored = own
+            .transient
+            .as_ref()
+            .map(|transient| transient.largest_net());
+        let flow = rates.chain(sources).chain(stored).fold(0.0, f64::max);
+        let scale = flow.max(1e-12 * term).max(f64::MIN_POSITIVE);
+        let stores = own
+            .transient
+            .as_ref()
+            .is_some_and(|transient| transient.advances());
+        let part = if stores { CLOSURE } else { 1.0 };
+        let enough = most <= part * self.settings.tolerance * scale || most <= ROUNDING * term;
+        (most / scale, enough)
+    }
+
+    /// Solves a step of Newton's method; returns the iterations. The line search judges what it found. Collective.
+    fn solve_linear(&mut self, own: &mut Unsaturated) -> u32 {
+        let (layout, part) = (self.slab.layout, self.slab.part.clone());
+        let here = (&layout, &part);
+        let communicator = self.slab.communicator.clone();
+        let dot = |a: &[f64], b: &[f64]| dot(here, a, b, &communicator);
+        let mut own_vectors = std::mem::replace(&mut own.krylov, Krylov::new(0));
+        let all = &mut own_vectors;
+        all.residual.copy_from_slice(&self.system.residual);
+        all.shadow.copy_from_slice(&self.system.residual);
+        for vector in [&mut all.change, &mut all.direction, &mut all.product] {
+            vector.fill(0.0);
+        }
+        self.factorise_columns(own, &mut all.pivot);
+        let (mut rho, mut alpha, mut omega) = (1.0, 1.0, 1.0);
+        let first = self.largest(&all.residual);
+        let mut iterations = 0;
+        while iterations < self.settings.iterations {
+            let rho_next = dot(&all.shadow, &all.residual);
+            let beta = (rho_next / rho) * (alpha / omega);
+            if !beta.is_finite() {
+                break;
+            }
+            rho = rho_next;
+            let (residual, product) = (&all.residual, &all.product);
+            layout.sweep(&part, &mut all.direction, |start, out| {
+                for (i, p) in out.iter_mut().enumerate() {
+                    let at = start + i;
+                    *p = residual[at] + beta * (*p - omega * product[at]);
+                }
+            });
+            self.precondition(
+                own,
+                &mut all.direction,
+                (&all.pivot, &mut all.rest),
+                &mut all.ready,
+            );
+            self.multiply(own, &all.ready, &mut all.product);
+            alpha = rho / dot(&all.shadow, &all.product);
+            if !alpha.is_finite() {
+                break;
+            }
+            let product = &all.product;
+            layout.sweep(&part, &mut all.residual, |start, out| {
+                for (i, r) in out.iter_mut().enumerate() {
+                    *r -= alpha * product[start + i];
+                }
+            });
+            self.precondition(
+                own,
+                &mut all.residual,
+                (&all.pivot, &mut all.rest),
+                &mut all.second,
+            );
+            self.multiply(own, &all.second, &mut all.second_product);
+            let square = dot(&all.second_product, &all.second_product);
+            omega = if square > 0.0 {
+                dot(&all.second_product, &all.residual) / square
+            } else {
+                0.0
+            };
+            let (ready, second) = (&all.ready, &all.second);
+            layout.sweep(&part, &mut all.change, |start, out| {
+                for (i, x) in out.iter_mut().enumerate() {
+                    *x += alpha * ready[start + i] + omega * second[start + i];
+                }
+            });
+            let product = &all.second_product;
+            layout.sweep(&part, &mut all.residual, |start, out| {
+                for (i, r) in out.iter_mut().enumerate() {
+                    *r -= omega * product[start + i];
+                }
+            });
+            iterations += 1;
+            let largest = self.largest(&all.residual);
+            if largest.is_nan() || largest <= FORCING * first {
+                break;
+            }
+        }
+        own.krylov = own_vectors;
+        iterations
+    }
+
+    /// Returns the largest number of a vector on any rank. Collective.
+    fn largest(&self, vector: &[f64]) -> f64 {
+        let rows = self.slab.layout.rows(&self.slab.part);
+        let most = rows
+            .flat_map(|row| &vector[row])
+            .fold(0.0_f64, |most, x| most.max(x.abs()));
+        self.slab.communicator.all_reduce_max_f64(most)
+    }
+
+    /// Factorises the columns of cells along gravity: reciprocal pivots of their tridiagonal systems.
+    fn factorise_columns(&self, own: &Unsaturated, pivot: &mut [f64]) {
+        let layout = self.slab.layout;
+        let (axis, stride) = (own.axis, layout.stride[own.axis]);
+        for plane in 0..layout.cells[axis] {
+            for at in layout.plane(axis, plane) {
+                let mut sum = own.diagonal[at];
+                for (a, faces) in own.faces.iter().enumerate() {
+                    sum += faces[at].upper + faces[at + layout.stride[a]].lower;
+                }
+                let below = own.faces[axis][at];
+                let reduced = sum - below.lower * below.upper * pivot[at - stride];
+                pivot[at] = if reduced > 0.0 { 1.0 / reduced } else { 0.0 };
+            }
+        }
+    }
+
+    /// Multiplies by an approximate inverse: the columns along gravity exactly, where the water falls through
+    /// unsaturated cells, then one multigrid cycle on what they leave over; `out` with its halo. Collective.
+    fn precondition(
+        &mut self,
+        own: &Unsaturated,
+        vector: &mut [f64],
+        (pivot, rest): (&[f64], &mut [f64]),
+        out: &mut [f64],
+    ) {
+        let (layout, part) = (self.slab.layout, self.slab.part.clone());
+        if let Some(gather) = &mut self.slab.gather {
+            gather.fill(vector);
+        }
+        let (axis, stride) = (own.axis, layout.stride[own.axis]);
+        let faces = &own.faces[axis];
+        for plane in 0..layout.cells[axis] {
+            for at in layout.plane(axis, plane) {
+                let below = at - stride;
+                out[at] = vector[at] + faces[at].lower * (out[below] * pivot[below]);
+            }
+        }
+        for plane in (0..layout.cells[axis]).rev() {
+            for at in layout.plane(axis, plane) {
+                let above = at + stride;
+                out[at] = (out[at] + faces[above].upper * out[above]) * pivot[at];
+            }
+        }
+        self.multiply(own, out, rest);
+        layout.sweep(&part, rest, |start, rest| {
+            for (rest, v) in rest.iter_mut().zip(&vector[start..]) {
+                *rest = v - *rest;
+            }
+        });
+        let largest = self.largest(rest);
+        // The cycle works in single precision: on a vector near 1.
+        let unit = 1.0 / power_above(largest.max(f64::MIN_POSITIVE));
+        layout.sweep(&part, self.system.multigrid.right_side(), |start, out| {
+            for (b, r) in out.iter_mut().zip(&rest[start..]) {
+                *b = single(r * unit);
+            }
+        });
+        self.system.multigrid.cycle();
+        let found = self.system.multigrid.result();
+        // The cycle is on a vector and a matrix multiplied by powers of two.
+        let back = own.matrix_scale / unit;
+        layout.sweep(&part, out, |start, out| {
+            for (i, (out, z)) in out.iter_mut().zip(&found[start..]).enumerate() {
+                *out += back * f64::from(*z) * own.scale[start + i];
+            }
+        });
+        self.slab.halo.fill(out);
+    }
+
+    /// Multiplies by the derivatives of the imbalances by minus the reduced pressures, of the cells of the part.
+    fn multiply(&self, own: &Unsaturated, x: &[f64], out: &mut [f64]) {
+        let layout = self.slab.layout;
+        let (faces, diagonal) = (&own.faces, &own.diagonal);
+        layout.sweep(&self.slab.part, out, |start, out| {
+            for (i, out) in out.iter_mut().enumerate() {
+                let at = start + i;
+                let net = |axis: usize| {
+                    let stride = layout.stride[axis];
+                    let (below, above) = (faces[axis][at], faces[axis][at + stride]);
+                    (above.lower * x[at] - above.upper * x[at + stride])
+                        - (below.lower * x[at - stride] - below.upper * x[at])
+                };
+                *out = ((net(0) + net(1)) + net(2)) + diagonal[at] * x[at];
+            }
+        });
+    }
+}

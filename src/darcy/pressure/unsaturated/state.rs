@@ -1,0 +1,59 @@
+//! State of ground that drains, cell by cell: saturation, and the gradient by which a value is extended from a centre.
+//!
+//! Apart from the solver because outputs and probes read it.
+
+use super::Unsaturated;
+use crate::pressure::Pressure;
+
+impl Pressure {
+    /// Returns the degree of saturation of a cell: volume of water over volume of pores \[1\]; 1 where all ground is
+    /// saturated, 0 outside the walls.
+    #[must_use]
+    pub fn saturation(&self, cell: usize) -> f64 {
+        if !self.conduction.conducts[cell] {
+            return 0.0;
+        }
+        let Some(own) = &self.unsaturated else {
+            return 1.0;
+        };
+        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        own.law(at).saturation(self.pressure_head(own, at))
+    }
+
+    /// Returns the pressure head at a position of the layout \[m\].
+    pub(super) fn pressure_head(&self, own: &Unsaturated, at: usize) -> f64 {
+        (self.level + self.phi[at]) / own.weight - own.elevation[at]
+    }
+
+    /// Returns the gradient of the reduced pressure inside a cell \[Pa/m\]: the mean of its two halves along each axis,
+    /// which share the differences to the next cells by their permeabilities at saturation. The same as
+    /// [`Self::reduced_gradient`] where all ground is saturated.
+    #[must_use]
+    pub fn inner_gradient(&self, cell: usize) -> [f64; 3] {
+        let Some(own) = &self.unsaturated else {
+            return self.reduced_gradient(cell);
+        };
+        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        let mut driven: [f64; 3] = std::array::from_fn(|axis| {
+            let stride = self.slab.layout.stride[axis];
+            let face = |at: usize| {
+                let per_area = self.conduction.per_area[axis][at];
+                own.saturated[axis][at] * per_area * (self.phi[at - stride] - self.phi[at])
+            };
+            0.5 * (face(at) + face(at + stride))
+        });
+        for face in self.boundary.iter().filter(|face| face.cell == cell) {
+            let imposed = self.imposed(face).filter(|_| face.rate.abs() > 0.0);
+            let rate = match imposed {
+                Some(phi) => face.conductance * (phi - self.level - self.phi[at]),
+                None => face.rate * (-own.states[at].log_permeability).exp(),
+            };
+            let along = if face.upper { -rate } else { rate };
+            driven[face.axis] += 0.5 * along / face.area;
+        }
+        std::array::from_fn(|axis| {
+            let k = self.along(axis)[at];
+            if k > 0.0 { -driven[axis] / k } else { 0.0 }
+        })
+    }
+}

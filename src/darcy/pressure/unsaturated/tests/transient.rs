@@ -1,0 +1,320 @@
+//! Flow that changes with time against exact and published solutions. All close their mass.
+
+use super::*;
+use crate::{History, InitialWater, TransientSettings};
+
+/// Weight of the water \[N/m3\].
+const WEIGHT: f64 = 1000.0 * G;
+
+fn transient(initial: InitialWater, interval: f64) -> TransientSettings {
+    TransientSettings {
+        initial,
+        specific_storage: 0.0,
+        content_error: 2e-3,
+        interval,
+    }
+}
+
+fn advancing(
+    grid: &Grid,
+    patches: Vec<Patch>,
+    retention: Retention,
+    settings: TransientSettings,
+) -> Pressure {
+    let volume = vec![grid.volume(); grid.count()];
+    solver(grid, patches, retention).with_transient(settings, &volume)
+}
+
+/// Pressure at a pressure head.
+fn suction(head: f64) -> Condition {
+    Condition::Pressure {
+        value: head * WEIGHT,
+    }
+}
+
+/// A column between two conditions.
+fn column(grid: &Grid, [low, high]: [Condition; 2]) -> Vec<Patch> {
+    let width = [0.0, grid.spacing[0]];
+    vec![
+        patch(grid, 1, false, width, low),
+        patch(grid, 1, true, width, high),
+    ]
+}
+
+fn closes(solver: &Pressure) {
+    let balance = solver.water_balance().unwrap();
+    assert!(balance.error().abs() < 1e-10, "{balance:?}");
+}
+
+/// Pressure head at a height of a column, between the centres of its cells.
+fn head_at(solver: &Pressure, height: f64) -> f64 {
+    let grid = *solver.grid();
+    let place = height / grid.spacing[1] - 0.5;
+    let below = base::number::whole(place.floor());
+    let head = |row: usize| solver.pressure(grid.index([0, row, 0])) / WEIGHT;
+    let part = place - place.floor();
+    (1.0 - part) * head(below) + part * head(below + 1)
+}
+
+const NEW_MEXICO: VanGenuchten = VanGenuchten {
+    alpha: 3.35,
+    n: 2.0,
+    saturated_content: 0.368,
+    residual_content: 0.102,
+    exponent: 0.5,
+};
+
+/// The column of M. A. Celia, E. T. Bouloutas and R. L. Zarba (Water Resour. Res. 26 (1990) 1483), figure 3, against a
+/// converged solution of 3200 cells with another mean and another integration in time: water that entered, and depth of
+/// the pressure head -5 m.
+#[test]
+fn infiltration_into_a_dry_column() {
+    let grid = plane([1, 400], [0.01, 1.0]);
+    let patches = column(&grid, [suction(-10.0), suction(-0.75)]);
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = transient(InitialWater::PressureHead(-10.0), 21600.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 9.22e-5);
+    for (hours, water, front) in [
+        (6, 0.01740, 0.2544),
+        (12, 0.02633, 0.3750),
+        (18, f64::NAN, f64::NAN),
+        (24, 0.04113, 0.5648),
+    ] {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        let balance = solver.water_balance().unwrap();
+        let entered = (balance.entered - balance.left) / 0.01;
+        let mut depth = 0.0;
+        while head_at(&solver, 1.0 - depth - 0.01) > -5.0 {
+            depth += 1e-4;
+        }
+        let depth = depth + 0.01;
+        println!("{hours} h: {entered} {water}, {depth} {front}");
+        if water > 0.0 {
+            assert!((entered / water - 1.0).abs() < 0.01, "{entered} {water}");
+            assert!((depth / front - 1.0).abs() < 0.01, "{depth} {front}");
+        }
+    }
+    // Pressure heads behind the front.
+    for (depth, head) in [
+        (0.1, -0.7687),
+        (0.2, -0.8028),
+        (0.3, -0.8673),
+        (0.4, -1.0046),
+    ] {
+        let found = head_at(&solver, 1.0 - depth);
+        assert!((found / head - 1.0).abs() < 0.01, "{depth}: {found} {head}");
+    }
+}
+
+/// Absorption along a horizontal axis. In an exponential soil the diffusivity D = K/(alpha (theta_s - theta_r)) is
+/// constant, and the water that entered is 2 (theta_0 - theta_i) sqrt(D t/pi): the sorptivity of J. R. Philip
+/// (Soil Sci. 84 (1957) 257) in closed form.
+#[test]
+fn absorption_with_the_exact_sorptivity() {
+    let grid = plane([200, 1], [1.0, 0.01]);
+    let side = [0.0, 0.01];
+    let patches = vec![
+        patch(&grid, 0, false, side, suction(0.0)),
+        patch(&grid, 0, true, side, suction(-0.5)),
+    ];
+    let soil = Retention::Gardner(Gardner {
+        alpha: 10.0,
+        saturated_content: 0.4,
+        residual_content: 0.1,
+    });
+    let settings = transient(InitialWater::PressureHead(-0.5), 1000.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 1e-5);
+    let diffusivity = 1e-5 / (10.0 * 0.3);
+    let rise = 0.3 * (1.0 - (-5.0_f64).exp());
+    for n in 1..=5 {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        let time = 1000.0 * f64::from(n);
+        let exact = 2.0 * rise * (diffusivity * time / std::f64::consts::PI).sqrt();
+        let balance = solver.water_balance().unwrap();
+        let found = (balance.entered - balance.left) / 0.01;
+        println!("{time}: {found} {exact} {}", found / exact - 1.0);
+        assert!((found / exact - 1.0).abs() < 0.005, "{found} {exact}");
+    }
+}
+
+/// Infiltration into an exponential soil above a water table after R. Srivastava and T.-C. J. Yeh
+/// (Water Resour. Res. 27 (1991) 753): rain of 0.1 K, then 0.9 K; pressure heads in cm at heights of 20 to 80 cm.
+#[test]
+fn rain_that_grows_on_an_exponential_soil() {
+    let grid = plane([1, 200], [0.01, 1.0]);
+    let hourly = 0.01 / 3600.0;
+    let rain = |part: f64| Condition::Rain {
+        rate: part * hourly,
+    };
+    let patches = column(&grid, [Condition::Head { value: 0.0 }, rain(0.1)]);
+    let soil = Retention::Gardner(Gardner {
+        alpha: 10.0,
+        saturated_content: 0.4,
+        residual_content: 0.06,
+    });
+    let settings = transient(InitialWater::Steady, 3600.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, hourly);
+    solver.solve(still(&conductivity)).unwrap();
+    solver.set_condition(1, rain(0.9));
+    for hour in 1..=20 {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        let exact = match hour {
+            1 => [-15.0597, -21.5, -22.8052, -22.602],
+            5 => [-15.0585, -21.335, -19.544, -10.3005],
+            10 => [-14.5797, -16.9198, -10.7697, -4.9727],
+            20 => [-8.7048, -7.0477, -4.0194, -2.1298],
+            _ => continue,
+        };
+        for (height, exact) in [0.2, 0.4, 0.6, 0.8].into_iter().zip(exact) {
+            let found = 100.0 * head_at(&solver, height);
+            println!("{hour} h, {height} m: {found} {exact}");
+            assert!(
+                (found - exact).abs() < 0.05,
+                "{hour} {height}: {found} {exact}"
+            );
+        }
+    }
+}
+
+/// Consolidation of K. Terzaghi: part of the water that has left a saturated layer with a tight base, over
+/// T = K t/(S_s H^2).
+#[test]
+fn a_saturated_layer_drains_by_its_specific_storage() {
+    let grid = plane([1, 100], [0.01, 1.0]);
+    let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(10.0))];
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = TransientSettings {
+        specific_storage: 1e-3,
+        ..transient(InitialWater::Head(12.0), 100.0)
+    };
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 1e-6);
+    for n in 1..=10 {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        let exact = match n {
+            1 => 0.356_823,
+            3 => 0.613_236,
+            5 => 0.763_95,
+            10 => 0.931_26,
+            _ => continue,
+        };
+        let found = solver.water_balance().unwrap().left / (1e-3 * 0.01);
+        println!("{n}: {found} {exact}");
+        assert!((found / exact - 1.0).abs() < 5e-3, "{found} {exact}");
+    }
+}
+
+/// A saturated column that drains to rest above a water table at its base: the water that left is that of the curve of
+/// retention, (theta_s - theta_r) [L - asinh(alpha L)/alpha] at n = 2.
+#[test]
+fn a_column_drains_to_rest() {
+    let grid = plane([1, 200], [0.01, 2.0]);
+    let table = Condition::Head { value: 0.0 };
+    let patches = vec![patch(&grid, 1, false, [0.0, 0.01], table)];
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = transient(InitialWater::Head(2.0), 1e8);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 9.22e-5);
+    for _ in 0..5 {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+    }
+    let exact = 0.266 * (2.0 - (3.35_f64 * 2.0).asinh() / 3.35);
+    let found = solver.water_balance().unwrap().left / 0.01;
+    println!("{found} {exact}");
+    assert!((found / exact - 1.0).abs() < 2e-3, "{found} {exact}");
+}
+
+/// Rain above the conductivity of a dry soil: all of it enters until the surface is wet, less from then on.
+#[test]
+fn rain_ponds_where_the_soil_cannot_take_it() {
+    let grid = plane([1, 200], [0.01, 0.5]);
+    let rate = 3e-5;
+    let patches = column(&grid, [suction(-1.0), Condition::Rain { rate }]);
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = transient(InitialWater::PressureHead(-1.0), 60.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 1e-5);
+    let mut inflows = Vec::new();
+    for _ in 0..40 {
+        let report = solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        inflows.push(report.inflow / 0.01);
+    }
+    println!("{inflows:?}");
+    assert!((inflows[0] / rate - 1.0).abs() < 1e-9, "{inflows:?}");
+    let last = inflows[inflows.len() - 1];
+    assert!((1e-5..2e-5).contains(&last), "{inflows:?}");
+    assert!(
+        inflows
+            .windows(2)
+            .all(|pair| pair[1] <= pair[0] * (1.0 + 1e-9))
+    );
+}
+
+/// Consolidation under a head that falls in time: at once, and linearly over T_0 = 0.3 (R. E. Olson,
+/// J. Geotech. Eng. Div. ASCE 103 (1977) 55): U = T/T_0 {1 - 2/T sum [1 - exp(-M^2 T)]/M^4}, M = (m + 1/2) pi.
+#[test]
+fn heads_follow_their_tables() {
+    let grid = plane([1, 100], [0.01, 1.0]);
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let settings = TransientSettings {
+        specific_storage: 1e-3,
+        ..transient(InitialWater::Head(12.0), 100.0)
+    };
+    let (high, low) = (11.0 * WEIGHT, 10.0 * WEIGHT);
+    let ramp = |time: f64| {
+        let sum: f64 = (0..200)
+            .map(|m| ((f64::from(m) + 0.5) * std::f64::consts::PI).powi(2))
+            .map(|square| (1.0 - (-square * time).exp()) / (square * square))
+            .sum();
+        time / 0.3 * (1.0 - 2.0 / time * sum)
+    };
+    let jump = vec![[0.0, high], [100.0, high], [100.0, low]];
+    let slope = vec![[0.0, high], [300.0, low]];
+    for (table, exact) in [
+        (jump, [0.0, 0.356_823, f64::NAN]),
+        (slope, [ramp(0.1), ramp(0.2), ramp(0.3)]),
+    ] {
+        let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(11.0))];
+        let history = History { patch: 0, table };
+        let mut solver = advancing(&grid, patches, soil, settings).with_histories(vec![history]);
+        let conductivity = conductivity(&grid, 1e-6);
+        for exact in exact {
+            solver.solve(still(&conductivity)).unwrap();
+            closes(&solver);
+            let found = solver.water_balance().unwrap().left / (1e-3 * 0.01);
+            println!("{found} {exact}");
+            assert!(
+                exact.is_nan() || (found - exact).abs() < 2e-3,
+                "{found} {exact}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
+    let history = History {
+        patch: 0,
+        table: vec![[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]],
+    };
+    for (time, value) in [
+        (0.0, 10.0),
+        (1.0, 10.0),
+        (2.0, 15.0),
+        (3.0, 20.0),
+        (3.5, 5.5),
+        (4.0, 6.0),
+        (9.0, 6.0),
+    ] {
+        assert!((history.value(time) - value).abs() < 1e-12, "{time}");
+    }
+}

@@ -1,0 +1,494 @@
+//! Flow that changes with time in ground that drains: the mixed form of M. A. Celia, E. T. Bouloutas and R. L. Zarba
+//! (Water Resour. Res. 26 (1990) 1483) with adaptive steps.
+//!
+//! ```text
+//! M_1 = M_n + g dt F_1,     M_n+1 = M_n + dt [(1 - g) F_1 + g F_2],     g = 1 - 1/sqrt(2)
+//! ```
+//!
+//! `M` is the water of a cell, `F` the sum of the fluxes into it. The two implicit stages are those of R. Alexander
+//! (SIAM J. Numer. Anal. 14 (1977) 1006): second order, L-stable, and the second stage is the end of the step, so that
+//! faces in air and saturated ground without storage are solved at the end. The content of a step follows from the
+//! fluxes themselves: the imbalance that Newton's method leaves enters the next step and does not add up. The
+//! difference `g dt (F_2 - F_1)` of the step to one of first order is kept below the stated error of the content.
+//!
+//! Apart from the steady flow because only this one has a state beyond the pressure.
+
+use super::{CellState, Unsaturated};
+use crate::Error;
+use crate::pressure::Pressure;
+use decomposition::ExactSum;
+
+/// Part of a step in a stage: 1 - 1/sqrt(2).
+const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// Steps of Newton's method in a stage.
+const NEWTON_STEPS: u32 = 15;
+/// First step over the interval.
+const FIRST_STEP: f64 = 1e-3;
+/// Shortest step over the interval.
+const SHORTEST_STEP: f64 = 1e-12;
+/// Factors of the next step: of the one that would have the stated error, least, most, after a failure.
+const SAFETY: f64 = 0.9;
+const FALL: f64 = 0.2;
+const RISE: f64 = 2.0;
+const FAILED: f64 = 0.25;
+/// Numbers of a state in addition to the content of each cell.
+pub(crate) const EXTRA_NUMBERS: usize = 6;
+
+/// State at the start of a flow that changes with time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InitialWater {
+    /// Steady flow under the conditions at time 0.
+    Steady,
+    /// Water at rest below and above a head \[m\].
+    Head(f64),
+    /// One pressure head everywhere \[m\].
+    PressureHead(f64),
+}
+
+/// Choices of a flow that changes with time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransientSettings {
+    /// State at the start.
+    pub initial: InitialWater,
+    /// Specific storage of saturated ground \[1/m\].
+    pub specific_storage: f64,
+    /// Largest error of the content of a cell in a step \[1\].
+    pub content_error: f64,
+    /// Time of a call of [`Pressure::solve`] \[s\].
+    pub interval: f64,
+}
+
+/// Values of the condition of a patch in time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct History {
+    /// The patch.
+    pub patch: usize,
+    /// Times \[s\] and values, by rising time, linear between; two values at one time are a jump.
+    pub table: Vec<[f64; 2]>,
+}
+
+impl History {
+    /// Returns the value at a time, that before a jump at the time of the jump.
+    #[must_use]
+    pub fn value(&self, time: f64) -> f64 {
+        let after = self.table.partition_point(|[t, _]| *t < time);
+        let last = self.table.len().saturating_sub(1);
+        let [t1, v1] = self.table[after.min(last)];
+        if after == 0 || after > last {
+            return v1;
+        }
+        let [t0, v0] = self.table[after - 1];
+        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
+    }
+
+    /// Returns the first time of the table after a time \[s\].
+    fn next(&self, time: f64) -> Option<f64> {
+        let after = self.table.partition_point(|[t, _]| *t <= time);
+        self.table.get(after).map(|[t, _]| *t)
+    }
+}
+
+/// Volumes of water since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WaterBalance {
+    /// Water in the ground, by the pressure \[m3\].
+    pub stored: f64,
+    /// Water in the ground at the start \[m3\].
+    pub initial: f64,
+    /// Water that entered \[m3\].
+    pub entered: f64,
+    /// Water that left \[m3\].
+    pub left: f64,
+}
+
+impl WaterBalance {
+    /// Returns the water that is missing over the larger of what entered and what left \[1\]; 0 where nothing moved.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        let moved = self.entered.max(self.left);
+        if moved > 0.0 {
+            ((self.stored - self.initial) - (self.entered - self.left)) / moved
+        } else {
+            0.0
+        }
+    }
+}
+
+/// State and vectors of a flow that changes with time.
+pub(super) struct Transient {
+    settings: TransientSettings,
+    histories: Vec<History>,
+    /// Volume of each cell inside the walls \[m3\].
+    volume: Vec<f64>,
+    /// Reciprocal time of a stage \[1/s\]; 0 in a steady flow.
+    rate: f64,
+    /// Water that a stage starts from, at the present pressure, and by the fluxes of all steps \[m3\].
+    known: Vec<f64>,
+    content: Vec<f64>,
+    stored: Vec<f64>,
+    /// Sum of the fluxes into each cell, and that of the first stage \[m3/s\].
+    net: Vec<f64>,
+    first: Vec<f64>,
+    /// Derivative of the water by the reduced pressure over the time of a stage.
+    pub(super) capacity: Vec<f64>,
+    begin: Vec<f64>,
+    began: bool,
+    /// Length of the next step, and time \[s\].
+    step: f64,
+    time: f64,
+    entered: f64,
+    left: f64,
+    initial: f64,
+    /// Water that enters and leaves in the first stage \[m3/s\].
+    crossed: (f64, f64),
+}
+
+impl Transient {
+    /// Adds the change of the stored water to the imbalances, and its derivative to the diagonal.
+    pub(super) fn store(
+        &mut self,
+        states: &[CellState],
+        weight: f64,
+        (residual, diagonal): (&mut [f64], &mut [f64]),
+    ) {
+        let specific = self.settings.specific_storage;
+        for (at, state) in states.iter().enumerate() {
+            let volume = self.volume[at];
+            if volume <= 0.0 {
+                continue;
+            }
+            let wet = if state.head > 0.0 { specific } else { 0.0 };
+            self.content[at] = volume * (state.content + wet * state.head.max(0.0));
+            self.net[at] = residual[at];
+            if self.rate > 0.0 {
+                residual[at] -= (self.content[at] - self.known[at]) * self.rate;
+                self.capacity[at] = volume * (state.capacity + wet) * self.rate / weight;
+                diagonal[at] += self.capacity[at];
+            }
+        }
+    }
+
+    /// `true` if the flow is between two steps in time.
+    pub(super) fn advances(&self) -> bool {
+        self.rate > 0.0
+    }
+
+    /// `true` if the state at the start is known.
+    pub(super) fn began(&self) -> bool {
+        self.began
+    }
+
+    /// Returns the largest sum of the fluxes into a cell \[m3/s\].
+    pub(super) fn largest_net(&self) -> f64 {
+        self.net.iter().fold(0.0, |most, net| net.abs().max(most))
+    }
+
+    /// Starts a step of a length at a pressure.
+    fn start_step(&mut self, dt: f64, phi: &[f64]) {
+        self.begin.copy_from_slice(phi);
+        self.known.copy_from_slice(&self.stored);
+        self.rate = 1.0 / (STAGE * dt);
+    }
+
+    /// Starts the second stage; `crossed`: what enters and leaves in the first \[m3/s\].
+    fn start_second(&mut self, dt: f64, crossed: (f64, f64)) {
+        self.first.copy_from_slice(&self.net);
+        self.crossed = crossed;
+        for at in 0..self.known.len() {
+            self.known[at] = self.stored[at] + (1.0 - STAGE) * dt * self.first[at];
+        }
+    }
+
+    /// Takes over a step; `crossed`: what enters and leaves in the second stage \[m3/s\].
+    fn accept(&mut self, dt: f64, crossed: (f64, f64)) {
+        for at in 0..self.stored.len() {
+            self.stored[at] = self.known[at] + STAGE * dt * self.net[at];
+        }
+        self.entered += dt * ((1.0 - STAGE) * self.crossed.0 + STAGE * crossed.0);
+        self.left += dt * ((1.0 - STAGE) * self.crossed.1 + STAGE * crossed.1);
+    }
+
+    /// Returns the largest error of the content in a step of this length, over the stated one. In saturated cells the
+    /// stated one is that part of the water which specific storage takes up over `scale`, the difference of the heads
+    /// \[m\].
+    fn error(&self, dt: f64, states: &[CellState], scale: f64) -> f64 {
+        let elastic = (self.settings.specific_storage * scale).min(1.0);
+        let mut most = 0.0_f64;
+        for (at, state) in states.iter().enumerate() {
+            let part = if state.head > 0.0 { elastic } else { 1.0 };
+            let allowed = part * self.volume[at];
+            if allowed > 0.0 {
+                let difference = (self.net[at] - self.first[at]).abs();
+                most = most.max(STAGE * dt * difference / allowed);
+            }
+        }
+        most / self.settings.content_error
+    }
+}
+
+/// Sums numbers without rounding.
+fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
+    let mut sum = ExactSum::new();
+    numbers.for_each(|number| sum.add(number));
+    sum.value()
+}
+
+impl Pressure {
+    /// Lets the flow in ground that drains change with time: from here on [`Pressure::solve`] advances it by an
+    /// interval. `volume`: volume of each cell inside the walls \[m3\].
+    #[must_use]
+    pub fn with_transient(mut self, settings: TransientSettings, volume: &[f64]) -> Self {
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let mut inside = vec![0.0; layout.len()];
+        for (cell, volume) in volume.iter().enumerate() {
+            if self.conduction.conducts[cell] {
+                inside[layout.at(grid.cell(cell))] = *volume;
+            }
+        }
+        let zeros = || vec![0.0; layout.len()];
+        if let Some(own) = &mut self.unsaturated {
+            own.transient = Some(Box::new(Transient {
+                settings,
+                histories: Vec::new(),
+                volume: inside,
+                rate: 0.0,
+                known: zeros(),
+                content: zeros(),
+                stored: zeros(),
+                net: zeros(),
+                first: zeros(),
+                capacity: zeros(),
+                begin: zeros(),
+                began: false,
+                step: FIRST_STEP * settings.interval,
+                time: 0.0,
+                entered: 0.0,
+                left: 0.0,
+                initial: 0.0,
+                crossed: (0.0, 0.0),
+            }));
+        }
+        self
+    }
+
+    /// Lets conditions of a flow that changes with time follow tables.
+    #[must_use]
+    pub fn with_histories(mut self, histories: Vec<History>) -> Self {
+        let own = self.unsaturated.as_mut();
+        if let Some(transient) = own.and_then(|own| own.transient.as_mut()) {
+            transient.histories = histories;
+        }
+        self
+    }
+
+    /// Imposes the conditions of a time.
+    fn impose_histories(&mut self, own: &Unsaturated, time: f64) {
+        let histories = own
+            .transient
+            .iter()
+            .flat_map(|transient| &transient.histories);
+        for history in histories {
+            let value = history.value(time);
+            self.patches[history.patch].condition.set_value(value);
+        }
+    }
+
+    /// Returns the volumes of water since the start; none in a steady flow.
+    #[must_use]
+    pub fn water_balance(&self) -> Option<WaterBalance> {
+        let own = self.unsaturated.as_ref()?;
+        let transient = own.transient.as_ref()?;
+        Some(WaterBalance {
+            stored: sum(transient.content.iter().copied()),
+            initial: transient.initial,
+            entered: transient.entered,
+            left: transient.left,
+        })
+    }
+
+    /// Returns the state of a flow that changes with time, in addition to [`Self::saved`]; nothing in a steady flow.
+    #[must_use]
+    pub fn saved_water(&self) -> Vec<f64> {
+        let transient = self
+            .unsaturated
+            .as_ref()
+            .and_then(|own| own.transient.as_ref());
+        let Some(transient) = transient else {
+            return Vec::new();
+        };
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let cells = (0..grid.count()).map(|cell| transient.stored[layout.at(grid.cell(cell))]);
+        let own = [
+            transient.step,
+            transient.time,
+            transient.entered,
+            transient.left,
+            transient.initial,
+            self.level,
+        ];
+        cells.chain(own).collect()
+    }
+
+    /// Takes over what [`Self::saved_water`] gave.
+    ///
+    /// # Errors
+    /// If it is not that of this grid.
+    pub fn restore_water(&mut self, saved: &[f64]) -> Result<(), Error> {
+        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let Some(mut own) = self.unsaturated.take() else {
+            return Ok(());
+        };
+        let mut wrong = false;
+        if let Some(transient) = &mut own.transient {
+            match saved.split_at_checked(grid.count()) {
+                Some((cells, &[step, time, entered, left, initial, level])) => {
+                    self.level = level;
+                    for (cell, stored) in cells.iter().enumerate() {
+                        transient.stored[layout.at(grid.cell(cell))] = *stored;
+                    }
+                    (transient.step, transient.time) = (step, time);
+                    (transient.entered, transient.left) = (entered, left);
+                    (transient.initial, transient.began) = (initial, true);
+                    transient.content.copy_from_slice(&transient.stored);
+                }
+                _ => wrong = true,
+            }
+        }
+        self.unsaturated = Some(own);
+        if wrong {
+            return Err(Error::Messages(format!(
+                "{} numbers of the stored water for {} cells",
+                saved.len(),
+                grid.count()
+            )));
+        }
+        Ok(())
+    }
+
+    /// Finds the state at the start.
+    fn begin(&mut self, own: &mut Unsaturated) -> Result<(), Error> {
+        let Some(settings) = own.transient.as_ref().map(|transient| transient.settings) else {
+            return Ok(());
+        };
+        let (layout, level) = (self.slab.layout, self.level);
+        for row in layout.rows(&layout.whole()) {
+            for at in row {
+                match settings.initial {
+                    InitialWater::Steady => {}
+                    InitialWater::Head(head) => self.phi[at] = own.weight * head - level,
+                    InitialWater::PressureHead(head) => {
+                        self.phi[at] = own.weight * (head + own.elevation[at]) - level;
+                    }
+                }
+            }
+        }
+        if settings.initial == InitialWater::Steady {
+            self.find_steady(own)?;
+        }
+        own.power = 1.0;
+        self.evaluate(own);
+        if let Some(transient) = &mut own.transient {
+            transient.stored.copy_from_slice(&transient.content);
+            transient.initial = sum(transient.content.iter().copied());
+            transient.began = true;
+        }
+        Ok(())
+    }
+
+    /// Advances by adaptive steps to the end of the interval; returns iterations and residual.
+    pub(super) fn advance_steps(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), Error> {
+        if own
+            .transient
+            .as_ref()
+            .is_some_and(|transient| !transient.began)
+        {
+            self.begin(own)?;
+        }
+        let state = own
+            .transient
+            .as_ref()
+            .map(|t| (t.time, t.settings.interval));
+        let Some((start, interval)) = state else {
+            return Ok((0, 0.0));
+        };
+        // The end of an interval is a multiple of it, whatever rounding its steps had.
+        let end = (start / interval).round().mul_add(interval, interval);
+        let (mut iterations, mut residual) = (0, 0.0);
+        let mut time = start;
+        while time < end {
+            let wanted = own.transient.as_ref().map_or(interval, |t| t.step);
+            let stop = own.transient.as_ref().map_or(end, |transient| {
+                let times = transient.histories.iter().filter_map(|h| h.next(time));
+                times.fold(end, f64::min)
+            });
+            let pieces = ((stop - time) / wanted).ceil().max(1.0);
+            let dt = (stop - time) / pieces;
+            let found = self.try_step(own, (time, dt), &mut iterations)?;
+            let scale = self.largest_difference() / own.weight;
+            let Some(transient) = &mut own.transient else {
+                break;
+            };
+            let error = found.map_or(f64::INFINITY, |found| {
+                residual = found;
+                transient.error(dt, &own.states, scale)
+            });
+            if error <= 1.0 {
+                time = if pieces > 1.0 { time + dt } else { stop };
+                transient.accept(dt, self.crossed());
+            } else {
+                self.phi.copy_from_slice(&transient.begin);
+            }
+            let factor = if error.is_finite() {
+                (SAFETY / error.max(1e-12).sqrt()).clamp(FALL, RISE)
+            } else {
+                FAILED
+            };
+            transient.step = (factor * dt).min(interval);
+            if transient.step < SHORTEST_STEP * interval {
+                return Err(Error::UnsteadyFlow {
+                    time,
+                    length: own.capillary_length(),
+                });
+            }
+        }
+        if let Some(transient) = &mut own.transient {
+            (transient.time, transient.rate) = (end, 0.0);
+        }
+        Ok((iterations, residual))
+    }
+
+    /// Solves both stages of a step; returns the imbalance, none where Newton's method fails. Collective.
+    fn try_step(
+        &mut self,
+        own: &mut Unsaturated,
+        (time, dt): (f64, f64),
+        iterations: &mut u32,
+    ) -> Result<Option<f64>, Error> {
+        if let Some(transient) = &mut own.transient {
+            transient.start_step(dt, &self.phi);
+        }
+        self.impose_histories(own, time + STAGE * dt);
+        let first = self.newton(own, NEWTON_STEPS)?;
+        *iterations += first.iterations;
+        if !first.converged {
+            return Ok(None);
+        }
+        let crossed = self.crossed();
+        if let Some(transient) = &mut own.transient {
+            transient.start_second(dt, crossed);
+        }
+        self.impose_histories(own, time + dt);
+        let second = self.newton(own, NEWTON_STEPS)?;
+        *iterations += second.iterations;
+        Ok(second.converged.then_some(second.residual))
+    }
+
+    /// Returns what enters and leaves through the boundary at present \[m3/s\].
+    fn crossed(&self) -> (f64, f64) {
+        let rates = || self.boundary.iter().map(|face| face.rate);
+        (
+            sum(rates().filter(|rate| *rate > 0.0)),
+            -sum(rates().filter(|rate| *rate < 0.0)),
+        )
+    }
+}

@@ -1,0 +1,307 @@
+//! Retention and relative permeability of soil that is not saturated, as functions of the pressure head.
+//!
+//! ```text
+//! theta = theta_r + (theta_s - theta_r) S_e(psi),     K = K_s k_r(psi),     psi = p/(rho g)
+//! S_e = k_r = 1 at psi >= 0
+//! ```
+//!
+//! The permeability of a face between two cells is the mean of `k_r` that makes the flux of a column exact where `ln
+//! k_r` is linear in `psi` between the two (Gardner's soil everywhere, any soil in the limit of small cells). With `r
+//! = ln(k_2/k_1)`, the slope `lambda = r/(psi_2 - psi_1)`, the rise `d` of the elevation from 1 to 2, and `E(x) = (e^x
+//! - 1)/x`,
+//!
+//! ```text
+//! k_f = k_1 E(r + lambda d)/E(lambda d)
+//! ```
+//!
+//! This is the exponential fitting of D. L. Scharfetter and H. K. Gummel (IEEE Trans. Electron Devices 16 (1969) 64)
+//! for the flux `-k_r d(psi + z)/dz`. Along a horizontal axis it is the logarithmic mean, the integral mean of an
+//! exponential `k_r`; where a model states its integral, the integral mean itself is used there, with which the
+//! discharge of a dam is exact on any grid. In a tall cell that drains under gravity it is the `k_r` of the upper
+//! cell, without oscillation; water at rest stays exactly at rest.
+//!
+//! A model is one file below this module and one line of the list.
+
+pub mod gardner;
+pub mod saturated_only;
+pub mod van_genuchten;
+
+use base::family::family;
+use gardner::Gardner;
+use saturated_only::SaturatedOnly;
+use van_genuchten::VanGenuchten;
+
+family! {
+    /// The models of retention. A line here makes a model known to cases, to their schema and to runs.
+    pub enum Retention: RetentionLaw {
+        VanGenuchten(VanGenuchten),
+        Gardner(Gardner),
+        SaturatedOnly(SaturatedOnly),
+    }
+}
+
+/// State of a soil at a pressure head.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SoilState {
+    /// Volume of water per volume of soil \[1\].
+    pub content: f64,
+    /// Water capacity: derivative of the content by the pressure head \[1/m\].
+    pub capacity: f64,
+    /// Natural logarithm of the relative permeability.
+    pub log_permeability: f64,
+    /// Its derivative by the pressure head \[1/m\].
+    pub slope: f64,
+}
+
+/// A model of retention and relative permeability.
+pub trait RetentionLaw: Sync {
+    /// The model in the schema of the case: one line.
+    fn summary() -> &'static str
+    where
+        Self: Sized;
+
+    /// The model with its parameters in the tables of `plan`.
+    fn description(&self) -> String;
+
+    /// Returns the state at a pressure head \[m\].
+    fn state(&self, head: f64) -> SoilState;
+
+    /// Returns the degree of saturation at a pressure head: content of water over that at saturation \[1\].
+    fn saturation(&self, head: f64) -> f64 {
+        self.state(head).content / self.state(0.0).content
+    }
+
+    /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
+    /// (Kirchhoff's potential); none where it has no closed form.
+    fn potential(&self, _head: f64, _power: f64) -> Option<f64> {
+        None
+    }
+
+    /// Returns the height \[m\] over which the permeability falls to about 1/e above the phreatic surface, to compare
+    /// with the cells.
+    fn capillary_length(&self) -> f64;
+
+    /// `true` if the model states how much water the soil stores, which a transient flow needs.
+    fn stores(&self) -> bool {
+        true
+    }
+
+    /// Returns the parameter that is out of its range, with the range and a remedy; none if all are within.
+    fn check(&self) -> Option<Fault>;
+}
+
+/// A parameter that is out of its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// Path of the parameter below the retention of the case, such as `van_genuchten.n`.
+    pub path: &'static str,
+    /// Cause, with the allowed range.
+    pub reason: String,
+    /// Remedy.
+    pub remedy: String,
+}
+
+/// Relative permeability of a face, and its derivatives by the pressure heads on both sides \[1/m\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mean {
+    /// Relative permeability \[1\].
+    pub permeability: f64,
+    /// Derivatives by the first and by the second pressure head \[1/m\].
+    pub derivatives: [f64; 2],
+}
+
+/// A side of a face.
+#[derive(Clone, Copy, Debug)]
+pub struct Side {
+    /// Pressure head \[m\].
+    pub head: f64,
+    /// Natural logarithm of the relative permeability.
+    pub log_permeability: f64,
+    /// Its derivative by the pressure head \[1/m\].
+    pub slope: f64,
+    /// Kirchhoff's potential \[m\]; none where the model has none.
+    pub potential: Option<f64>,
+}
+
+/// Returns ln((e^x - 1)/x).
+fn log_ratio(x: f64) -> f64 {
+    if x.abs() < 1e-4 {
+        x * (0.5 + x / 24.0)
+    } else if x > 0.0 {
+        x + (-(-x).exp_m1() / x).ln()
+    } else {
+        (x.exp_m1() / x).ln()
+    }
+}
+
+/// Returns the derivative of [`log_ratio`]: 1/(1 - e^-x) - 1/x.
+fn log_ratio_slope(x: f64) -> f64 {
+    if x.abs() < 1e-2 {
+        0.5 + x * (1.0 - x * x / 60.0) / 12.0
+    } else {
+        -1.0 / (-x).exp_m1() - 1.0 / x
+    }
+}
+
+/// Returns the relative permeability of a face between two states; `rise`: elevation of the second above the first
+/// \[m\].
+#[must_use]
+pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
+    let (a, b) = (first, second);
+    if a.log_permeability.abs() + b.log_permeability.abs() <= 0.0 {
+        // Both are saturated.
+        return Mean {
+            permeability: 1.0,
+            derivatives: [0.0; 2],
+        };
+    }
+    let difference = b.head - a.head;
+    let ratio = b.log_permeability - a.log_permeability;
+    // Near each other the chord is the mean slope, whose change counts for nothing.
+    let near = difference.abs() <= 1e-9 * (a.head.abs() + b.head.abs());
+    let (chord, changes) = if near {
+        (0.5 * (a.slope + b.slope), [0.0; 2])
+    } else {
+        let chord = ratio / difference;
+        (
+            chord,
+            [
+                (chord - a.slope) / difference,
+                (b.slope - chord) / difference,
+            ],
+        )
+    };
+    if let (Some(low), Some(high)) = (a.potential, b.potential)
+        && rise.abs() <= 0.0
+        && !near
+    {
+        let permeability = (high - low) / difference;
+        return Mean {
+            permeability,
+            derivatives: [
+                (permeability - a.log_permeability.exp()) / difference,
+                (b.log_permeability.exp() - permeability) / difference,
+            ],
+        };
+    }
+    let (drained, sum) = (chord * rise, ratio + chord * rise);
+    let permeability = (a.log_permeability + log_ratio(sum) - log_ratio(drained)).exp();
+    let (at_sum, at_drained) = (log_ratio_slope(sum), log_ratio_slope(drained));
+    let by_chord = (at_sum - at_drained) * rise;
+    Mean {
+        permeability,
+        derivatives: [
+            permeability * (a.slope * (1.0 - at_sum) + by_chord * changes[0]),
+            permeability * (b.slope * at_sum + by_chord * changes[1]),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn side(law: &dyn RetentionLaw, head: f64) -> Side {
+        let state = law.state(head);
+        Side {
+            head,
+            log_permeability: state.log_permeability,
+            slope: state.slope,
+            potential: law.potential(head, 1.0),
+        }
+    }
+
+    fn laws() -> [Retention; 3] {
+        [
+            Retention::VanGenuchten(VanGenuchten {
+                alpha: 3.35,
+                n: 2.0,
+                saturated_content: 0.368,
+                residual_content: 0.102,
+                exponent: 0.5,
+            }),
+            Retention::Gardner(Gardner {
+                alpha: 5.0,
+                saturated_content: 0.4,
+                residual_content: 0.1,
+            }),
+            Retention::SaturatedOnly(SaturatedOnly {
+                thickness: Some(0.01),
+            }),
+        ]
+    }
+
+    /// Central differences of contents, permeabilities and means.
+    #[test]
+    fn derivatives_are_those_of_the_functions() {
+        let step = 1e-6;
+        let close = |found: f64, stated: f64, scale: f64| {
+            assert!((found - stated).abs() < 2e-5 * scale, "{found} {stated}");
+        };
+        for law in laws() {
+            let law = law.model();
+            for head in [-8.0, -1.3, -0.4, -0.05, -0.003, 0.2] {
+                let (low, high) = (law.state(head - step), law.state(head + step));
+                let here = law.state(head);
+                close(
+                    (high.content - low.content) / (2.0 * step),
+                    here.capacity,
+                    1.0,
+                );
+                let found = (high.log_permeability - low.log_permeability) / (2.0 * step);
+                close(found, here.slope, 1.0 + here.slope);
+                for (other, rise) in [(-2.0, 0.0), (-0.1, 0.3), (0.5, -0.2), (head + 0.01, 0.05)] {
+                    let at = |a: f64, b: f64| mean(side(law, a), side(law, b), rise).permeability;
+                    let here = mean(side(law, head), side(law, other), rise);
+                    let first = (at(head + step, other) - at(head - step, other)) / (2.0 * step);
+                    let second = (at(head, other + step) - at(head, other - step)) / (2.0 * step);
+                    let scale = 1.0 + here.permeability / law.capillary_length();
+                    close(first, here.derivatives[0], scale);
+                    close(second, here.derivatives[1], scale);
+                }
+            }
+        }
+    }
+
+    /// A column of Gardner's soil under a constant flux, e^(alpha psi) = R + (1 - R) e^(-alpha z), keeps that flux
+    /// between any two heights.
+    #[test]
+    fn the_flux_of_a_column_is_exact_in_cells_of_any_height() {
+        let law = Retention::Gardner(Gardner {
+            alpha: 5.0,
+            saturated_content: 0.4,
+            residual_content: 0.1,
+        });
+        let law = law.model();
+        for rain in [0.1, 0.9, -0.005] {
+            let head = |z: f64| (rain + (1.0_f64 - rain) * (-5.0 * z).exp()).ln() / 5.0;
+            for (low, high) in [(0.1, 0.2), (0.0, 0.5), (0.3, 1.0)] {
+                let (a, b) = (head(low), head(high));
+                let rise = high - low;
+                let k = mean(side(law, a), side(law, b), rise).permeability;
+                let flux = k * (b + rise - a) / rise;
+                assert!((flux - rain).abs() < 1e-12, "{rain} {flux}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mean_lies_between_and_does_not_depend_on_the_order() {
+        for law in laws() {
+            let law = law.model();
+            for (a, b) in [(-3.0, -0.2), (-0.5, 0.4), (-1.0, -1.0 + 1e-12)] {
+                for rise in [-0.3, 0.0, 0.02] {
+                    let (a, b) = (side(law, a), side(law, b));
+                    let there = mean(a, b, rise).permeability;
+                    let back = mean(b, a, -rise).permeability;
+                    assert!((there / back - 1.0).abs() < 1e-12);
+                    let (ka, kb) = (a.log_permeability.exp(), b.log_permeability.exp());
+                    if rise <= 0.0 {
+                        assert!(there >= ka.min(kb) * (1.0 - 1e-9));
+                    }
+                    assert!(there <= ka.max(kb) * (1.0 + 1e-9));
+                }
+            }
+        }
+    }
+}

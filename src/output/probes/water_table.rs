@@ -1,0 +1,92 @@
+//! The water table of ground that drains: elevation of zero pressure in each column of cells along gravity.
+//!
+//! Apart from the other values of the seepage because a sample has a row for each column.
+
+use coupling::seepage::Seepage;
+use dem::space::Space;
+use plan::scene::seepage::Seepage as Scene;
+
+/// The columns of cells along gravity.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Columns {
+    axis: usize,
+    /// `true` if coordinates along the axis rise upwards.
+    rises: bool,
+    cells: [usize; 3],
+}
+
+impl Columns {
+    /// Returns the columns of a seepage under a gravity along an axis.
+    pub(super) fn new(scene: &Scene, gravity: [f64; 3]) -> Self {
+        let steeper = |a: usize, b: usize| {
+            if gravity[b].abs() > gravity[a].abs() {
+                b
+            } else {
+                a
+            }
+        };
+        let axis = (1..3).fold(0, steeper);
+        Self {
+            axis,
+            rises: gravity[axis] < 0.0,
+            cells: scene.cells,
+        }
+    }
+
+    /// Returns the number of columns.
+    pub(super) fn len(&self) -> usize {
+        self.cells.iter().product::<usize>() / self.cells[self.axis]
+    }
+
+    /// Returns the point of zero pressure of a column above its lowest saturated cell \[m\]: its coordinate along
+    /// gravity is NaN where the column has no water table, and the top of the column where all of it is saturated.
+    pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>, column: usize) -> [f64; 3] {
+        let grid = seepage.grid();
+        let pressure = seepage.pressure();
+        let weight = pressure.weight()[self.axis].abs();
+        let count = self.cells[self.axis];
+        let [a, b] = match self.axis {
+            0 => [1, 2],
+            1 => [0, 2],
+            _ => [0, 1],
+        };
+        let (mut cell, spacing) = ([0; 3], grid.spacing[self.axis]);
+        (cell[a], cell[b]) = (column % self.cells[a], column / self.cells[a]);
+        // Upwards from the lowest open cell.
+        let mut last: Option<(f64, f64)> = None;
+        let mut found = f64::NAN;
+        let up = if self.rises { 1.0 } else { -1.0 };
+        let mut point = grid.centre(cell);
+        for n in 0..count {
+            cell[self.axis] = if self.rises { n } else { count - 1 - n };
+            let index = grid.index(cell);
+            let open = seepage.pores().porosity()[index] > 0.0;
+            let coordinate = grid.centre(cell)[self.axis];
+            let head = pressure.pressure(index) / weight;
+            match last {
+                // Water stands in the lower half of the lowest cell at most.
+                None if open && head < 0.0 => {
+                    if head > -0.5 * spacing {
+                        found = coordinate + up * head;
+                    }
+                    break;
+                }
+                None if open => last = Some((coordinate, head)),
+                None => {}
+                Some((below, wet)) if open && head < 0.0 => {
+                    found = below + up * spacing * wet / (wet - head);
+                    break;
+                }
+                Some(_) if open => last = Some((coordinate, head)),
+                Some(_) => break,
+            }
+        }
+        if found.is_nan()
+            && let Some((top, head)) = last
+        {
+            found = top + up * head.min(0.5 * spacing);
+        }
+        point[self.axis] = found;
+        point
+    }
+}

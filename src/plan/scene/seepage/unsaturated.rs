@@ -1,0 +1,270 @@
+//! Ground that drains: parameters of the soil, and what does not go with it.
+
+use super::{PATH, Seepage};
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::Grid;
+use crate::scene::region::region;
+use base::error::Remedy;
+use case::Case;
+use case::darcy::{TransientFlow, ZonePermeability};
+use darcy::{Condition, Equations, Retention};
+
+/// Height of a cell over the capillary length above which the plan warns: the relative permeability falls by e^-20
+/// from one cell to the next.
+const COARSE: f64 = 20.0;
+
+/// Largest number of zones with a retention.
+const MOST_SOILS: usize = 255;
+/// Thickness of the surface of ground without suction over the height of a cell.
+const SURFACE: f64 = 0.1;
+
+impl Seepage {
+    /// Sets the thickness of the phreatic surface by the cells where the case states none.
+    pub(super) fn resolve_surface(&mut self, gravity: [f64; 3]) {
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let rise = (0..3)
+            .map(|a| (gravity[a] / strength).abs() * self.spacing[a])
+            .fold(0.0, f64::max);
+        let soil = self
+            .written
+            .unsaturated
+            .iter_mut()
+            .map(|soil| &mut soil.retention);
+        let zones = self.written.zones.iter_mut();
+        for retention in soil.chain(zones.filter_map(|zone| zone.retention.as_mut())) {
+            if let Retention::SaturatedOnly(surface) = retention
+                && surface.thickness.is_none()
+                && rise > 0.0
+            {
+                surface.thickness = Some(SURFACE * rise);
+            }
+        }
+    }
+
+    /// Returns the number of the soil of each cell; nothing where no zone states one.
+    pub(super) fn soils(&self, case: &Case, grid: &Grid) -> Vec<u8> {
+        let stated = self
+            .written
+            .zones
+            .iter()
+            .any(|zone| zone.retention.is_some());
+        if self.written.unsaturated.is_none() || !stated {
+            return Vec::new();
+        }
+        let coarse = self.coarse_grid(grid.dimension);
+        let mut regions = Vec::new();
+        // What is wrong with a region has been said.
+        let mut silent = Findings::new(case);
+        for zone in self
+            .written
+            .zones
+            .iter()
+            .filter(|zone| zone.retention.is_some())
+        {
+            let whole = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+            regions.push(
+                zone.region
+                    .as_ref()
+                    .map_or(whole, |written| region(grid, written, PATH, &mut silent)),
+            );
+        }
+        let soil = |cell: usize| {
+            let centre = coarse.centre(coarse.cell(cell));
+            let holds = |[from, to]: &[[f64; 3]; 2]| {
+                (0..3).all(|a| centre[a] >= from[a] && centre[a] < to[a])
+            };
+            let last = regions.iter().rposition(holds);
+            last.map_or(0, |n| u8::try_from(n + 1).unwrap_or(u8::MAX))
+        };
+        (0..self.cell_count()).map(soil).collect()
+    }
+
+    /// Checks the retention of zones, and that nothing states one where no ground drains.
+    fn check_layers(&self, findings: &mut Findings) {
+        let drains = self.written.unsaturated.as_ref();
+        let stated = self.written.zones.iter().enumerate();
+        let mut count = 0;
+        for (n, zone) in stated {
+            let Some(retention) = &zone.retention else {
+                continue;
+            };
+            let path = format!("{PATH}.zones[{n}].retention");
+            count += 1;
+            if drains.is_none() || count > MOST_SOILS {
+                let reason = if drains.is_none() {
+                    "a retention needs ground that drains"
+                } else {
+                    "at most 255 zones may state a retention"
+                };
+                let remedy = "add `unsaturated`, or remove the retention";
+                findings.error(&path, reason, remedy);
+                return;
+            }
+            if let Some(fault) = retention.model().check() {
+                let path = format!("{path}.{}", fault.path);
+                findings.error(&path, fault.reason, fault.remedy);
+            }
+            let stores = retention.model().stores();
+            if self.is_transient() && !stores {
+                findings.error(
+                    &format!("{path}.saturated_only"),
+                    "this retention has no content of water, which flow that changes with time stores",
+                    "use van_genuchten or gardner",
+                );
+            }
+        }
+    }
+
+    /// Checks the tables of conditions.
+    fn check_histories(&self, findings: &mut Findings) {
+        for (n, patch) in self.written.boundaries.iter().enumerate() {
+            let Some(history) = &patch.history else {
+                continue;
+            };
+            let path = format!("{PATH}.boundaries[{n}].history");
+            let falls = |pair: &[[f64; 2]]| pair[1][0] < pair[0][0];
+            let (reason, remedy) = if !self.is_transient() {
+                (
+                    "a condition follows a table only where the flow changes with time",
+                    "add `unsaturated.transient`, or state one value in `condition`",
+                )
+            } else if patch.condition == (Condition::NoFlow {}) {
+                ("an impermeable face has no value", "use another condition")
+            } else if history.is_empty() || history.iter().flatten().any(|x| !x.is_finite()) {
+                (
+                    "the table needs rows of finite times and values",
+                    "write [[0, 10], [3600, 4]]",
+                )
+            } else if history.windows(2).any(falls) {
+                (
+                    "the times of the table do not rise",
+                    "sort the rows by time",
+                )
+            } else {
+                continue;
+            };
+            findings.error(&path, reason, remedy);
+        }
+    }
+
+    /// Checks the soil that drains, and that nothing needs one where there is none.
+    pub(super) fn check_unsaturated(&self, case: &Case, grid: &Grid, findings: &mut Findings) {
+        self.check_layers(findings);
+        self.check_histories(findings);
+        let path = format!("{PATH}.unsaturated");
+        let Some(soil) = &self.written.unsaturated else {
+            self.refuse_seepage_faces(findings);
+            return;
+        };
+        let law = soil.retention.model();
+        if let Some(fault) = law.check() {
+            findings.error(
+                &format!("{path}.retention.{}", fault.path),
+                fault.reason,
+                fault.remedy,
+            );
+            return;
+        }
+        if case.grains.is_some() || !case.bodies.is_empty() {
+            findings.error(
+                &path,
+                "unsaturated ground does not support grains and bodies: \
+                 drag and buoyancy are those of saturated ground",
+                Remedy::take_out(
+                    "remove `unsaturated` for saturated ground with grains, or the grains",
+                    &path,
+                ),
+            );
+        }
+        if let Some(transient) = &soil.transient {
+            self.check_transient(transient, law.stores(), findings);
+        }
+        if self.written.equations != Equations::Corrected {
+            findings.error(
+                &format!("{PATH}.equations"),
+                "unsaturated ground needs the corrected equations: those of the paper have no gravity in the water",
+                Remedy::from("use \"corrected\"").set(format!("{PATH}.equations"), "corrected"),
+            );
+        }
+        let gravity = case.gravity.as_ref().map(|g| g.to_array());
+        let Some(gravity) = gravity.filter(|g| g.iter().any(|g| g.abs() > 0.0)) else {
+            findings.error(
+                "gravity",
+                "unsaturated ground needs gravity, and there is none in this case",
+                "add `gravity`, such as [0, -9.81]",
+            );
+            return;
+        };
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let rise = (0..grid.dimension)
+            .map(|a| (gravity[a] / strength).abs() * self.spacing[a])
+            .fold(0.0, f64::max);
+        let length = law.capillary_length();
+        if rise > COARSE * length * (1.0 + 1e-9) {
+            findings.warn(
+                &path,
+                format!(
+                    "cells are {} m high, {} capillary lengths of the soil ({} m): the solution may not converge",
+                    number(rise),
+                    number(rise / length),
+                    number(length)
+                ),
+                format!(
+                    "use cells of at most {} m, or a longer capillary length",
+                    number(COARSE * length)
+                ),
+            );
+        }
+    }
+
+    /// Checks a flow that changes with time.
+    fn check_transient(&self, transient: &TransientFlow, stores: bool, findings: &mut Findings) {
+        let path = format!("{PATH}.unsaturated");
+        if !stores {
+            findings.error(
+                &format!("{path}.retention.saturated_only"),
+                "flow that changes with time stores water above the water table, \
+                 and this retention has no content of water",
+                "use van_genuchten or gardner, or remove `transient` for steady flow",
+            );
+        }
+        for (name, value) in [
+            ("specific_storage", transient.specific_storage),
+            ("content_error", transient.content_error),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                findings.error(
+                    &format!("{path}.transient.{name}"),
+                    format!(
+                        "this is {}; it must be a number of at least 0",
+                        number(value)
+                    ),
+                    "omit it for its default",
+                );
+            }
+        }
+        for (n, zone) in self.written.zones.iter().enumerate() {
+            if matches!(zone.permeability, Some(ZonePermeability::Resistance(_))) {
+                findings.error(
+                    &format!("{PATH}.zones[{n}].permeability.resistance"),
+                    "a flow that changes with time needs permeabilities that do not depend on the flow",
+                    "state a `value` or a `hydraulic_conductivity`",
+                );
+            }
+        }
+    }
+
+    /// Refuses seepage faces of saturated ground.
+    fn refuse_seepage_faces(&self, findings: &mut Findings) {
+        for (n, patch) in self.patches.iter().enumerate() {
+            if matches!(patch.condition, Condition::SeepageFace { .. }) {
+                findings.error(
+                    &format!("{PATH}.boundaries[{n}].condition"),
+                    "a seepage face needs ground that drains: \
+                     in saturated ground the pressure on a face in air is not known",
+                    "add `unsaturated` with a retention, or impose a pressure or a head",
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,417 @@
+//! Runs of ground that drains: dams, rain, the same bits on any number of ranks and after a restart, refusals.
+
+use crate::ranks::{Study, beside_others};
+use solver::case::{Document, examples};
+use solver::plan::Plan;
+use std::path::Path;
+
+/// Reads the columns of a probe as rows of numbers, without the step.
+fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
+    let path = study.path(&format!("{run}/probe_{probe}.csv"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let numbers = |line: &str| -> Option<Vec<f64>> {
+        let cells = line.split(',').map(|cell| cell.trim().parse::<f64>());
+        cells.collect::<Result<Vec<_>, _>>().ok()
+    };
+    let rows: Vec<Vec<f64>> = text.lines().filter_map(numbers).collect();
+    assert!(!rows.is_empty(), "{text}");
+    rows
+}
+
+/// Rectangular dam: discharge k (h1^2 - h2^2)/(2 L), exact after I. A. Charny, and the exit of the phreatic surface
+/// after P. Ya. Polubarinova-Kochina, 3.93959 m. The exit is of first order in the cells: two grids give its limit.
+#[test]
+fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
+    let _beside = beside_others();
+    let study = Study::of("earth-dam", &[]);
+    // The surface of a tenth of a cell adds its height times the drop of the phreatic line over the length.
+    let exit = |run: &str, spacing: f64| {
+        let near = 1e-3 * spacing / 0.0625;
+        study.run(run, 1, 1, &[&format!("domain.spacing={spacing}")]);
+        let seepage = &study.summary(run)["seepage"];
+        for name in ["inflow", "outflow"] {
+            let discharge = seepage[name].as_f64().unwrap();
+            assert!((discharge / 4.8e-5 - 1.0).abs() < near, "{seepage}");
+        }
+        let through = rows(&study, run, "middle")[0][2];
+        assert!((through / 4.8e-5 - 1.0).abs() < near, "{through}");
+        rows(&study, run, "water_table").last().unwrap()[3]
+    };
+    let (coarse, fine) = (exit("coarse", 0.125), exit("fine", 0.0625));
+    assert!(
+        (2.0 * fine - coarse) / 3.93959 - 1.0 < 0.02,
+        "{coarse} {fine}"
+    );
+    assert!(
+        (2.0 * fine - coarse) / 3.93959 - 1.0 > -0.02,
+        "{coarse} {fine}"
+    );
+    assert!(coarse > fine && fine > 3.93959, "{coarse} {fine}");
+}
+
+/// Phreatic line of a dam between 10 m and 0 m over 10 m, from the integrals of P. Ya. Polubarinova-Kochina.
+#[test]
+fn the_phreatic_line_of_a_dam_is_the_exact_one() {
+    let _beside = beside_others();
+    let study = Study::of("earth-dam", &[]);
+    let air = "fluid.darcy.boundaries[1].condition={\"seepage_face\": {}}";
+    study.run("air", 1, 1, &[air, "domain.spacing=0.125"]);
+    let table = rows(&study, "air", "water_table");
+    for (x, exact) in [
+        (1.0, 9.7348),
+        (2.5, 9.1809),
+        (5.0, 7.9679),
+        (7.5, 6.3432),
+        (9.0, 5.0266),
+    ] {
+        // Between the columns of cells before and behind.
+        let after = table.iter().position(|row| row[2] > x).unwrap();
+        let (a, b) = (&table[after - 1], &table[after]);
+        let found = a[3] + (b[3] - a[3]) * (x - a[2]) / (b[2] - a[2]);
+        assert!((found / exact - 1.0).abs() < 0.01, "{x}: {found} {exact}");
+    }
+}
+
+/// Column of an exponential soil under rain R above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z).
+#[test]
+fn rain_on_an_exponential_soil_gives_the_exact_suction() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "earth-dam",
+        &[
+            ("domain.size", "[1, 2]"),
+            ("domain.spacing", "0.2"),
+            (
+                "fluid.darcy.unsaturated.retention",
+                r#"{"gardner": {"alpha": 5, "saturated_content": 0.4, "residual_content": 0.1}}"#,
+            ),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "table", "face": "y_min", "condition": {"head": {"value": 0}}},
+                    {"name": "rain", "face": "y_max", "condition": {"rain": {"rate": 1e-6}}}]"#,
+            ),
+            (
+                "probes",
+                r#"[{"name": "low", "every": 1, "at": {"point": {"position": [0.5, 0.5]}}},
+                    {"name": "high", "every": 1, "at": {"point": {"position": [0.5, 1.5]}}}]"#,
+            ),
+        ],
+    );
+    study.run("rain", 1, 1, &[]);
+    let seepage = &study.summary("rain")["seepage"];
+    assert!(
+        (seepage["outflow"].as_f64().unwrap() / 1e-6 - 1.0).abs() < 1e-7,
+        "{seepage}"
+    );
+    for (probe, z) in [("low", 0.5), ("high", 1.5)] {
+        let row = &rows(&study, "rain", probe)[0];
+        let (flux, head) = (row[3], row[6]);
+        let exact = (0.1 + 0.9 * (-5.0_f64 * z).exp()).ln() / 5.0;
+        assert!((flux / -1e-6 - 1.0).abs() < 1e-7, "{row:?}");
+        // The points are centres of cells.
+        assert!((head - z - exact).abs() < 1e-6, "{row:?} {exact}");
+    }
+}
+
+#[test]
+fn the_same_bits_on_any_ranks_and_after_a_restart() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "earth-dam",
+        &[
+            ("domain.spacing", "0.5"),
+            (
+                "fluid.darcy.unsaturated.retention",
+                r#"{"van_genuchten": {"alpha": 0.64, "n": 4.65, "saturated_content": 0.4}}"#,
+            ),
+            ("time.end", "3"),
+            ("checkpoint", r#"{"every": 1}"#),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=1"]);
+    study.restart("parts", 3, &["time.end=3"]).expect(0);
+    study.same("straight", "parts");
+    let table = rows(&study, "parts", "water_table");
+    assert_eq!(table, rows(&study, "straight", "water_table"));
+}
+
+/// Returns the paths and reasons of the findings of the example with changes.
+fn findings(set: &str) -> Vec<(String, String)> {
+    let text = examples::find("earth-dam").unwrap().text;
+    let found = Document::read(text, &[set.to_owned()], Path::new(".")).and_then(Plan::prepare);
+    let found = match found {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    };
+    found.into_iter().map(|p| (p.path, p.reason)).collect()
+}
+
+#[test]
+fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
+    let own = "fluid.darcy.unsaturated";
+    let retention = "fluid.darcy.unsaturated.retention";
+    let condition = "fluid.darcy.boundaries[1].condition";
+    let disc = r#"{"name": "disc", "shape": {"disc": {"radius": 1}}, "position": [5, 5],
+        "motion": {"free": {}}, "material": "earth"}"#;
+    for (set, path, reason) in [
+        (
+            format!("bodies=[{disc}]"),
+            own,
+            "does not support grains and bodies",
+        ),
+        ("gravity=[0, 0]".to_owned(), "gravity", "needs gravity"),
+        (
+            "fluid.darcy.equations=paper".to_owned(),
+            "fluid.darcy.equations",
+            "needs the corrected equations",
+        ),
+        (
+            "fluid.darcy.unsaturated=null".to_owned(),
+            condition,
+            "a seepage face needs ground that drains",
+        ),
+        (
+            format!(
+                r#"{retention}={{"van_genuchten": {{"alpha": 1, "n": 0.9, "saturated_content": 0.4}}}}"#
+            ),
+            "fluid.darcy.unsaturated.retention.van_genuchten.n",
+            "the value must be at least 1.1 and at most 20",
+        ),
+        (
+            format!(
+                r#"{retention}={{"gardner": {{"alpha": 1, "saturated_content": 0.3, "residual_content": 0.4}}}}"#
+            ),
+            "fluid.darcy.unsaturated.retention.gardner.residual_content",
+            "it must lie between 0 and the saturated content",
+        ),
+        (
+            format!(r#"{condition}={{"head": {{"value": 2}}}}"#),
+            condition,
+            "water passes there under suction",
+        ),
+        (
+            format!(
+                r#"{retention}={{"van_genuchten": {{"alpha": 900, "n": 3, "saturated_content": 0.4}}}}"#
+            ),
+            own,
+            "the solution may not converge",
+        ),
+        (
+            "gravity=[0.1, -9.81]".to_owned(),
+            "probes[0].at.water_table",
+            "gravity does not point along an axis",
+        ),
+    ] {
+        let found = findings(&set);
+        let said = |(p, r): &(String, String)| p == path && r.contains(reason);
+        assert!(found.iter().any(said), "{set}: {found:#?}");
+    }
+}
+
+/// Column of Celia, Bouloutas and Zarba (1990): water that entered in 6 h, 17.40 mm in a converged solution. The mass
+/// closes, the bits do not depend on ranks, threads and restarts, and the results are those of the balance.
+#[test]
+fn infiltration_closes_its_mass_with_the_same_bits_after_a_restart() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "infiltration",
+        &[("time.end", "21600"), ("checkpoint", r#"{"every": 3600}"#)],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    let seepage = &one["seepage"];
+    let number = |name: &str| seepage[name].as_f64().unwrap();
+    assert!(number("mass_error").abs() < 1e-10, "{seepage}");
+    let entered = (number("water_in") - number("water_out")) / 0.05;
+    assert!((entered / 0.01740 - 1.0).abs() < 0.01, "{entered}");
+    let last = rows(&study, "straight", "water").pop().unwrap();
+    assert_eq!(
+        [last[3], last[4]],
+        [number("water_in"), number("water_out")]
+    );
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=10800"]);
+    study.restart("parts", 3, &["time.end=21600"]).expect(0);
+    study.same("straight", "parts");
+    let water = rows(&study, "parts", "water");
+    assert_eq!(water, rows(&study, "straight", "water"));
+}
+
+#[test]
+fn flow_in_time_needs_a_soil_that_stores_water() {
+    for (set, path) in [
+        (
+            "fluid.darcy.unsaturated.transient={}",
+            "fluid.darcy.unsaturated.retention.saturated_only",
+        ),
+        (
+            r#"probes[0].at={"water_balance": {}}"#,
+            "probes[0].at.water_balance",
+        ),
+    ] {
+        let found = findings(set);
+        assert!(found.iter().any(|(p, _)| p == path), "{set}: {found:#?}");
+    }
+}
+
+/// A dam with k_h = 9 k_v against its isotropic twin: lengths along x over 3, conductivity of the geometric mean.
+#[test]
+fn a_layered_dam_is_its_stretched_twin() {
+    let _beside = beside_others();
+    let discharge = |name: &str, set: &[(&str, &str)]| {
+        let study = Study::of("earth-dam", set);
+        study.run(name, 1, 1, &["probes=[]"]);
+        study.summary(name)["seepage"]["outflow"].as_f64().unwrap()
+    };
+    let grid =
+        |length: f64| format!(r#"{{"from": [0, 0], "to": [{length}, 10], "cells": [40, 40]}}"#);
+    let zone = |more: &str| {
+        format!(r#"[{{"name": "earth", "permeability": {{"hydraulic_conductivity": {more}}}]"#)
+    };
+    let layered = discharge(
+        "layered",
+        &[
+            ("domain.size", "[15, 10]"),
+            ("domain.spacing", "0.25"),
+            ("fluid.darcy.grid", &grid(15.0)),
+            ("fluid.darcy.zones", &zone(r#"9e-5}, "anisotropy": 9"#)),
+        ],
+    );
+    let twin = discharge(
+        "twin",
+        &[
+            ("domain.size", "[5, 10]"),
+            ("domain.spacing", "0.25"),
+            ("fluid.darcy.grid", &grid(5.0)),
+            ("fluid.darcy.zones", &zone("3e-5}")),
+        ],
+    );
+    assert!((layered / twin - 1.0).abs() < 1e-6, "{layered} {twin}");
+    // Exact: k_h (h1^2 - h2^2)/(2 L).
+    assert!((layered / 2.88e-4 - 1.0).abs() < 6e-3, "{layered}");
+}
+
+/// Uplift of a flat base of length B on deep ground under a head H: force gamma H B/2 and moment 3 gamma H B^2/16 about
+/// the heel, from phi/H = arccos(2 x/B - 1)/pi.
+#[test]
+fn uplift_of_a_flat_base_on_deep_ground() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "sheet-pile",
+        &[
+            ("domain.size", "[32, 16]"),
+            ("domain.spacing", "0.125"),
+            ("structures", "[]"),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "upstream", "face": "y_max", "patch": {"from": [0, 0], "to": [15, 16]},
+                     "condition": {"head": {"value": 17}}},
+                    {"name": "downstream", "face": "y_max", "patch": {"from": [17, 0], "to": [32, 16]},
+                     "condition": {"head": {"value": 16}}}]"#,
+            ),
+            (
+                "probes",
+                r#"[{"name": "base", "every": 1, "at": {"uplift": {"axis": "y", "position": 16,
+                     "part": {"from": [15, 0], "to": [17, 16]}, "about": [15, 16]}}}]"#,
+            ),
+        ],
+    );
+    study.run("dam", 1, 1, &[]);
+    let base = &rows(&study, "dam", "base")[0];
+    let weight = 9810.0;
+    assert!((base[7] / 2.0 - 1.0).abs() < 1e-9, "{base:?}");
+    assert!((base[2] / weight - 1.0).abs() < 1e-4, "{base:?}");
+    assert!((base[5] / (0.75 * weight) - 1.0).abs() < 0.01, "{base:?}");
+}
+
+/// Exit gradient next to a sheet pile to half the depth of a stratum, 0.0599 (M. E. Harr, Groundwater and Seepage, 1962).
+#[test]
+fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
+    let _beside = beside_others();
+    let study = Study::of("sheet-pile", &[]);
+    study.run("pile", 1, 1, &[]);
+    let exits = &study.summary("pile")["seepage"]["exit_gradients"];
+    let exit = &exits["downstream"];
+    assert!(
+        (exit["gradient"].as_f64().unwrap() / 0.0599 - 1.0).abs() < 0.02,
+        "{exits}"
+    );
+    assert!(
+        (exit["position"][0].as_f64().unwrap() - 3.00625).abs() < 1e-9,
+        "{exits}"
+    );
+    assert!(exits["upstream"].is_null(), "{exits}");
+}
+
+/// Conditions that follow tables, soils in layers: the same bits on any ranks and after a restart.
+#[test]
+fn a_falling_level_gives_the_same_bits_after_a_restart() {
+    let _beside = beside_others();
+    let soil = r#"{"van_genuchten": {"alpha": 0.64, "n": 2.5, "saturated_content": 0.4}}"#;
+    let study = Study::of(
+        "earth-dam",
+        &[
+            ("domain.spacing", "0.5"),
+            (
+                "fluid.darcy.unsaturated",
+                &format!(r#"{{"retention": {soil}, "transient": {{"specific_storage": 1e-5}}}}"#),
+            ),
+            (
+                "fluid.darcy.zones",
+                r#"[{"name": "earth", "permeability": {"hydraulic_conductivity": 1e-5}},
+                    {"name": "core", "region": {"box": {"from": [4, 0], "to": [6, 10]}}, "anisotropy": 4,
+                     "permeability": {"hydraulic_conductivity": 1e-6},
+                     "retention": {"van_genuchten": {"alpha": 0.3, "n": 1.8, "saturated_content": 0.45}}}]"#,
+            ),
+            (
+                "fluid.darcy.boundaries[0]",
+                r#"{"name": "upstream", "face": "x_min", "condition": {"seepage_face": {"level": 10}},
+                    "history": [[0, 10], [43200, 10], [129600, 4]]}"#,
+            ),
+            ("time", r#"{"end": 172800, "solid_time_step": 4320}"#),
+            ("probes[0].every", "43200"),
+            ("probes[1].every", "43200"),
+            ("output.fluid.every", "86400"),
+            ("checkpoint", r#"{"every": 43200}"#),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    assert!(
+        one["seepage"]["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{one:#}"
+    );
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=86400"]);
+    study.restart("parts", 3, &["time.end=172800"]).expect(0);
+    study.same("straight", "parts");
+    let tables = |run: &str| rows(&study, run, "water_table");
+    assert_eq!(tables("parts"), tables("straight"));
+    // The water table follows the level down.
+    let first = |row: &&Vec<f64>| row[2] < 0.5;
+    let upstream: Vec<f64> = tables("straight")
+        .iter()
+        .filter(first)
+        .map(|row| row[3])
+        .collect();
+    assert!(
+        upstream.windows(2).all(|pair| pair[1] <= pair[0] + 1e-9),
+        "{upstream:?}"
+    );
+    assert!(upstream[0] > 9.0 && upstream[3] < 6.0, "{upstream:?}");
+}
