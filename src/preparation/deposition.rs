@@ -274,7 +274,7 @@ impl<S: Space> Deposition<S> {
             });
             let Some(at) = free else {
                 return Err(Error::Numerical(format!(
-                    "no space for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
+                    "no room for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
                 )));
             };
             places[id] = at;

@@ -341,7 +341,8 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
 }
 
 /// Checks that a case with a wall of the preparation has a preparation in which grains move: a deposition, or the
-/// relaxation of bonded grains. A sample from a file may have been held by such a wall when it was made: there it is only said.
+/// relaxation of bonded grains. A sample from a file may have been held by such a wall when it was made: there it is
+/// only said.
 fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     let source = case.grains.as_ref().map(|grains| &grains.initial);
     let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);
