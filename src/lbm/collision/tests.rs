@@ -55,7 +55,7 @@ fn the_schema_takes_the_texts_of_the_operators() {
     assert!(choices[0]["properties"]["toy"].get("description").is_none());
     assert_eq!(
         choices[0]["properties"]["toy"]["properties"]["strength"]["description"],
-        "What populations are multiplied by, without unit."
+        "Factor of the populations, without unit."
     );
     assert_eq!(choices[0]["required"][0], "toy");
 }

@@ -36,7 +36,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor
-/// follows longer pieces of memory better: from 8 to 48 the speed is the same (`benches/README.md`).
+/// follows longer pieces of memory better: from 8 to 48 the speed is the same (`benches/HISTORY.md`).
 const ROWS: usize = 32;
 
 /// Planes of a thread from which on it has some to sweep.
