@@ -26,6 +26,9 @@ pub(super) struct Arguments {
     /// Only vary the cells, no settings of models.
     #[arg(long)]
     cells_only: bool,
+    /// Move the closed ends of a seepage away in one more run: the change of the answers is the share of the ends.
+    #[arg(long)]
+    ends: bool,
     /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -53,6 +56,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
         stability,
         finer,
         cells_only,
+        ends,
         output,
         jobs,
         ranks,
@@ -73,6 +77,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
         output: output.unwrap_or_else(usual),
         finer,
         settings: !cells_only,
+        ends,
         run: Run {
             ranks,
             threads: threads_of_each(threads, jobs, ranks),
