@@ -83,8 +83,8 @@ fn corpus() -> Vec<Named> {
             "density": 1000, "viscosity": 0.001,
             "zones": [{"name": "map", "raster": {"path": "map.csv"}, "without_grains": true}],
             "boundaries": [
-                {"name": "low", "face": "z_min", "condition": {"head": 1}},
-                {"name": "high", "face": "z_max", "condition": {"head": 1.1}}
+                {"name": "low", "face": "z_min", "condition": {"head": {"value": 1}}},
+                {"name": "high", "face": "z_max", "condition": {"head": {"value": 1.1}}}
             ]
         }},
         "time": {"end": 0.01}
