@@ -250,8 +250,8 @@ impl Members {
         let mut case = self.compared(plan, &grids::stated(plan)?);
         let change = ends::move_away(&mut case, plan).ok_or_else(|| {
             Error::Usage(
-                "--ends: the case has no closed ends of a seepage without grains that can be moved: horizontal ends beyond imposed \
-                 heads, without rasters and without meshes that state no origin"
+                "--ends: the case has no closed ends of a seepage without grains that can be moved: \
+                 horizontal ends beyond imposed heads, without rasters and without meshes that state no origin"
                     .into(),
             )
         })?;

@@ -26,8 +26,11 @@ pub(super) struct Arguments {
     /// Only vary the cells, no settings of models.
     #[arg(long)]
     cells_only: bool,
-    /// Move the closed ends of a seepage away in one more run: the change of the answers is the share of the ends.
-    #[arg(long)]
+    /// `true` if the closed ends of a seepage move away in one more run.
+    #[arg(
+        long,
+        help = "Move the closed ends of a seepage away in one more run, for their share of the answers"
+    )]
     ends: bool,
     /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].
     #[arg(long, value_name = "DIR")]

@@ -1,10 +1,9 @@
 //! The case with the closed ends of its seepage further away.
 //!
 //! The ends move to three leakage lengths from the imposed heads ([`crate::plan::ends`]), and at least to twice
-//! their distance. Everything
-//! that has a position moves with the lower end: patches, zones, planes, structures and probes. Patches, boxes
-//! and layers that reach an end
-//! reach the new one. What has no ends, or holds a position that is not known here, cannot be moved.
+//! their distance. Everything that has a position moves with the lower end: patches, zones, planes, structures
+//! and probes. Patches, boxes and layers that reach an end reach the new one. A case without ends, or with a
+//! position that is not known here, cannot be moved.
 
 use super::grids;
 use crate::number::whole;
@@ -49,7 +48,7 @@ impl Shift {
     }
 
     /// Moves the positions of an object or a list; `None` if it holds numbers that are not known.
-    fn walk(&self, value: &mut Value, key: &str) -> Option<()> {
+    fn walk(&self, value: &mut Value) -> Option<()> {
         match value {
             Value::Object(map) => {
                 let extent = map.contains_key("from") && map.contains_key("to");
@@ -78,13 +77,13 @@ impl Shift {
                             }
                         }
                         Value::Array(_) if FREE.contains(&name.as_str()) => {}
-                        other => self.walk(other, name)?,
+                        other => self.walk(other)?,
                     }
                 }
                 Some(())
             }
             Value::Array(list) if list.iter().all(Value::is_object) => {
-                list.iter_mut().try_for_each(|child| self.walk(child, key))
+                list.iter_mut().try_for_each(|child| self.walk(child))
             }
             Value::Array(_) => None,
             _ => Some(()),
@@ -150,7 +149,7 @@ pub(super) fn move_away(case: &mut Value, plan: &Plan) -> Option<String> {
     };
     for path in SECTIONS {
         if let Some(section) = case.pointer_mut(path) {
-            shift.walk(section, path)?;
+            shift.walk(section)?;
         }
     }
     for probe in case
@@ -159,7 +158,7 @@ pub(super) fn move_away(case: &mut Value, plan: &Plan) -> Option<String> {
         .into_iter()
         .flatten()
     {
-        shift.walk(probe.get_mut("at")?, "at")?;
+        shift.walk(probe.get_mut("at")?)?;
     }
     case["domain"]["size"][axis] = json!(size);
     case["fluid"]["darcy"]["grid"]["to"][axis] = json!(shift.new[1]);

@@ -574,8 +574,9 @@ pub(crate) fn variable(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first seed, mutants, how many were
-/// accepted, the exit codes of the binary with their numbers, and how many mutants were wrong.
+/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first
+/// seed, mutants, how many were accepted, the exit codes of the binary with their numbers, and how many
+/// mutants were wrong.
 pub(crate) fn record(
     kind: &str,
     (first, count): (u64, u64),

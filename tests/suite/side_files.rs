@@ -2,8 +2,7 @@
 //! and lists of blocks.
 //!
 //! Only the file is changed. The case that names it is planned, or refused with a path, a reason and a remedy;
-//! no number of the file
-//! that was accepted is NaN or infinite. One in twenty also goes through the real binary.
+//! no number of a file that was accepted is NaN or infinite. One in twenty also goes through the real binary.
 //!
 //! ```text
 //! SOLVER_SIDE_FILES=2000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- side_files --nocapture
@@ -94,7 +93,7 @@ fn corpus() -> Vec<Named> {
     let mut solid = grains.clone();
     solid["grains"]["initial"] =
         json!({"list": [{"position": [0.09, 0.09, 0.09], "radius": 0.005}]});
-    let scaled = json!({"mesh": {"path": "solid.stl", "scale": 0.05}});
+    let scaled = json!({"surface": {"mesh": {"path": "solid.stl", "scale": 0.05}}});
     solid["structures"] = json!([{"name": "sill", "shape": scaled}]);
     let mut blocks = example("avalanche");
     blocks["blocks"]["initial"] = json!({"file": {"path": "rock.json"}});

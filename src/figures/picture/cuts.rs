@@ -132,7 +132,7 @@ mod tests {
         faces.filter_map(|face| section.line(face)).collect()
     }
 
-    /// Boxes of 2 by 3 and 4 by 1 m that overlap in 1 by 1 m: 9 of 30 m2; a box beside the plane is none.
+    /// Boxes of 2 by 3 and 4 by 1 m that overlap in 1 by 1 m: 9 of 30 m2; a box next to the plane is none.
     #[test]
     fn overlapping_boxes_are_filled_once() {
         let section = Section { axis: 1, at: 0.5 };

@@ -1,6 +1,5 @@
-//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, and circles where it
-//! cuts grains. The result is a 2-D
-//! scene in the other two axes, x before y before z.
+//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, circles where it cuts
+//! grains, and lines where it cuts faces. The result is a 2-D scene in the other two axes, x before y before z.
 
 use super::{Grains, Water};
 use crate::number::{real, whole};

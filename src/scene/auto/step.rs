@@ -173,8 +173,9 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Returns an automatic time step of which the intervals of samples are whole numbers, at most `longest` \[s\]. It stays `longest`, with
-/// samples at the nearest steps, where it would become shorter than [`SHORTEST`] of that.
+/// Returns an automatic time step of which the intervals of samples are whole numbers, at most `longest`
+/// \[s\]. It stays `longest`, with samples at the nearest steps, where it would become shorter than
+/// [`SHORTEST`] of that.
 pub(crate) fn divided(scene: &Scene, longest: f64) -> f64 {
     let shorter = dividing(scene, longest);
     if shorter >= SHORTEST * longest {
