@@ -50,7 +50,7 @@ pub(crate) const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\n
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-pub(crate) const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
 /// Ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
