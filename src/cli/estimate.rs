@@ -26,6 +26,12 @@ pub(super) struct Arguments {
     /// Only vary the cells, no settings of models.
     #[arg(long)]
     cells_only: bool,
+    /// `true` if the closed ends of a seepage move away in one more run.
+    #[arg(
+        long,
+        help = "Move the closed ends of a seepage away in one more run, for their share of the answers"
+    )]
+    ends: bool,
     /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -53,6 +59,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
         stability,
         finer,
         cells_only,
+        ends,
         output,
         jobs,
         ranks,
@@ -73,6 +80,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
         output: output.unwrap_or_else(usual),
         finer,
         settings: !cells_only,
+        ends,
         run: Run {
             ranks,
             threads: threads_of_each(threads, jobs, ranks),

@@ -1,26 +1,22 @@
 //! The normal dashpot of a contact over time steps.
 //!
 //! A step evaluates a dashpot c at the velocity of half a step before, and a contact begins and ends somewhere
-//! within a step. Both make the
-//! restitution of an impact depend on the step dt to first order in `x = c dt/m`: at the default step by 1 %
-//! for a damping ratio of 0.2, by
-//! 16 % for 0.5, and by as much again with the place in a step at which the contact begins. Two corrections of
-//! the same order take this
-//! away; they vanish with the step:
+//! within a step. Both make the restitution of an impact depend on the step dt to first order in `x = c dt/m`:
+//! at the default step by 1 % for a damping ratio of 0.2, by 16 % for 0.5, and by as much again with the point
+//! in a step at which the contact begins. Two corrections of the same order remove this; they vanish with the
+//! step:
 //!
-//! - The dashpot is `c/(1 + x/4)`. Of an oscillator with springs, with the phase of the contact in the step
-//!   averaged, the restitution is then exact
-//!   within 1 % up to a damping ratio of 0.5, and for contacts that only push up to 0.9; of Hertz's contact as well.
+//! - The dashpot is `c/(1 + x/4)`. For an oscillator with springs, with the phase of the contact in the step
+//!   averaged, the restitution is then exact within 1 % up to a damping ratio of 0.5, and for contacts that
+//!   only push up to 0.9; for Hertz's contact as well.
 //! - A step evaluates a contact as if it lasted all the step. One that is less than a step old, of the overlap
-//!   d, has lasted for `d/|v|`
-//!   of it, and the half step that follows: it acts with the part `1/2 + d/(|v| dt)`. The dashpot of Hertz's
-//! contact grows with `d^(1/4)`
-//!   and acts with the mean of that power over this time ([`hertz_root`]).
+//!   d, has lasted for `d/|v|` of it, and the half step that follows: it acts with the part `1/2 + d/(|v| dt)`.
+//!   The dashpot of Hertz's contact grows with `d^(1/4)` and acts with the mean of that power over this time
+//!   ([`hertz_root`]).
 //!
 //! A dashpot that pulls acts with its full force when the surfaces part, and a part that jumps there decides by
-//! the phase of the
-//! contact in the step whether one more step pulls. [`Pulling`] spreads the last step and a half over the last
-//! two steps without a jump.
+//! the phase of the contact in the step whether one more step pulls. [`Pulling`] spreads the last step and a
+//! half over the last two steps without a jump.
 
 /// Returns the dashpot [N s/m] that restitutes over steps as `dashpot` does in continuous time, where `x` is
 /// `dashpot time_step lever/weight`.
@@ -43,14 +39,12 @@ pub(super) fn part_of_step(overlap: f64, rate: f64, time_step: f64) -> f64 {
 }
 
 /// Returns the fourth root of the overlap \[m^1/4\], in the first and the last step of a contact the mean of it
-/// over the time that the contact
-/// acts in the step.
+/// over the time that the contact acts in the step.
 ///
 /// Surfaces at the speed v overlap by `v t`. Over the time `0..(1/2 + g) dt`, with `g = d/(|v| dt)`, the
-/// integral of `(v t)^(1/4)`
-/// is `4/5 (1/2 + g) (d + |v| dt/2)^(1/4) dt`. Where the dashpot `pulls`, the last two steps share the sum of
-/// their integrals without
-/// a jump: `4/5 (3/2)^(5/4) g` in the last, the remainder in the one before.
+/// integral of `(v t)^(1/4)` is `4/5 (1/2 + g) (d + |v| dt/2)^(1/4) dt`. Where the dashpot `pulls`, the last two
+/// steps share the sum of their integrals without a jump: `4/5 (3/2)^(5/4) g` in the last, the remainder in the
+/// one before.
 #[inline(always)]
 pub(super) fn hertz_root(overlap: f64, rate: f64, time_step: f64, pulls: bool) -> f64 {
     let path = rate.abs() * time_step;
@@ -78,21 +72,16 @@ pub(super) fn hertz_root(overlap: f64, rate: f64, time_step: f64, pulls: bool) -
 /// With `x = c dt/m`, `y = k dt²/m` and `g = d/(|v| dt)` for the overlap d and the velocity v half a step before:
 ///
 /// - The surfaces part at `r v`, `r = sqrt((1 + y g (1 + g))/(1 - y/4)) - x t + x y t³/6` with `t = g + 1/2`:
-///   the energy of the oscillator
-///   as the time steps keep it, less the dashpot over its path.
+///   the energy of the oscillator as the time steps keep it, less the dashpot over its path.
 /// - `g1`, where `g1 = r(g1)`, is the overlap from which the surfaces part just at the end of a step. Above it
-///   a step ends at the
-///   velocity `v (g1 r + (1 - g1) g)` where that is more force than the step has otherwise; below it, at `v (1
-/// - (1 - g1) g/g1)`.
-///   The last step then ends at `r v`, whatever the phase, and the force is a continuous function of overlap
-/// and velocity.
+///   a step ends at the velocity `v (g1 r + (1 - g1) g)` where that is more force than the step has otherwise;
+///   below it, at `v (1 - (1 - g1) g/g1)`. The last step then ends at `r v`, whatever the phase, and the force
+///   is a continuous function of overlap and velocity.
 /// - In the step in which a contact begins, the spring adds `y (g - 1/2)²/2 m v/dt`, the part of its impulse
-///   that a force at the end
-///   of the path misses.
+///   that a force at the end of the path misses.
 ///
 /// Two coefficients of second order in x, 0.15 and 0.09, are fitted to the closed form: the restitution of
-/// every impact is within 0.6 % up to a
-/// damping ratio of 0.5 and a step of `0.283 sqrt(m/k)`.
+/// every impact is within 0.6 % up to a damping ratio of 0.5 and a step of `0.283 sqrt(m/k)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pulling {
     /// Stiffness k [N/m].

@@ -89,7 +89,8 @@ impl Nearest {
         self.feature != Feature::Face
     }
 
-    /// Returns `true` if a plane of this normal, at this `distance` \[m\] from the centre, lies in the same direction and is as near.
+    /// Returns `true` if a plane of this normal, at this `distance` \[m\] from the centre, lies in the same
+    /// direction and is as near.
     pub(super) fn yields_to(&self, normal: &Vector3<f64>, distance: f64) -> bool {
         distance <= self.distance * (1.0 + RIM) && self.normal.dot(normal) > SAME
     }

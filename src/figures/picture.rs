@@ -1,10 +1,13 @@
 //! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser:
 //! `solver picture`.
 //!
-//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
-//! side in parallel projection, lit from the upper left, or a section is drawn, which shows the fluid as well. All
-//! panels share one colour scale. The raster is a PNG inside the SVG; text and streamlines are vector graphics.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
+//! from the upper left, or a section is drawn, which shows the fluid and the outlines of blocks,
+//! structures and walls as well. All panels share one colour scale. The raster is a PNG inside the
+//! SVG; text and streamlines are vector graphics.
 
+mod colours;
+mod cuts;
 mod faces;
 mod overlays;
 mod raster;
@@ -12,9 +15,11 @@ mod section;
 mod streamlines;
 
 use base::error::Error;
-use base::number::{real, whole};
+use base::number::real;
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
+use colours::{grain_colour, water_colour};
+use cuts::Cuts;
 use faces::{Faces, id_of};
 use io::Moment;
 use io::fields::{Values, inspect, read_column};
@@ -145,6 +150,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         .map(|series| Faces::read(&series.heavy(0), "structure"))
         .transpose()?
         .map(Rc::new);
+    let walls = open("walls").map(|series| series.heavy(0));
     let Some(clock) = grains.as_ref().or(blocks.as_ref()).or(fluid.as_ref()) else {
         return Err(failed(
             run,
@@ -188,6 +194,10 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
                 .transpose()?,
             faces,
             structures: structures.clone(),
+            walls: (walls.as_deref())
+                .map(|path| Faces::walls(path, moment.time))
+                .transpose()?,
+            cuts: None,
         };
         scenes.push(scene.cut(request.section));
     }
@@ -223,14 +233,19 @@ fn choose(moments: &[Moment], times: &[f64]) -> Vec<Moment> {
     chosen
 }
 
+#[derive(Default)]
 struct Scene {
     time: f64,
     water: Option<Water>,
     grains: Option<Grains>,
     contacts: Option<Network>,
     faces: Option<Faces>,
-    /// Faces of the structures; a section leaves them out, where the water shows them.
+    /// Surfaces at rest.
     structures: Option<Rc<Faces>>,
+    /// Walls of facets, which a section shows.
+    walls: Option<Faces>,
+    /// Outlines of the solids that a section cuts.
+    cuts: Option<Cuts>,
 }
 
 impl Scene {
@@ -251,9 +266,13 @@ impl Scene {
         if let Some(contacts) = &mut self.contacts {
             contacts.cut(section);
         }
-        // Blocks are what is solid in the water.
-        self.faces = None;
-        self.structures = None;
+        let solids = [
+            self.faces.as_ref(),
+            self.structures.as_deref(),
+            self.walls.as_ref(),
+        ];
+        self.cuts = Some(Cuts::new(section, solids));
+        (self.faces, self.structures) = (None, None);
         self
     }
 }
@@ -399,44 +418,6 @@ fn range<'a>(values: impl Iterator<Item = &'a f64>) -> Option<[f64; 2]> {
     values.filter(|v| v.is_finite()).fold(None, |range, &v| {
         Some(range.map_or([v, v], |[low, high]: [f64; 2]| [low.min(v), high.max(v)]))
     })
-}
-
-/// Colours along a few stops.
-fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
-    let share = if share.is_finite() {
-        share.clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let place = share * real(stops.len() - 1);
-    let below = whole(place).min(stops.len() - 2);
-    let t = place - real(below);
-    std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
-}
-
-/// Returns a colour from white to deep blue.
-fn water_colour(share: f64) -> [f64; 3] {
-    const STOPS: [[f64; 3]; 5] = [
-        [247.0, 251.0, 255.0],
-        [198.0, 219.0, 239.0],
-        [107.0, 174.0, 214.0],
-        [33.0, 113.0, 181.0],
-        [8.0, 48.0, 107.0],
-    ];
-    along(&STOPS, share)
-}
-
-/// Viridis (van der Walt and Smith, SciPy 2015).
-fn grain_colour(share: f64) -> [f64; 3] {
-    const STOPS: [[f64; 3]; 6] = [
-        [68.0, 1.0, 84.0],
-        [65.0, 68.0, 135.0],
-        [42.0, 120.0, 142.0],
-        [34.0, 168.0, 132.0],
-        [122.0, 209.0, 81.0],
-        [253.0, 231.0, 37.0],
-    ];
-    along(&STOPS, share)
 }
 
 fn fraction_of_range(value: f64, [low, high]: [f64; 2]) -> f64 {
@@ -651,6 +632,9 @@ impl Panel {
         if let Some(structures) = &scene.structures {
             structures.paint(&mut raster, frame, |_| STONE);
         }
+        if let Some(cuts) = &scene.cuts {
+            cuts.paint(&mut raster, frame);
+        }
         if let (Some(faces), Some(scale)) = (&scene.faces, scales.grains) {
             faces.paint(&mut raster, frame, |v| {
                 grain_colour(fraction_of_range(v, scale))
@@ -696,6 +680,9 @@ impl Panel {
 /// Returns arrows and contacts of a panel.
 fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> String {
     let mut text = String::new();
+    if let Some(cuts) = &scene.cuts {
+        text += &cuts.draw(frame, raster);
+    }
     if let Some(network) = &scene.contacts {
         text += &network.draw(scales.largest, frame, raster);
     }
@@ -803,6 +790,7 @@ fn short(value: f64, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use base::number::whole;
 
     fn moments(times: &[f64]) -> Vec<Moment> {
         (0..)
@@ -848,8 +836,6 @@ mod tests {
     pub(super) fn square() -> Scene {
         let corner = |x: f64| [x, x, 0.0];
         Scene {
-            time: 0.0,
-            water: None,
             grains: Some(Grains {
                 positions: vec![corner(1.0), corner(9.0)],
                 radii: vec![1.0; 2],
@@ -859,21 +845,15 @@ mod tests {
                 arrows: None,
                 flat: true,
             }),
-            contacts: None,
-            faces: None,
-            structures: None,
+            ..Scene::default()
         }
     }
 
     #[test]
     fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
         let scene = |grains| Scene {
-            time: 0.0,
-            water: None,
             grains: Some(grains),
-            contacts: None,
-            faces: None,
-            structures: None,
+            ..Scene::default()
         };
         let grains = Grains {
             positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]],
@@ -918,12 +898,8 @@ mod tests {
             };
             let f = Frame::new(
                 &[Scene {
-                    time: 0.0,
-                    water: None,
                     grains: Some(ball),
-                    contacts: None,
-                    faces: None,
-                    structures: None,
+                    ..Scene::default()
                 }],
                 view,
             );

@@ -13,6 +13,7 @@
 //! | `averages` | time averages and their profile |
 //! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in the same order on any ranks |
 //! | `structures` | surfaces at rest, once |
+//! | `walls` | walls of facets as they stand at time 0, once |
 //! | `probes` | values over time |
 //! | `info` | description of a file or folder |
 //!
@@ -49,6 +50,7 @@ mod seepage;
 mod structures;
 pub mod view;
 mod vorticity;
+mod walls;
 
 pub use probes::columns as probe_columns;
 
@@ -103,7 +105,7 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Writes the series `structures` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables
+    /// Writes the series `structures` and `walls` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables
     /// `probe_NAME.csv` in `folder`, which is there.
     ///
     /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written
@@ -127,6 +129,9 @@ impl Outputs {
         };
         if resumed_at.is_none() && !plan.scene.structures.is_empty() {
             structures::write(&plan.scene, folder, &provenance, &place.group)?;
+        }
+        if resumed_at.is_none() && walls::surfaces(&plan.scene).next().is_some() {
+            walls::write(&plan.scene, folder, &provenance, &place.group)?;
         }
         let fluid = written.fluid.as_ref().map(|output| {
             let fields = FluidFields::new(output, plan.scene.seepage.is_some());

@@ -63,6 +63,43 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     }
 }
 
+/// Closed ends of a seepage and the distance to which an estimate moves them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FarEnds {
+    /// Axis along which they lie.
+    pub axis: usize,
+    /// Distance of the lower and the upper end from the nearest edge of an imposed head \[m\]; none for an open end.
+    pub distances: [Option<f64>; 2],
+    /// Distance beyond which they take less than 1 % of the discharge \[m\]; 0 if the leakage length is not known.
+    pub enough: f64,
+}
+
+impl FarEnds {
+    /// Finds the ends along the first horizontal axis that has closed ends beyond imposed heads.
+    #[must_use]
+    pub fn find(scene: &Scene, seepage: &Seepage) -> Option<Self> {
+        let up = scene.grid.dimension - 1;
+        let length = layers(scene, seepage, up).map_or(0.0, |conductivity| {
+            leakage_length(&conductivity, seepage.spacing[up])
+        });
+        (0..up).find_map(|axis| {
+            let ends = Ends::find(seepage, axis)?;
+            Some(Self {
+                axis,
+                distances: ends.distances,
+                enough: FAR * length,
+            })
+        })
+    }
+
+    /// Returns the lengths by which the ends move \[m\]: to `enough`, and at least to twice their distance.
+    #[must_use]
+    pub fn added(&self) -> [f64; 2] {
+        self.distances
+            .map(|distance| distance.map_or(0.0, |distance| distance.max(self.enough - distance)))
+    }
+}
+
 /// Closed ends along an axis, and the base between the heads.
 struct Ends {
     /// Distance of the lower and the upper end from the nearest edge of a head \[m\]; none for an end that is open.

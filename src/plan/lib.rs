@@ -26,7 +26,7 @@ pub mod contacts;
 mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
-mod ends;
+pub mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
@@ -43,6 +43,7 @@ mod seepage;
 mod stability;
 
 use crate::scene::Scene;
+use crate::scene::auto::step::divided;
 use crate::scene::findings::{Findings, at_most, number, refused};
 use base::error::{Problem, Remedy, Severity};
 use base::number::whole;
@@ -373,7 +374,12 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
             let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
             seepage.coupling_interval(dt, longest)
         });
-        (dt * f64::from(steps), steps)
+        let longest = dt * f64::from(steps);
+        if time.solid_time_step.is_some() {
+            (longest, steps)
+        } else {
+            (divided(scene, longest), steps)
+        }
     };
     let total = time.end / time_step;
     if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | coarser or finer cells, the case on them | [`grids`] |
 //! | settings of models that cells do not refine | [`settings`] |
+//! | ends of a seepage further away, on request | `ends` |
 //! | runs as members of a study: [`crate::sweep::runner`] | [`Members`] |
 //! | the answers of a run | [`answers`] |
 //! | order, extrapolated value, uncertainty | [`convergence`] |
@@ -21,6 +22,7 @@
 
 pub mod answers;
 pub mod convergence;
+mod ends;
 pub mod grids;
 pub mod pilot;
 pub mod settings;
@@ -52,6 +54,8 @@ pub struct Options {
     pub finer: bool,
     /// `true` if settings of models are varied too.
     pub settings: bool,
+    /// `true` if the closed ends of a seepage are moved away in one run.
+    pub ends: bool,
     /// Ranks, threads and runs at once.
     pub run: Run,
     /// Wall-clock time after which the runs are stopped.
@@ -214,20 +218,52 @@ impl Members {
         all
     }
 
-    fn add_settings(&mut self, plan: &Plan, stated: &Value) {
+    /// Returns the case on the cells on which settings are compared.
+    fn compared(&self, plan: &Plan, stated: &Value) -> Value {
         let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
-        let case = match beside {
+        match beside {
             Some((ratio, place)) if *place > 0 => {
                 grids::on_cells(stated, plan, *ratio, self.scaling)
             }
             _ => stated.clone(),
-        };
-        for setting in settings::of(&case, plan, self.scaling) {
-            let name = format!("{}-{}", self.list.len() + 1, setting.folder);
-            let member = member(name, setting.case.clone(), plan.estimate.machine, true);
-            self.settings.push((setting, self.list.len()));
-            self.list.push(member);
         }
+    }
+
+    fn add_settings(&mut self, plan: &Plan, stated: &Value) {
+        let case = self.compared(plan, stated);
+        for setting in settings::of(&case, plan, self.scaling) {
+            self.push_setting(setting, plan);
+        }
+    }
+
+    fn push_setting(&mut self, setting: Setting, plan: &Plan) {
+        let name = format!("{}-{}", self.list.len() + 1, setting.folder);
+        let member = member(name, setting.case.clone(), plan.estimate.machine, true);
+        self.settings.push((setting, self.list.len()));
+        self.list.push(member);
+    }
+
+    /// Adds a run with the closed ends of the seepage further away.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a case without such ends.
+    pub fn add_ends(&mut self, plan: &Plan) -> Result<(), Error> {
+        let mut case = self.compared(plan, &grids::stated(plan)?);
+        let change = ends::move_away(&mut case, plan).ok_or_else(|| {
+            Error::Usage(
+                "--ends: the case has no closed ends of a seepage without grains that can be moved: \
+                 horizontal ends beyond imposed heads, without rasters and without meshes that state no origin"
+                    .into(),
+            )
+        })?;
+        let setting = Setting {
+            name: "ends of the domain",
+            folder: "ends",
+            change,
+            case,
+        };
+        self.push_setting(setting, plan);
+        Ok(())
     }
 
     /// Returns the planned time of each run on one core \[s\], and of all.
@@ -331,6 +367,9 @@ pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Tab
     enough_cores(&options.run)?;
     let unstable = options.allow_unstable;
     let mut members = Members::of(plan, options.finer, options.settings, unstable)?;
+    if options.ends {
+        members.add_ends(plan)?;
+    }
     let (_, sum) = members.costs();
     report(&format!(
         "{} runs, about {sum:.1} core-seconds as planned, in {}",

@@ -51,7 +51,7 @@ pub(crate) const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\n
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-pub(crate) const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
 /// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {
@@ -575,8 +575,9 @@ pub(crate) fn variable(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first seed, mutants, how many were
-/// accepted, the exit codes of the binary with their numbers, and how many mutants were wrong.
+/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first
+/// seed, mutants, how many were accepted, the exit codes of the binary with their numbers, and how many
+/// mutants were wrong.
 pub(crate) fn record(
     kind: &str,
     (first, count): (u64, u64),

@@ -2,8 +2,7 @@
 //! and lists of blocks.
 //!
 //! Only the file is changed. The case that names it is planned, or refused with a path, a reason and a remedy;
-//! no number of the file
-//! that was accepted is NaN or infinite. One in twenty also goes through the real binary.
+//! no number of a file that was accepted is NaN or infinite. One in twenty also goes through the real binary.
 //!
 //! ```text
 //! SOLVER_SIDE_FILES=2000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- side_files --nocapture
@@ -14,7 +13,7 @@
 use crate::case_mutants::{HANG, processor_time};
 use crate::dice::Dice;
 use crate::mutants::{
-    BLOCKS, Mutant, SQUARE, TETRAHEDRON, in_process, record, scramble, through_binary, variable,
+    Mutant, SQUARE, TETRAHEDRON, in_process, record, scramble, through_binary, variable,
 };
 use crate::ranks::Cores;
 use serde_json::{Value, json};
@@ -55,6 +54,16 @@ const PROFILE: &str = "y,u,v\n0,0,0\n0.0025,0.001,0\n0.005,0.0015,1e-5\n0.0075,0
 const RASTER: &str =
     "x,y,z,hydraulic_conductivity\n0,0,0,1e-4\n0.05,0,0,2e-4\n0,0.05,0,3e-4\n0.05,0.05,0,4e-4\n";
 
+const ROCK: &str = r#"{"blocks": [
+  {"id": 0, "half_spaces": [[1,0,0,2],[-1,0,0,-1],[0,1,0,2],[0,-1,0,-1],[0,0,1,1],[0,0,-1,0]], "fixed": true},
+  {"id": 1, "vertices": [[1,1,1.5],[2,1,1.5],[1,2,1.5],[1,1,2.5]], "material": "granite"}
+]}"#;
+const SPARK_ROCKS: &str = r#"{"centerX":1.5,"centerY":1.5,"centerZ":0.5,"generation":3,"faces":[
+{"a":1,"b":0,"c":0,"d":0.5,"phi":30,"cohesion":0},{"a":1,"b":0,"c":0,"d":-0.5,"phi":30,"cohesion":0},
+{"a":0,"b":1,"c":0,"d":0.5,"phi":30,"cohesion":0},{"a":0,"b":-1,"c":0,"d":0.5,"phi":30,"cohesion":0},
+{"a":0,"b":0,"c":1,"d":0.5,"phi":30,"cohesion":0},{"a":0,"b":0,"c":-1,"d":0.5,"phi":30,"cohesion":0}]}
+"#;
+
 /// The cases with their files.
 fn corpus() -> Vec<Named> {
     let grains = json!({
@@ -83,8 +92,8 @@ fn corpus() -> Vec<Named> {
             "density": 1000, "viscosity": 0.001,
             "zones": [{"name": "map", "raster": {"path": "map.csv"}, "without_grains": true}],
             "boundaries": [
-                {"name": "low", "face": "z_min", "condition": {"head": 1}},
-                {"name": "high", "face": "z_max", "condition": {"head": 1.1}}
+                {"name": "low", "face": "z_min", "condition": {"head": {"value": 1}}},
+                {"name": "high", "face": "z_max", "condition": {"head": {"value": 1.1}}}
             ]
         }},
         "time": {"end": 0.01}
@@ -94,10 +103,17 @@ fn corpus() -> Vec<Named> {
     let mut solid = grains.clone();
     solid["grains"]["initial"] =
         json!({"list": [{"position": [0.09, 0.09, 0.09], "radius": 0.005}]});
-    let scaled = json!({"mesh": {"path": "solid.stl", "scale": 0.05}});
+    let scaled = json!({"surface": {"mesh": {"path": "solid.stl", "scale": 0.05}}});
     solid["structures"] = json!([{"name": "sill", "shape": scaled}]);
-    let mut blocks = example("avalanche");
-    blocks["blocks"]["initial"] = json!({"file": {"path": "rock.json"}});
+    let blocks = json!({
+        "domain": {"size": [4, 4, 4], "spacing": 0.5},
+        "gravity": [0, 0, -9.81],
+        "materials": {"granite": {"density": 2600}},
+        "box_walls": ["z_min"],
+        "blocks": {"material": "granite", "initial": {"file": {"path": "rock.json"}}},
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}},
+        "time": {"end": 0.1}
+    });
     let mut binary = vec![0_u8; 80];
     binary.extend(2_u32.to_le_bytes());
     for corners in [
@@ -128,7 +144,8 @@ fn corpus() -> Vec<Named> {
         named("wall mesh", &wall, "wall.stl", SQUARE.as_bytes()),
         named("binary mesh", &wall, "wall.stl", &binary),
         named("solid mesh", &solid, "solid.stl", TETRAHEDRON.as_bytes()),
-        named("blocks", &blocks, "rock.json", BLOCKS.as_bytes()),
+        named("blocks", &blocks, "rock.json", ROCK.as_bytes()),
+        named("SparkRocks", &blocks, "rock.json", SPARK_ROCKS.as_bytes()),
     ]
 }
 

@@ -1,11 +1,9 @@
 //! Walls in one plane: a contact that a plane wall has already is not counted again.
 //!
 //! Grains do not get behind a plane wall. Facets in this plane or behind it are therefore hidden while both
-//! move alike across the plane,
-//! and the plane acts with its material and velocity. Of two walls that are one plane the first acts. A contact
-//! of a sphere with a facet in
-//! the direction of a plane that is as near is none, and neither is one with an edge or a vertex on the plane,
-//! as at the foot of a ramp.
+//! move alike across the plane, and the plane acts with its material and velocity. Of two walls that are one
+//! plane the first acts. A contact of a sphere with a facet in the direction of a plane that is as near is none,
+//! and neither is one with an edge or a vertex on the plane, as at the foot of a ramp.
 
 use nalgebra::Vector3;
 
@@ -85,7 +83,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         planes(&self.walls[..wall]).any(|plane| {
             plane.normal.scalar(&one.normal) > 1.0 - 1e-12
                 && plane.distance(&one.point).abs() <= IN_PLANE * self.settings.skin
-                && along(plane) == along(one)
+                && along(plane) - along(one) == 0.0
         })
     }
 }

@@ -1,6 +1,7 @@
 //! Faces of blocks in a picture: plane convex polygons with their edges, hidden by nearer faces.
 
-use super::{Frame, Raster, dot, failed, magnitudes, real};
+use super::section::Line;
+use super::{Frame, Raster, Section, dot, failed, magnitudes, real};
 use base::error::Error;
 use base::number::whole;
 use io::fields::read_column;
@@ -48,6 +49,29 @@ impl Faces {
             points,
             corners,
         })
+    }
+
+    /// Reads walls as they stand at a time: each face moves with its velocity.
+    pub(super) fn walls(path: &Path, time: f64) -> Result<Self, Error> {
+        let mut walls = Self::read(path, "wall")?;
+        let read = read_column(path, "velocity").map_err(|e| Error::Io(e.to_string()))?;
+        let velocities = read.values.as_chunks::<3>().0;
+        for (corners, velocity) in walls.corners.iter().zip(velocities) {
+            for &corner in corners {
+                let moved = walls.points[corner].iter_mut().zip(velocity);
+                moved.for_each(|(x, v)| *x += v * time);
+            }
+        }
+        Ok(walls)
+    }
+
+    /// Returns the lines in which a section cuts the faces.
+    pub(super) fn cut(&self, section: Section) -> Vec<Line> {
+        let lines = self.corners.iter().filter_map(|corners| {
+            let corners: Vec<[f64; 3]> = corners.iter().map(|&c| self.points[c]).collect();
+            section.line(&corners)
+        });
+        lines.collect()
     }
 
     /// Paints the faces that are turned to the viewer; `colour` is that of a value.
@@ -179,12 +203,8 @@ mod tests {
             ids: BTreeSet::new(),
         };
         let scenes = [Scene {
-            time: 0.0,
-            water: None,
-            grains: None,
-            contacts: None,
             faces: Some(faces),
-            structures: None,
+            ..Scene::default()
         }];
         let frame = Frame::new(&scenes, View::Z);
         assert_eq!((frame.low, frame.high), ([0.0; 2], [1.0; 2]));

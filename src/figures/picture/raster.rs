@@ -65,6 +65,9 @@ impl Frame {
                     frame.include(p, r);
                 }
             }
+            if let Some(cuts) = &scene.cuts {
+                cuts.include(&mut frame);
+            }
             for &p in scene.faces.iter().flat_map(|faces| &faces.points) {
                 frame.include(p, 0.0);
             }

@@ -1,9 +1,12 @@
-//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, and circles where it cuts
-//! grains. The result is a 2-D scene in the other two axes, x before y before z.
+//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, circles where it cuts
+//! grains, and lines where it cuts faces. The result is a 2-D scene in the other two axes, x before y before z.
 
 use super::{Grains, Water};
 use base::number::{real, whole};
 use std::str::FromStr;
+
+/// Ends of the line of a face in the axes of the section.
+pub(super) type Line = [[f64; 2]; 2];
 
 /// Plane of a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +39,25 @@ impl Section {
             axis: 1,
             at: water.origin[1] + 0.5 * real(water.cells[1]) * water.spacing[1],
         }
+    }
+
+    /// Returns the line in which the plane cuts a convex face, directed by the orientation of the face, if it
+    /// does. Corners on the plane count as above it.
+    pub(super) fn line(self, corners: &[[f64; 3]]) -> Option<Line> {
+        let [right, up] = self.plane();
+        let height = |p: &[f64; 3]| p[self.axis] - self.at;
+        let mut ends = [None; 2];
+        for (k, a) in corners.iter().enumerate() {
+            let b = &corners[(k + 1) % corners.len()];
+            let (from, to) = (height(a), height(b));
+            if (from >= 0.0) == (to >= 0.0) {
+                continue;
+            }
+            let t = from / (from - to);
+            let at = [right, up].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+            ends[usize::from(from >= 0.0)] = Some(at);
+        }
+        Some([ends[0]?, ends[1]?])
     }
 
     /// Returns the axes to the right and up.

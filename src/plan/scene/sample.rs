@@ -122,15 +122,63 @@ const RADIUS: &[(&str, f64)] = &[
 ];
 /// Other names of centres, velocities and rotation rates.
 const OTHERS: [&[(&str, f64)]; 9] = [
-    &[("pos_x", 1.0), ("position_x", 1.0), ("xu", 1.0)],
-    &[("pos_y", 1.0), ("position_y", 1.0), ("yu", 1.0)],
-    &[("pos_z", 1.0), ("position_z", 1.0), ("zu", 1.0)],
-    &[("vx", 1.0), ("vel_x", 1.0)],
-    &[("vy", 1.0), ("vel_y", 1.0)],
-    &[("vz", 1.0), ("vel_z", 1.0)],
-    &[("omegax", 1.0), ("spin_x", 1.0), ("wx", 1.0)],
-    &[("omegay", 1.0), ("spin_y", 1.0), ("wy", 1.0)],
-    &[("omegaz", 1.0), ("spin_z", 1.0), ("wz", 1.0)],
+    &[
+        ("pos_x", 1.0),
+        ("position_x", 1.0),
+        ("xu", 1.0),
+        ("points_0", 1.0),
+    ],
+    &[
+        ("pos_y", 1.0),
+        ("position_y", 1.0),
+        ("yu", 1.0),
+        ("points_1", 1.0),
+    ],
+    &[
+        ("pos_z", 1.0),
+        ("position_z", 1.0),
+        ("zu", 1.0),
+        ("points_2", 1.0),
+    ],
+    &[
+        ("vx", 1.0),
+        ("vel_x", 1.0),
+        ("v_0", 1.0),
+        ("velocity_0", 1.0),
+    ],
+    &[
+        ("vy", 1.0),
+        ("vel_y", 1.0),
+        ("v_1", 1.0),
+        ("velocity_1", 1.0),
+    ],
+    &[
+        ("vz", 1.0),
+        ("vel_z", 1.0),
+        ("v_2", 1.0),
+        ("velocity_2", 1.0),
+    ],
+    &[
+        ("omegax", 1.0),
+        ("spin_x", 1.0),
+        ("wx", 1.0),
+        ("omega_0", 1.0),
+        ("angular_velocity_0", 1.0),
+    ],
+    &[
+        ("omegay", 1.0),
+        ("spin_y", 1.0),
+        ("wy", 1.0),
+        ("omega_1", 1.0),
+        ("angular_velocity_1", 1.0),
+    ],
+    &[
+        ("omegaz", 1.0),
+        ("spin_z", 1.0),
+        ("wz", 1.0),
+        ("omega_2", 1.0),
+        ("angular_velocity_2", 1.0),
+    ],
 ];
 
 /// Columns of a sample, and their positions in the list of those that the reader knows.

@@ -299,6 +299,46 @@ mod tests {
         assert!(short.contains("184 bytes, the file has 150"), "{short}");
     }
 
+    /// Headers of several programs: words of Gmsh, OpenSCAD, Salome and CATIA; binary files of ParaView,
+    /// MeshLab, and of SolidWorks, which begins with `solid`, with colours in the last bytes of a facet.
+    #[test]
+    fn headers_of_several_programs_are_read() {
+        let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();
+        let body = SQUARE.strip_prefix("solid s\n").unwrap();
+        let body = body.strip_suffix("endsolid\n").unwrap();
+        let many_digits = body.replace(
+            "vertex 1 0 0",
+            "vertex 1.000000e+00 0.000000e+00 -0.0000000000E+000",
+        );
+        for text in [
+            format!("solid Created by Gmsh\n{body}endsolid Created by Gmsh\n"),
+            format!("solid OpenSCAD_Model\n{body}endsolid OpenSCAD_Model\n"),
+            format!(
+                "solid shape, STL ascii file, created with SALOME\n{many_digits}endsolid shape\n"
+            ),
+            format!(
+                "solid CATIA STL\n{}endsolid CATIA STL\n",
+                body.replace("facet normal", "  facet  normal")
+            ),
+            // Two solids in one file, the second without a name.
+            SQUARE.replacen("endfacet\n", "endfacet\nendsolid s\nsolid\n", 1),
+        ] {
+            let found = corners(text.as_bytes(), 1.0, &Vector3::zeros());
+            assert_eq!(found.unwrap(), expected, "{text}");
+        }
+        for name in [
+            "Visualization Toolkit generated SLA File",
+            "VCG",
+            "solid Part1 by SolidWorks",
+        ] {
+            let mut bytes = as_binary();
+            bytes[..80].fill(b' ');
+            bytes[..name.len()].copy_from_slice(name.as_bytes());
+            bytes[84 + 48..84 + 50].copy_from_slice(&[0x1f, 0x80]);
+            assert_eq!(binary(&bytes), binary(&as_binary()), "{name}");
+        }
+    }
+
     #[test]
     fn files_that_are_no_surface_are_refused() {
         let refused = |bytes: &[u8]| read(bytes, 1.0, &Vector3::zeros()).unwrap_err();

@@ -384,6 +384,8 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             radii.extend([low, high]);
         }
     }
+    // A radius that no grain can have is a finding of the grains.
+    radii.retain(|radius| *radius > 0.0);
     let low = radii.iter().copied().fold(f64::INFINITY, f64::min);
     let high = radii.iter().copied().fold(0.0, f64::max);
     (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))

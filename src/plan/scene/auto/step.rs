@@ -174,6 +174,18 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
+/// Returns an automatic time step of which the intervals of samples are whole numbers, at most `longest`
+/// \[s\]. It stays `longest`, with samples at the nearest steps, where it would become shorter than
+/// [`SHORTEST`] of that.
+pub(crate) fn divided(scene: &Scene, longest: f64) -> f64 {
+    let shorter = dividing(scene, longest);
+    if shorter >= SHORTEST * longest {
+        shorter
+    } else {
+        longest
+    }
+}
+
 /// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples
 /// at the nearest steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would
 /// no longer hold.
@@ -513,6 +525,50 @@ mod tests {
         });
         let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
         Plan::prepare(document).unwrap()
+    }
+
+    /// Dry grains and grains in seepage, whose step the contacts choose.
+    #[test]
+    fn automatic_solid_steps_divide_the_intervals_of_samples() {
+        let plan = |every: f64, fluid: Value, step: Option<f64>| {
+            let mut case = json!({
+                "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.01},
+                "gravity": [0, 0, -9.81],
+                "materials": {"glass": {"density": 2500}},
+                "box_walls": ["z_min"],
+                "grains": {"material": "glass", "initial": {"list": [
+                    {"position": [0.05, 0.05, 0.02], "radius": 0.003}
+                ]}},
+                "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}, "normal_damping_ratio": 0.2}},
+                "time": {"end": 0.1},
+                "probes": [{"name": "g", "every": every, "at": {"grains": {}}}]
+            });
+            case["fluid"] = fluid;
+            case["time"]["solid_time_step"] = json!(step);
+            let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"))
+        };
+        let darcy = json!({"darcy": {
+            "density": 1000, "viscosity": 0.1, "grid": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.1], "cells": [5, 5, 5]},
+            "boundaries": [{"name": "top", "face": "z_max", "condition": {"head": {"value": 0.1}}}]
+        }});
+        for fluid in [Value::Null, darcy] {
+            let longest = plan(0.1, fluid.clone(), None).clock.time_step;
+            for every in [0.01, 0.0037, 50.0 * longest + 0.3 * longest] {
+                let step = plan(every, fluid.clone(), None).clock.time_step;
+                assert!(
+                    step <= longest * 1.01 && step > 0.7 * longest,
+                    "{step} {longest}"
+                );
+                let samples = every / step;
+                assert!(
+                    (samples - samples.round()).abs() < 1e-6,
+                    "{every}: {samples}"
+                );
+            }
+        }
+        let stated = plan(0.01, Value::Null, Some(1.3e-5)).clock.time_step;
+        assert!((stated / 1.3e-5 - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -3,10 +3,13 @@
 //! | program | form |
 //! |---|---|
 //! | LAMMPS, LIGGGHTS | `dump custom` as text: the last snapshot; `ITEM: ATOMS` names the columns |
-//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, position and velocities |
+//! | LAMMPS, LIGGGHTS | data file of the atom style `sphere`, with its velocities |
+//! | YADE, Woo | sphere pack without names: `##PERIODIC:: x y z`, then `x y z r` or `x y z r clump` |
+//! | ParaView | table of points: `Points:0`, `Points:1`, `Points:2` |
+//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
 //!
-//! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which [`io::sheet`]
-//! reads.
+//! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which
+//! [`io::sheet`] reads. `attrs` in a format stands for any number of columns at the end, which are left out.
 
 use io::sheet::{Column, Header};
 use std::fmt::Write;
@@ -28,7 +31,13 @@ pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Hea
         .next()
         .unwrap_or_default()
         .to_lowercase();
-    let begins = ["model", "new", "domain", "ball", "program"].contains(&word.as_str());
+    if let Some(at) = text.find(PERIODIC) {
+        return pack(text, at).map(Some);
+    }
+    if let Some(at) = atoms_section(text) {
+        return data(text, at).map(Some);
+    }
+    let begins = COMMANDS.contains(&word.as_str());
     if begins && text.lines().any(|line| ball(line).is_some()) {
         return balls(text).map(Some);
     }
@@ -36,10 +45,164 @@ pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Hea
         .lines()
         .map(str::trim)
         .take_while(|line| line.is_empty() || line.starts_with('#'));
-    if comments.any(|line| line.starts_with("#format ")) {
+    if let Some(format) = comments.find_map(|line| line.strip_prefix("#format ")) {
+        let found = Header::find(text, columns)?;
+        return Ok(Some(without_attributes(found, format)));
+    }
+    let of_points = ["points:0", "points_0"];
+    if of_points
+        .iter()
+        .any(|name| first.to_lowercase().contains(name))
+    {
         return Header::find(text, columns).map(Some);
     }
     Ok(None)
+}
+
+/// Words with which a list of commands of PFC begins.
+const COMMANDS: [&str; 10] = [
+    "model", "new", "domain", "ball", "program", "fish", "def", "define", "set", "restore",
+];
+
+/// Returns a table without the attributes at the end of its rows, of which a format may have any number.
+fn without_attributes<'t>(mut found: Header<'t>, format: &str) -> Header<'t> {
+    let Some(names) = format.trim().strip_suffix("_attrs") else {
+        return found;
+    };
+    found.names = names.split('_').map(str::to_owned).collect();
+    let count = found.names.len();
+    let cut = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().take(count).collect();
+        words.join("\t") + "\n"
+    };
+    found.rows = found.rows.lines().map(cut).collect::<String>().into();
+    found.separator = b'\t';
+    found
+}
+
+/// First word of a sphere pack.
+const PERIODIC: &str = "##PERIODIC::";
+
+/// Converts a sphere pack, whose rows have no names: a number of the shape and its kind may stand first.
+fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
+    let above = text[..at].lines().count() + 1;
+    let rows = text[at..].split_once('\n').map_or("", |(_, rows)| rows);
+    let mut lines = (above + 1..).zip(rows.lines());
+    let filled = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
+    let Some((_, first)) = lines.clone().find(|(_, line)| filled(line)) else {
+        return Err("this sphere pack holds no sphere".into());
+    };
+    let words: Vec<&str> = first.split_whitespace().collect();
+    let names: &[&str] = match words[..] {
+        [_, _, _, _] => &["x", "y", "z", "r"],
+        [_, _, _, _, _] => &["x", "y", "z", "r", "clump"],
+        _ => &["shape", "kind", "x", "y", "z", "r"],
+    };
+    let kind = |line: &str| line.split_whitespace().nth(1).map(str::to_owned);
+    if names.len() == 6
+        && let Some((n, line)) =
+            lines.find(|(_, line)| filled(line) && kind(line).is_none_or(|kind| kind != "Sphere"))
+    {
+        let kind = kind(line).unwrap_or_default();
+        return Err(format!(
+            "line {n}: `{kind}` is no sphere, and samples have spheres only"
+        ));
+    }
+    Ok(Header {
+        names: names.iter().map(|name| (*name).to_owned()).collect(),
+        units: Vec::new(),
+        rows: rows.into(),
+        above: u64::try_from(above).unwrap_or(0),
+        separator: b' ',
+    })
+}
+
+/// Returns the position of the line `Atoms` of a LAMMPS data file; none for another text.
+fn atoms_section(text: &str) -> Option<usize> {
+    let head: String = text.lines().take(40).collect::<Vec<_>>().join("\n");
+    let stated = |words: &str| head.lines().any(|line| line.trim().ends_with(words));
+    if !(stated(" atoms") && head.contains("xlo xhi")) {
+        return None;
+    }
+    let mut from = 0;
+    for line in text.split_inclusive('\n') {
+        if line.trim_start().starts_with("Atoms") {
+            return Some(from);
+        }
+        from += line.len();
+    }
+    None
+}
+
+/// Returns the rows of a section, which end with a line that begins with a letter, as words with their lines.
+fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
+    let above = text[..at].lines().count();
+    let lines = (above + 1..).zip(text[at..].lines()).skip(1);
+    let words = lines.map(|(n, line)| {
+        let line = line.split('#').next().unwrap_or_default();
+        (n, line.split_whitespace().collect::<Vec<_>>())
+    });
+    let name = |words: &[&str]| {
+        let first = words.first().and_then(|word| word.chars().next());
+        first.is_some_and(char::is_alphabetic)
+    };
+    words
+        .take_while(|(_, words)| !name(words))
+        .filter(|(_, words)| !words.is_empty())
+        .collect()
+}
+
+/// Converts a LAMMPS data file of spheres: `id type diameter density x y z` and, in the section of velocities,
+/// `id vx vy vz wx wy wz`.
+fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
+    let line = text[at..].lines().next().unwrap_or_default();
+    let style = line.split_once('#').map_or("", |(_, style)| style.trim());
+    let number = text[..at].lines().count() + 1;
+    let atoms = section(text, at);
+    let usual = atoms.iter().all(|(_, words)| matches!(words.len(), 7 | 10));
+    if !(style == "sphere" || style.is_empty() && usual) {
+        return Err(format!(
+            "line {number}: atoms of the style `{style}` of this data file state no diameters as `sphere` does: \
+             dump `id x y z radius`"
+        ));
+    }
+    let velocities = text
+        .match_indices("\nVelocities")
+        .next()
+        .map(|(n, _)| section(text, n + 1))
+        .unwrap_or_default();
+    let moving: std::collections::HashMap<&str, &[&str]> = velocities
+        .iter()
+        .map(|(_, words)| (words[0], &words[1..]))
+        .collect();
+    let mut rows = String::new();
+    let mut below = number;
+    for (n, words) in &atoms {
+        let [id, _, diameter, _, x, y, z, ..] = words[..] else {
+            return Err(format!(
+                "line {n}: an atom of the style `sphere` is `id type diameter density x y z`"
+            ));
+        };
+        // Lines keep their numbers.
+        rows.extend(std::iter::repeat_n('\n', n - below - 1));
+        below = *n;
+        let _ = write!(rows, "{id}\t{diameter}\t{x}\t{y}\t{z}");
+        let motion = moving.get(id).copied().unwrap_or_default();
+        for k in 0..6 {
+            let _ = write!(rows, "\t{}", motion.get(k).copied().unwrap_or("0"));
+        }
+        rows.push('\n');
+    }
+    let names = [
+        "id", "diameter", "x", "y", "z", "vx", "vy", "vz", "omegax", "omegay", "omegaz",
+    ];
+    Ok(Header {
+        names: names.map(str::to_owned).to_vec(),
+        units: Vec::new(),
+        rows: rows.into(),
+        above: u64::try_from(number).unwrap_or(0),
+        separator: b'\t',
+    })
 }
 
 const ATOMS: &str = "ITEM: ATOMS";
@@ -53,8 +216,10 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     };
     let above = text[..at].lines().count();
     let (names, rows) = text[at..].split_once('\n').unwrap_or((&text[at..], ""));
-    let names: Vec<&str> = names[ATOMS.len()..].split_whitespace().collect();
-    if ["xs", "xsu"].iter().any(|scaled| names.contains(scaled)) {
+    let mut names: Vec<&str> = names[ATOMS.len()..].split_whitespace().collect();
+    if !["x", "xu"].iter().any(|plain| names.contains(plain))
+        && ["xs", "xsu"].iter().any(|scaled| names.contains(scaled))
+    {
         return Err(format!(
             "line {}: the coordinates of this dump are scaled with its box: dump `x y z radius`",
             above + 1
@@ -65,6 +230,25 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
             "line {}: this dump has no column `radius` or `diameter`: dump `id x y z radius`",
             above + 1
         ));
+    }
+    if names.contains(&"shapex") || names.contains(&"blockiness1") {
+        return Err(format!(
+            "line {}: this is a dump of superquadrics, and samples have spheres only",
+            above + 1
+        ));
+    }
+    // Of two forms of one quantity the first is read.
+    for [first, second] in [
+        ["x", "xu"],
+        ["y", "yu"],
+        ["z", "zu"],
+        ["radius", "diameter"],
+    ] {
+        if names.contains(&first)
+            && let Some(other) = names.iter_mut().find(|name| **name == second)
+        {
+            *other = "again";
+        }
     }
     let end = rows.find("ITEM:").unwrap_or(rows.len());
     let rows = &rows[..end];
@@ -103,15 +287,28 @@ fn ball(line: &str) -> Option<String> {
         })
         .collect();
     let words = spaced.trim_start().strip_prefix("ball ")?.trim_start();
-    let words = ["create ", "generate "]
+    let created = ["create ", "generate "]
         .iter()
-        .find_map(|verb| words.strip_prefix(verb))
-        .unwrap_or(words);
+        .find_map(|verb| words.strip_prefix(verb));
     let begins = ["id", "rad", "x ", "pos"]
         .iter()
         .any(|word| words.starts_with(word));
-    begins.then(|| words.to_owned())
+    match created {
+        Some(words) => Some(words.to_owned()),
+        None => begins.then(|| words.to_owned()),
+    }
 }
+
+/// Words of a command that places balls at random or on a lattice.
+const GENERATED: [&str; 7] = [
+    "number",
+    "num",
+    "box",
+    "cubic",
+    "hexagonal",
+    "gauss",
+    "tries",
+];
 
 /// Names of the columns of a converted list of commands.
 const NAMES: [&str; 8] = [
@@ -164,6 +361,14 @@ fn balls(text: &str) -> Result<Header<'_>, String> {
 /// Returns the values of a command by the columns of [`NAMES`].
 fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
     let mut ball = [None; 8];
+    if words
+        .split_whitespace()
+        .any(|word| GENERATED.contains(&word))
+    {
+        return Err(format!(
+            "line {line}: this command places balls at random: export the balls with their positions"
+        ));
+    }
     let mut words = words.split_whitespace().peekable();
     while let Some(word) = words.next() {
         let first = match word {

@@ -33,6 +33,11 @@ fn are_one_plane(one: &Wall, other: &Wall) -> bool {
     one.surface.is_none() && other.surface.is_none() && along > 1.0 - 1e-12 && between.abs() <= 1e-9
 }
 
+/// Returns `true` if two walls have different velocities.
+fn moves_otherwise(one: &Wall, other: &Wall) -> bool {
+    (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
+}
+
 /// Warns of walls that have no effect, since a plane wall of another material or velocity lies in the same plane.
 pub(super) fn check(case: &Case, walls: &[Wall], findings: &mut Findings) {
     for (n, plane) in walls.iter().enumerate() {
@@ -40,7 +45,7 @@ pub(super) fn check(case: &Case, walls: &[Wall], findings: &mut Findings) {
             continue;
         }
         for (m, wall) in walls.iter().enumerate() {
-            let differs = plane.material != wall.material || plane.velocity != wall.velocity;
+            let differs = plane.material != wall.material || moves_otherwise(plane, wall);
             let hidden = has_a_facet_in(wall, plane) || m > n && are_one_plane(plane, wall);
             if !(differs && hidden) {
                 continue;

@@ -85,3 +85,136 @@ fn grains_of_a_plane_have_one_coordinate_across_it() {
     let error = read(&text.replace("5\t3", "5\t4"), 2, &[], 0).unwrap_err();
     assert!(error.contains("line 3: z is 4"), "{error}");
 }
+
+/// Dumps as fixes, variables and several forms of a coordinate make them.
+#[test]
+fn dumps_of_several_programs_are_read() {
+    let atoms = |names: &str, rows: &str| {
+        format!(
+            "ITEM: TIMESTEP \n100 \nITEM: NUMBER OF ATOMS \n2\nITEM: BOX BOUNDS pp pp ff\n0 9\n0 9\n0 9\n\
+             ITEM: ATOMS {names} \n{rows}"
+        )
+    };
+    let units = "ITEM: UNITS\nsi\nITEM: TIME\n1.5e-01\n";
+    for text in [
+        // LIGGGHTS with a column twice and the values of a fix.
+        atoms(
+            "id type type x y z ix iy iz vx vy vz fx fy fz omegax omegay omegaz radius f_liquid[0]",
+            "2 1 1 4 5 6 0 0 0 0 0 0 9 9 9 0 0 0 0.25 0\n1 1 1 1 2 3 0 0 0 0 0 -1 9 9 9 0 0 7 0.5 0\n",
+        ),
+        // LAMMPS with wrapped, unwrapped and scaled coordinates, radius and diameter.
+        units.to_owned()
+            + &atoms(
+                "id mol type xs ys zs x y z xu yu zu radius diameter vx vy vz omegax omegay omegaz",
+                "1 0 1 .1 .2 .3 1 2 3 10 2 3 0.5 1 0 0 -1 0 0 7\n2 0 1 .4 .5 .6 4 5 6 4 5 6 0.25 0.5 0 0 0 0 0 0\n",
+            ),
+        // Unwrapped only, with a number of the element and carriage returns.
+        atoms(
+            "id element xu yu zu c_1 diameter vz omegaz",
+            "1 Si 1 2 3 0.1 1.0 -1 7\n2 Si 4 5 6 0.1 0.5 0 0\n",
+        )
+        .replace('\n', "\r\n"),
+    ] {
+        assert_eq!(read(&text, 3, &[], 0).unwrap(), expected(true), "{text}");
+    }
+    let error = |names: &str| read(&atoms(names, "1 1 1 1 1 1 1\n"), 3, &[], 0).unwrap_err();
+    assert!(error("id type x y z radius shapex").contains("superquadrics"));
+    assert!(error("id type xs ys zs radius mass").contains("scaled"));
+}
+
+/// Data files of `write_data`, of `create_atoms` in LIGGGHTS, and by hand without a comment of the style.
+#[test]
+fn data_files_of_spheres_are_read() {
+    let head = "LAMMPS data file via write_data, version 2 Aug 2023, timestep = 0, units = si\n\n\
+        2 atoms\n1 atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\n";
+    let velocities = "\nVelocities\n\n2 0 0 0 0 0 0\n1 0 0 -1 0 0 7\n";
+    for (atoms, moving) in [
+        (
+            "Atoms # sphere\n\n2 1 0.5 2600 4 5 6 0 0 0\n1 1 1 2600 1 2 3 0 0 0\n",
+            true,
+        ),
+        (
+            "Atoms  # sphere\n\n1 1 1.0 2500 1 2 3\n2 1 5e-1 2500 4 5 6 # last\n",
+            false,
+        ),
+        (
+            "Atoms\n\n1 1 1 2600 1 2 3\n2 1 0.5 2600 4 5 6\n\nBonds\n\n1 1 1 2\n",
+            false,
+        ),
+    ] {
+        let text = format!("{head}{atoms}{}", if moving { velocities } else { "" });
+        assert_eq!(read(&text, 3, &[], 0).unwrap(), expected(moving), "{text}");
+    }
+    let full = format!("{head}Atoms # full\n\n1 1 1 0.5 1 2 3\n");
+    let error = read(&full, 3, &[], 0).unwrap_err();
+    assert!(
+        error.contains("line 10: atoms of the style `full`"),
+        "{error}"
+    );
+    let text = format!("{head}Atoms # sphere\n\n1 1 x 2600 1 2 3\n");
+    let error = read(&text, 3, &[], 0).unwrap_err();
+    assert!(error.contains("line 12"), "{error}");
+}
+
+/// Packs of YADE and Woo, and texts with attributes or numbers of clumps.
+#[test]
+fn packs_and_attributes_are_read() {
+    for text in [
+        "##PERIODIC:: 9 9 9\n1 2 3 0.5\n4 5 6 0.25\n",
+        "##PERIODIC:: 9 9 9\n1 2 3 0.5 -1\n4 5 6 0.25 -1\n",
+        "##PERIODIC:: 9 9 9\n##USER-DATA:: x\n0 Sphere 1 2 3 .5\n1 Sphere 4 5 6 .25\n",
+        "#format x_y_z_r_clumpId\n1 2 3 0.5 -1\n4 5 6 0.25 -1\n",
+        "#format x_y_z_r_attrs\n# x\ty\tz\tr\tvel\n1\t2\t3\t0.5\t0\t0\t1\n4\t5\t6\t0.25\t0\t0\t1\n",
+    ] {
+        assert_eq!(read(text, 3, &[], 0).unwrap(), expected(false), "{text}");
+    }
+    let capsule = "##PERIODIC:: 9 9 9\n0 Sphere 1 2 3 .5\n2 Capsule 4 4 4 .3 .05 .05 .05\n";
+    let error = read(capsule, 3, &[], 0).unwrap_err();
+    assert!(error.contains("line 3: `Capsule` is no sphere"), "{error}");
+}
+
+/// Tables of points that ParaView exports: of LIGGGHTS, of this program and of a glyph filter.
+#[test]
+fn tables_of_points_are_read() {
+    for (text, moving) in [
+        (
+            "\"id\",\"type\",\"radius\",\"v:0\",\"v:1\",\"v:2\",\"omega:0\",\"omega:1\",\"omega:2\",\
+             \"f:0\",\"Points:0\",\"Points:1\",\"Points:2\"\n\
+             1,1,0.5,0,0,-1,0,0,7,9,1,2,3\n2,1,0.25,0,0,0,0,0,0,9,4,5,6\n",
+            true,
+        ),
+        (
+            "radius,velocity:0,velocity:1,velocity:2,angular_velocity:0,angular_velocity:1,angular_velocity:2,\
+             vtkOriginalPointIds,Points:0,Points:1,Points:2\n0.5,0,0,-1,0,0,7,0,1,2,3\n0.25,0,0,0,0,0,0,1,4,5,6\n",
+            true,
+        ),
+        (
+            "Points_0,Points_1,Points_2,Diameter\n1,2,3,1\n4,5,6,0.5\n",
+            false,
+        ),
+    ] {
+        assert_eq!(read(text, 3, &[], 0).unwrap(), expected(moving), "{text}");
+    }
+    let error = read("\"Points:0\",\"Points:1\",\"Points:2\"\n1,2,3\n", 3, &[], 0).unwrap_err();
+    assert!(error.contains("no column `radius`"), "{error}");
+}
+
+#[test]
+fn other_forms_of_ball_commands_are_read_or_refused() {
+    for text in [
+        "; PFC3D 7\nset random 10001\nball create group 'a' radius 0.5 position 1 2 3\n\
+         ball create group 'b' radius 0.25 position 4 5 6\n",
+        "fish define x\nend\nBALL CREATE ID 2 X 4 Y 5 Z 6 RADIUS 0.25 GROUP middle\n\
+         BALL CREATE ID 1 X 1 Y 2 Z 3 RADIUS 0.5\n",
+        "new\ndomain extent 0.000000 9.000000\nball create id  1  position 1.000000  2.000000 3.0 radius 0.5 group 1\n\
+         ball create id  2  position 4.000000  5.000000 6.0 radius 0.25 group 1\n",
+    ] {
+        assert_eq!(read(text, 3, &[], 0).unwrap(), expected(false), "{text}");
+    }
+    let random = "model new\nball generate number 100 radius 0.1 0.2 box -1 1\n";
+    let error = read(random, 3, &[], 0).unwrap_err();
+    assert!(
+        error.contains("line 2: this command places balls at random"),
+        "{error}"
+    );
+}

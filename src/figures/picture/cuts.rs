@@ -1,0 +1,188 @@
+//! Outlines of blocks, structures and walls where a section cuts them.
+//!
+//! A plane cuts a convex face in one line, directed by the orientation of the face. Solids are filled where the
+//! lines of all their faces wind about a pixel, so that solids that overlap are one; walls, which need not be
+//! closed, are lines.
+
+use super::STONE;
+use super::faces::Faces;
+use super::raster::{Frame, Raster};
+use super::section::{Line, Section};
+use base::number::{real, whole};
+use std::fmt::Write as _;
+
+/// Colour of blocks.
+const BLOCK: [f64; 3] = [205.0, 198.0, 188.0];
+
+/// Lines of all things that a section cuts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Cuts {
+    pub(super) blocks: Vec<Line>,
+    pub(super) structures: Vec<Line>,
+    pub(super) walls: Vec<Line>,
+}
+
+impl Cuts {
+    /// Returns the lines in which a section cuts blocks, structures and walls.
+    pub(super) fn new(section: Section, faces: [Option<&Faces>; 3]) -> Self {
+        let lines = |faces: Option<&Faces>| faces.map_or_else(Vec::new, |f| f.cut(section));
+        let [blocks, structures, walls] = faces.map(lines);
+        Self {
+            blocks,
+            structures,
+            walls,
+        }
+    }
+
+    /// Extends a frame by all lines.
+    pub(super) fn include(&self, frame: &mut Frame) {
+        let all = [&self.blocks, &self.structures, &self.walls];
+        for end in all.into_iter().flatten().flatten() {
+            frame.include([end[0], end[1], 0.0], 0.0);
+        }
+    }
+
+    /// Paints structures and blocks.
+    pub(super) fn paint(&self, raster: &mut Raster, frame: &Frame) {
+        fill(raster, frame, &self.structures, STONE);
+        fill(raster, frame, &self.blocks, BLOCK);
+    }
+
+    /// Returns the outlines as vector graphics.
+    pub(super) fn draw(&self, frame: &Frame, raster: &Raster) -> String {
+        let mut text = String::new();
+        for (lines, width) in [
+            (&self.blocks, 0.6),
+            (&self.structures, 0.8),
+            (&self.walls, 1.6),
+        ] {
+            let mut path = String::new();
+            for line in lines {
+                let [from, to] = line.map(|[x, y]| raster.pixel_of(frame, [x, y, 0.0]));
+                let _ = write!(
+                    path,
+                    "M{:.1} {:.1}L{:.1} {:.1}",
+                    from[0], from[1], to[0], to[1]
+                );
+            }
+            if !path.is_empty() {
+                let _ = writeln!(
+                    text,
+                    "<path d=\"{path}\" fill=\"none\" stroke=\"#333\" stroke-width=\"{width}\"/>"
+                );
+            }
+        }
+        text
+    }
+}
+
+/// Colours the pixels about which the lines wind.
+fn fill(raster: &mut Raster, frame: &Frame, lines: &[Line], colour: [f64; 3]) {
+    let mut crossings: Vec<(f64, i32)> = Vec::new();
+    for row in 0..raster.height {
+        let level = raster.middle(frame, 0, row)[1];
+        crossings.clear();
+        for [a, b] in lines {
+            if (a[1] > level) == (b[1] > level) {
+                continue;
+            }
+            let x = a[0] + (level - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+            crossings.push((x, if b[1] > a[1] { 1 } else { -1 }));
+        }
+        crossings.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let mut winds = 0;
+        for pair in crossings.windows(2) {
+            winds += pair[0].1;
+            if winds == 0 {
+                continue;
+            }
+            let column = |x: f64| {
+                let place = (x - frame.low[0]) / raster.pixel + 0.5;
+                whole(place.clamp(0.0, real(raster.width)))
+            };
+            let from = row * raster.width;
+            raster.colours[from + column(pair[0].0)..from + column(pair[1].0)].fill(colour);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{PAPER, Scene, View};
+    use super::*;
+
+    /// Faces of a box, counter-clockwise from outside.
+    fn faces(low: [f64; 3], high: [f64; 3]) -> Vec<Vec<[f64; 3]>> {
+        let corner = |k: usize| -> [f64; 3] {
+            std::array::from_fn(|a| if k >> a & 1 == 0 { low[a] } else { high[a] })
+        };
+        let sides = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        sides.iter().map(|side| side.map(corner).to_vec()).collect()
+    }
+
+    fn cut(section: Section, bodies: &[Vec<Vec<[f64; 3]>>]) -> Vec<Line> {
+        let faces = bodies.iter().flatten();
+        faces.filter_map(|face| section.line(face)).collect()
+    }
+
+    /// Boxes of 2 by 3 and 4 by 1 m that overlap in 1 by 1 m: 9 of 30 m2; a box next to the plane is none.
+    #[test]
+    fn overlapping_boxes_are_filled_once() {
+        let section = Section { axis: 1, at: 0.5 };
+        let boxes = [
+            faces([0.0, 0.0, 0.0], [2.0, 1.0, 3.0]),
+            faces([1.0, -1.0, 1.0], [5.0, 2.0, 2.0]),
+            faces([0.0, 0.6, 0.0], [6.0, 1.0, 5.0]),
+        ];
+        let structures = cut(section, &boxes);
+        assert_eq!(structures.len(), 8);
+        let cuts = Cuts {
+            structures,
+            ..Cuts::default()
+        };
+        let scenes = [Scene {
+            cuts: Some(cuts),
+            ..Scene::default()
+        }];
+        let frame = Frame::new(&scenes, View::Z);
+        assert_eq!((frame.low, frame.high), ([0.0; 2], [5.0, 3.0]));
+        let mut raster = Raster::new(&frame, 500);
+        let cuts = scenes[0].cuts.as_ref().unwrap();
+        cuts.paint(&mut raster, &frame);
+        let filled = raster.colours.iter().filter(|c| **c != PAPER).count();
+        let part = real(filled) / real(raster.colours.len());
+        assert!((part - 9.0 / 15.0).abs() < 2e-3, "{part}");
+        assert_eq!(cuts.draw(&frame, &raster).matches('M').count(), 8);
+    }
+
+    /// A plane through corners cuts an octahedron in four lines, and one along a face of a box in the lines of
+    /// the other faces or in none.
+    #[test]
+    fn a_plane_through_corners_cuts_each_face_once() {
+        let section = Section { axis: 2, at: 0.0 };
+        let tips = |sign: f64| [0.0, 0.0, sign];
+        let ring = [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [-1.0, 0.0, 0.0],
+            [0.0, -1.0, 0.0],
+        ];
+        let octahedron: Vec<Vec<[f64; 3]>> = (0..4)
+            .flat_map(|k| {
+                let (a, b) = (ring[k], ring[(k + 1) % 4]);
+                [vec![a, b, tips(1.0)], vec![b, a, tips(-1.0)]]
+            })
+            .collect();
+        assert_eq!(cut(section, &[octahedron]).len(), 4);
+        let below = faces([0.0; 3], [1.0; 3]);
+        assert_eq!(cut(Section { axis: 2, at: 1.0 }, &[below.clone()]).len(), 4);
+        assert_eq!(cut(Section { axis: 2, at: 0.0 }, &[below]).len(), 0);
+    }
+}

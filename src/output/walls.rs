@@ -1,0 +1,72 @@
+//! Walls of facets as surfaces, written once: where they stand at time 0, and the velocity with which they move.
+
+use super::group::RankGroup;
+use base::error::Error;
+use base::number::{to_i32, to_i64};
+use plan::scene::Scene;
+use plan::scene::walls::Wall;
+use io::{Cells, Column, Data, Mesh, Mode, Moment, Series};
+use nalgebra::Vector3;
+use std::path::Path;
+
+/// Returns the walls that are surfaces of their own, with their numbers: planes have no end, and structures
+/// have a series.
+pub(super) fn surfaces(scene: &Scene) -> impl Iterator<Item = (usize, &Wall)> {
+    let walls = scene.walls.iter().enumerate();
+    walls.filter(|(_, wall)| wall.surface.is_some() && wall.structure.is_none())
+}
+
+/// Writes the series `walls` of one output at time 0, by the first rank. Collective.
+pub(super) fn write(
+    scene: &Scene,
+    folder: &Path,
+    provenance: &[(String, String)],
+    group: &RankGroup,
+) -> Result<(), Error> {
+    let mut series = group.checked(Series::create(folder, "walls", group))?;
+    let (mut points, mut sizes, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut id, mut wall, mut velocity) = (Vec::new(), Vec::new(), Vec::new());
+    let mine = if group.0.rank() == 0 { usize::MAX } else { 0 };
+    for (n, one) in surfaces(scene).take(mine) {
+        let Some(surface) = &one.surface else {
+            continue;
+        };
+        let moves = surface.moving(&Vector3::from(one.velocity));
+        for facet in 0..surface.len() {
+            let first = points.len() / 3;
+            points.extend(
+                surface
+                    .corners(facet)
+                    .flat_map(|corner| [corner.x, corner.y, corner.z]),
+            );
+            let end = points.len() / 3;
+            sizes.push(end - first);
+            corners.extend(first..end);
+            id.push(to_i64(n as u64));
+            wall.push(to_i32(n));
+            velocity.extend([moves.x, moves.y, moves.z]);
+        }
+    }
+    let column = |name, units, components, data| Column {
+        name,
+        units,
+        components,
+        data,
+    };
+    let mesh = Mesh {
+        points: Data::F64(&points),
+        cells: Cells::Polygons {
+            sizes: &sizes,
+            corners: &corners,
+        },
+        point_columns: Vec::new(),
+        cell_columns: vec![
+            column("id", "-", 1, Data::I64(&id)),
+            column("wall", "-", 1, Data::I32(&wall)),
+            column("velocity", "m/s", 3, Data::F64(&velocity)),
+        ],
+    };
+    let when = Moment { step: 0, time: 0.0 };
+    group.checked(series.write_mesh(when, &mesh, provenance, group, Mode::Collective))?;
+    Ok(())
+}
