@@ -60,7 +60,7 @@ impl Scaling {
             Self::Acoustic => {
                 "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on coarser cells; the error of compressibility is not part of the uncertainty"
             }
-            Self::Steady => "cells of the seepage; a steady flow has no time step",
+            Self::Steady => "cells of the seepage; a flow in time chooses its steps by their error",
         }
     }
 

@@ -196,8 +196,8 @@ impl Pressure {
         self
     }
 
-    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the soil
-    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the water
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the
+    /// soil of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the water
     /// leaves, so that a fine soil above a coarse one holds its water.
     #[must_use]
     pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {

@@ -21,7 +21,7 @@ use decomposition::ExactSum;
 /// Part of a step in a stage: 1 - 1/sqrt(2).
 const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Steps of Newton's method in a stage.
-const NEWTON_STEPS: u32 = 15;
+const NEWTON_STEPS: u32 = 20;
 /// First step over the interval.
 const FIRST_STEP: f64 = 1e-3;
 /// Shortest step over the interval.
@@ -176,6 +176,15 @@ impl Transient {
     /// `true` if the state at the start is known.
     pub(super) fn began(&self) -> bool {
         self.began
+    }
+
+    /// Returns the largest rate of the stored water of a cell \[m3/s\], whose rounding no imbalance is below.
+    pub(super) fn largest_term(&self) -> f64 {
+        let most = self
+            .content
+            .iter()
+            .fold(0.0, |most: f64, m| most.max(m.abs()));
+        most * self.rate
     }
 
     /// Returns the largest sum of the fluxes into a cell \[m3/s\].
