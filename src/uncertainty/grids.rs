@@ -11,7 +11,7 @@
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
-//! A seepage without grains is steady and has no time step: its own cells are halved, doubled or quartered, as far as its openings end between
+//! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered, as far as its openings end between
 //! cells. A seepage through grains has cells of the size of grains and is not refined.
 
 use crate::case::coupling::{Coupling, Scheme};
