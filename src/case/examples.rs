@@ -85,7 +85,7 @@ pub const EXAMPLES: [Example; 28] = [
     },
     Example {
         name: "drawdown",
-        summary: "a level falls in front of an aquifer: water that leaves in ten days, beside the equation of Boussinesq",
+        summary: "a level falls in front of an aquifer: water that leaves, and the equation of Boussinesq",
         text: include_str!("examples/drawdown.json"),
     },
     Example {
