@@ -321,7 +321,7 @@ fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
 }
 
 /// Sand of figure 1 of Celia, Bouloutas and Zarba (1990), against a converged solution: pressure heads in cm at depths
-/// of 2, 6, 10 and 14 cm, and water that entered.
+/// of 2, 6, 10 and 14 cm, and the gain of water.
 #[test]
 fn infiltration_into_sand() {
     let grid = plane([1, 400], [0.01, 0.4]);
@@ -352,9 +352,10 @@ fn infiltration_into_sand() {
                 "{depth}: {found} {exact}"
             );
         }
-        let entered = solver.water_balance().unwrap().entered / 0.01;
-        println!("{entered} {water}");
-        assert!((entered / water - 1.0).abs() < 0.01, "{entered} {water}");
+        let balance = solver.water_balance().unwrap();
+        let gained = (balance.entered - balance.left) / 0.01;
+        println!("{gained} {water}");
+        assert!((gained / water - 1.0).abs() < 2e-3, "{gained} {water}");
     }
 }
 
