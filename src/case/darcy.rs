@@ -247,8 +247,8 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity: Option<f64>,
-    /// Permeability along the horizontal bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits. The
-    /// stated permeability is the one along the bedding. Needs gravity along an axis. Default: 1.
+    /// Permeability along the horizontal bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits.
+    /// The stated permeability is the one along the bedding. Needs gravity along an axis. Default: 1.
     #[serde(default)]
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub anisotropy: Option<f64>,

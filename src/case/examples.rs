@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 27] = [
+pub const EXAMPLES: [Example; 28] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -83,6 +83,11 @@ pub const EXAMPLES: [Example; 27] = [
         name: "infiltration",
         summary: "water enters a dry column of soil, beside the published column of Celia, Bouloutas and Zarba (1990)",
         text: include_str!("examples/infiltration.json"),
+    },
+    Example {
+        name: "drawdown",
+        summary: "a level falls in front of an aquifer: water that leaves, and the equation of Boussinesq",
+        text: include_str!("examples/drawdown.json"),
     },
     Example {
         name: "filter",

@@ -17,7 +17,6 @@ use structure::Shape;
 /// Fluid model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-#[expect(clippy::large_enum_variant, reason = "a case has one of them")]
 pub enum Fluid {
     /// Flow resolved between the grains by the lattice Boltzmann method.
     LatticeBoltzmann(LatticeBoltzmann),

@@ -51,7 +51,9 @@ pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
-pub use pressure::unsaturated::{History, InitialWater, Soil, TransientSettings, WaterBalance};
+pub use pressure::unsaturated::{
+    ConditionHistory, InitialWater, Soil, TransientSettings, WaterBalance,
+};
 pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
 pub use retention::Retention;
 pub use zones::Zones;

@@ -23,11 +23,13 @@
 //! A model is one file below this module and one line of the list.
 
 pub mod gardner;
+pub mod haverkamp;
 pub mod saturated_only;
 pub mod van_genuchten;
 
 use base::family::family;
 use gardner::Gardner;
+use haverkamp::Haverkamp;
 use saturated_only::SaturatedOnly;
 use van_genuchten::VanGenuchten;
 
@@ -36,6 +38,7 @@ family! {
     pub enum Retention: RetentionLaw {
         VanGenuchten(VanGenuchten),
         Gardner(Gardner),
+        Haverkamp(Haverkamp),
         SaturatedOnly(SaturatedOnly),
     }
 }
@@ -211,7 +214,7 @@ mod tests {
         }
     }
 
-    fn laws() -> [Retention; 3] {
+    fn laws() -> [Retention; 4] {
         [
             Retention::VanGenuchten(VanGenuchten {
                 alpha: 3.35,
@@ -224,6 +227,14 @@ mod tests {
                 alpha: 5.0,
                 saturated_content: 0.4,
                 residual_content: 0.1,
+            }),
+            Retention::Haverkamp(Haverkamp {
+                content_head: 0.39,
+                content_exponent: 2.9,
+                permeability_head: 0.2,
+                permeability_exponent: 5.0,
+                saturated_content: 0.3,
+                residual_content: 0.0,
             }),
             Retention::SaturatedOnly(SaturatedOnly {
                 thickness: Some(0.01),

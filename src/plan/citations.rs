@@ -132,6 +132,7 @@ pub const MODELS: &[(&str, Models)] = &[
         &[
             ("van_genuchten", &["vangenuchten1980", "mualem1976"]),
             ("gardner", &["gardner1958"]),
+            ("haverkamp", &["haverkamp1977"]),
             ("saturated_only", &["gardner1958", "bear1972"]),
         ],
     ),

@@ -191,7 +191,7 @@ fn nothing_drives(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         Condition::Flux { value } | Condition::Rain { rate: value } => value.abs() > 0.0,
         _ => false,
     });
-    if !moves && seepage.pressure_drop(scene.gravity) <= 0.0 {
+    if !moves && !seepage.is_transient() && seepage.pressure_drop(scene.gravity) <= 0.0 {
         findings.warn(
             &format!("{PATH}.boundaries"),
             "nothing drives the water: the conditions impose one and the same head, and no flux",

@@ -353,10 +353,11 @@ pub fn seepage<S: Space>(
                     let settings = transient(written, plan.clock.time_step);
                     let histories = scene.patches.iter().enumerate();
                     let histories = histories.filter(|(_, patch)| !patch.history.is_empty());
-                    let history = |(patch, written): (usize, &SeepagePatch)| darcy::History {
-                        patch,
-                        table: written.history.clone(),
-                    };
+                    let history =
+                        |(patch, written): (usize, &SeepagePatch)| darcy::ConditionHistory {
+                            patch,
+                            table: written.history.clone(),
+                        };
                     let histories = histories.map(history).collect();
                     pressure
                         .with_transient(settings, &volume)

@@ -54,6 +54,10 @@ EXAMPLES = {
     "sheet-pile": (1, {}),
     "cut-off": (1, {}),
     "earth-dam": (1, {}),
+    "drawdown": (
+        1,
+        {"time.end": 72000, "probes[0].every": 36000, "probes[1].every": 36000, "output.fluid.every": 36000},
+    ),
     "infiltration": (1, {"time.end": 7200, "output.fluid.every": 3600}),
     "filter": (1, _fluid(0.004, **{"output.grains.every": 0.002, "grains.initial.deposition.stop.at_most_steps": 500})),
     "weir": (1, _fluid(0.002, **{"output.grains.every": 0.001, "probes[2].at.bed": "{}", "probes[2].every": 0.001})),

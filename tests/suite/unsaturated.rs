@@ -232,10 +232,9 @@ fn infiltration_closes_its_mass_with_the_same_bits_after_a_restart() {
     let entered = (number("water_in") - number("water_out")) / 0.05;
     assert!((entered / 0.01740 - 1.0).abs() < 0.01, "{entered}");
     let last = rows(&study, "straight", "water").pop().unwrap();
-    assert_eq!(
-        [last[3], last[4]],
-        [number("water_in"), number("water_out")]
-    );
+    let bits = |numbers: [f64; 2]| numbers.map(f64::to_bits);
+    let summary = [number("water_in"), number("water_out")];
+    assert_eq!(bits([last[3], last[4]]), bits(summary));
     for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
         study.run(name, ranks, threads, &[]);
         study.same("straight", name);
@@ -327,15 +326,24 @@ fn uplift_of_a_flat_base_on_deep_ground() {
             ),
         ],
     );
-    study.run("dam", 1, 1, &[]);
-    let base = &rows(&study, "dam", "base")[0];
     let weight = 9810.0;
-    assert!((base[7] / 2.0 - 1.0).abs() < 1e-9, "{base:?}");
-    assert!((base[2] / weight - 1.0).abs() < 1e-4, "{base:?}");
-    assert!((base[5] / (0.75 * weight) - 1.0).abs() < 0.01, "{base:?}");
+    let moment = |run: &str, spacing: f64| {
+        study.run(run, 1, 1, &[&format!("domain.spacing={spacing}")]);
+        let base = &rows(&study, run, "base")[0];
+        assert!((base[7] / 2.0 - 1.0).abs() < 1e-9, "{base:?}");
+        assert!((base[2] / weight - 1.0).abs() < 1e-4, "{base:?}");
+        base[5] / weight
+    };
+    // The edges of the base are singular: the error is of first order.
+    let (coarse, fine) = (moment("coarse", 0.25), moment("fine", 0.125));
+    assert!(
+        ((2.0 * fine - coarse) / 0.75 - 1.0).abs() < 5e-3,
+        "{coarse} {fine}"
+    );
 }
 
-/// Exit gradient next to a sheet pile to half the depth of a stratum, 0.0599 (M. E. Harr, Groundwater and Seepage, 1962).
+/// Exit gradient next to a sheet pile to half the depth of a stratum, 0.0599 (M. E. Harr, Groundwater and Seepage,
+/// 1962).
 #[test]
 fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
     let _beside = beside_others();

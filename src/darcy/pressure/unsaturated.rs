@@ -49,7 +49,7 @@ use crate::{Error, multigrid};
 use newton::Krylov;
 pub(super) use transient::EXTRA_NUMBERS;
 use transient::Transient;
-pub use transient::{History, InitialWater, TransientSettings, WaterBalance};
+pub use transient::{ConditionHistory, InitialWater, TransientSettings, WaterBalance};
 
 /// Steps of Newton's method in a steady flow.
 const STEPS: u32 = 40;
@@ -196,9 +196,9 @@ impl Pressure {
         self
     }
 
-    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the soil
-    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the water
-    /// leaves, so that a fine soil above a coarse one holds its water.
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the
+    /// soil of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the
+    /// water leaves, so that a fine soil above a coarse one holds its water.
     #[must_use]
     pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);

@@ -47,8 +47,8 @@ impl Section {
         [through.discharge, through.area, before, behind]
     }
 
-    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the mean
-    /// pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
+    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the
+    /// mean pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
     pub(super) fn uplift<S: Space>(&self, seepage: &Seepage<S>, about: [f64; 3]) -> [f64; 6] {
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
         let (axis, area) = (self.axis, grid.area(self.axis));

@@ -34,6 +34,10 @@ const SURFACE: f64 = 300.0;
 const SEEPAGE: f64 = 450.0;
 /// Memory of a cell of the seepage next to structures: its cuts \[bytes\].
 const CUTS: f64 = 600.0;
+/// A cell of ground that drains: states, fluxes of faces with their derivatives, vectors of the linear solver.
+const DRAINS: f64 = 310.0;
+/// A cell of a flow that changes with time: stored water, and its part of the levels.
+const STORES: f64 = 100.0;
 /// A grain with its neighbours, contacts and history.
 const GRAIN: f64 = 1700.0;
 /// A block: its shape, here and in the scene, and the longer memory of its contacts.
@@ -81,13 +85,19 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         estimate.bytes_per_cell = lattice / amounts.cells;
         memory += lattice;
     }
-    if scene.seepage.is_some() {
+    if let Some(seepage) = &scene.seepage {
+        let drains = if seepage.written.unsaturated.is_some() {
+            DRAINS
+        } else {
+            0.0
+        };
+        let stores = if seepage.is_transient() { STORES } else { 0.0 };
         let cuts = if scene.structures.is_empty() {
             0.0
         } else {
             CUTS
         };
-        estimate.bytes_per_cell = SEEPAGE + cuts;
+        estimate.bytes_per_cell = SEEPAGE + drains + stores + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
     // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in

@@ -479,7 +479,7 @@ pub(super) fn peak_rss() -> u64 {
         .map_or(0, |kib| kib * 1024)
 }
 
-/// Returns the largest gradient with which water leaves each patch, and the face where it does, by the names of the patches.
+/// Returns the largest gradient with which water leaves each patch, and the face where it does, by names of patches.
 fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     let patches = scene.into_iter().flat_map(|scene| &scene.patches);
     let found = patches.zip(pressure.exit_gradients());

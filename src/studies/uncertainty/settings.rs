@@ -9,6 +9,7 @@
 //! | coupling interval | seepage through grains | half |
 //! | cells of the seepage | seepage through grains | half, as long as they hold a mean grain |
 //! | resistance | seepage through grains | the law of another source |
+//! | steps in time | seepage that changes with time | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
 //! | lattice velocity | lattice under acoustic scaling | half |
 //!
@@ -49,6 +50,7 @@ const SETTINGS: &[(&str, &str, Change)] = &[
     ("coupling interval", "interval", interval),
     ("cells of the seepage", "seepage-cells", cells),
     ("law of resistance", "resistance", resistance),
+    ("steps in time", "content-error", content_error),
     ("eddy viscosity", "eddies", eddies),
     ("lattice velocity", "velocity", velocity),
 ];
@@ -151,6 +153,15 @@ fn interval(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     }
     case["fluid"]["darcy"]["coupling_interval"] = (steps / 2).into();
     Some(format!("{steps} to {} solid steps", steps / 2))
+}
+
+/// A quarter of the error of the content, which halves the steps.
+fn content_error(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
+    let seepage = plan.scene.seepage.as_ref()?;
+    let transient = seepage.written.unsaturated.as_ref()?.transient.as_ref()?;
+    let (now, next) = (transient.content_error, 0.25 * transient.content_error);
+    case["fluid"]["darcy"]["unsaturated"]["transient"]["content_error"] = next.into();
+    Some(format!("{now} to {next}"))
 }
 
 fn cells(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {

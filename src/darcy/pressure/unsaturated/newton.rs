@@ -149,8 +149,9 @@ impl Pressure {
         let stores = own
             .transient
             .as_ref()
-            .is_some_and(|transient| transient.advances());
-        let part = if stores { CLOSURE } else { 1.0 };
+            .filter(|transient| transient.advances());
+        let part = stores.map_or(1.0, |_| CLOSURE);
+        let term = stores.map_or(term, |transient| term.max(transient.largest_term()));
         let enough = most <= part * self.settings.tolerance * scale || most <= ROUNDING * term;
         (most / scale, enough)
     }

@@ -265,8 +265,8 @@ fn rain_that_the_soil_does_not_take_runs_off() {
     assert!((run(0.9e-5) / 0.9e-5 - 1.0).abs() < 1e-7);
 }
 
-/// Rain through two exponential soils in layers: in each, e^(alpha psi) = R/K + C e^(-alpha z), with one pressure at the
-/// boundary between them. Water at rest stays at rest across it.
+/// Rain through two exponential soils in layers: in each, e^(alpha psi) = R/K + C e^(-alpha z), with one pressure at
+/// the boundary between them. Water at rest stays at rest across it.
 #[test]
 fn rain_through_layers_has_one_pressure_at_their_boundary() {
     let gardner = |alpha: f64| {

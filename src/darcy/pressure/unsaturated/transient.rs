@@ -21,7 +21,7 @@ use decomposition::ExactSum;
 /// Part of a step in a stage: 1 - 1/sqrt(2).
 const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Steps of Newton's method in a stage.
-const NEWTON_STEPS: u32 = 15;
+const NEWTON_STEPS: u32 = 20;
 /// First step over the interval.
 const FIRST_STEP: f64 = 1e-3;
 /// Shortest step over the interval.
@@ -60,14 +60,14 @@ pub struct TransientSettings {
 
 /// Values of the condition of a patch in time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct History {
+pub struct ConditionHistory {
     /// The patch.
     pub patch: usize,
     /// Times \[s\] and values, by rising time, linear between; two values at one time are a jump.
     pub table: Vec<[f64; 2]>,
 }
 
-impl History {
+impl ConditionHistory {
     /// Returns the value at a time, that before a jump at the time of the jump.
     #[must_use]
     pub fn value(&self, time: f64) -> f64 {
@@ -117,7 +117,7 @@ impl WaterBalance {
 /// State and vectors of a flow that changes with time.
 pub(super) struct Transient {
     settings: TransientSettings,
-    histories: Vec<History>,
+    histories: Vec<ConditionHistory>,
     /// Volume of each cell inside the walls \[m3\].
     volume: Vec<f64>,
     /// Reciprocal time of a stage \[1/s\]; 0 in a steady flow.
@@ -176,6 +176,15 @@ impl Transient {
     /// `true` if the state at the start is known.
     pub(super) fn began(&self) -> bool {
         self.began
+    }
+
+    /// Returns the largest rate of the stored water of a cell \[m3/s\], whose rounding no imbalance is below.
+    pub(super) fn largest_term(&self) -> f64 {
+        let most = self
+            .content
+            .iter()
+            .fold(0.0, |most: f64, m| most.max(m.abs()));
+        most * self.rate
     }
 
     /// Returns the largest sum of the fluxes into a cell \[m3/s\].
@@ -273,7 +282,7 @@ impl Pressure {
 
     /// Lets conditions of a flow that changes with time follow tables.
     #[must_use]
-    pub fn with_histories(mut self, histories: Vec<History>) -> Self {
+    pub fn with_histories(mut self, histories: Vec<ConditionHistory>) -> Self {
         let own = self.unsaturated.as_mut();
         if let Some(transient) = own.and_then(|own| own.transient.as_mut()) {
             transient.histories = histories;

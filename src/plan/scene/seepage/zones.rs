@@ -181,7 +181,7 @@ fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f6
         [axis] => directions[axis] = 1.0 / ratio,
         _ => findings.error(
             &path,
-            "the bedding is horizontal, across gravity along an axis; gravity does not point along an axis in this case",
+            "the bedding is horizontal, and gravity does not point along an axis in this case",
             "point gravity along an axis, or remove the anisotropy",
         ),
     }

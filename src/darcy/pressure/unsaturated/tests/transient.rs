@@ -1,7 +1,8 @@
 //! Flow that changes with time against exact and published solutions. All close their mass.
 
 use super::*;
-use crate::{History, InitialWater, TransientSettings};
+use crate::retention::haverkamp::Haverkamp;
+use crate::{ConditionHistory, InitialWater, TransientSettings};
 
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
@@ -284,7 +285,7 @@ fn heads_follow_their_tables() {
         (slope, [ramp(0.1), ramp(0.2), ramp(0.3)]),
     ] {
         let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(11.0))];
-        let history = History { patch: 0, table };
+        let history = ConditionHistory { patch: 0, table };
         let mut solver = advancing(&grid, patches, soil, settings).with_histories(vec![history]);
         let conductivity = conductivity(&grid, 1e-6);
         for exact in exact {
@@ -302,7 +303,7 @@ fn heads_follow_their_tables() {
 
 #[test]
 fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
-    let history = History {
+    let history = ConditionHistory {
         patch: 0,
         table: vec![[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]],
     };
@@ -316,5 +317,135 @@ fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
         (9.0, 6.0),
     ] {
         assert!((history.value(time) - value).abs() < 1e-12, "{time}");
+    }
+}
+
+/// Sand of figure 1 of Celia, Bouloutas and Zarba (1990), against a converged solution: pressure heads in cm at depths
+/// of 2, 6, 10 and 14 cm, and the gain of water.
+#[test]
+fn infiltration_into_sand() {
+    let grid = plane([1, 400], [0.01, 0.4]);
+    let patches = column(&grid, [suction(-0.615), suction(-0.207)]);
+    let soil = Retention::Haverkamp(Haverkamp {
+        content_head: 0.01 * 1.611e6_f64.powf(1.0 / 3.96),
+        content_exponent: 3.96,
+        permeability_head: 0.01 * 1.175e6_f64.powf(1.0 / 4.74),
+        permeability_exponent: 4.74,
+        saturated_content: 0.287,
+        residual_content: 0.075,
+    });
+    let settings = transient(InitialWater::PressureHead(-0.615), 120.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 9.44e-5);
+    for (heads, water) in [
+        ([-22.084, -28.935, -58.45, -61.50], 0.01188),
+        ([-21.350, -23.725, -30.42, -54.95], 0.01818),
+        ([-21.079, -22.347, -25.075, -32.869], 0.02368),
+    ] {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        for (depth, exact) in [0.02, 0.06, 0.10, 0.14].into_iter().zip(heads) {
+            let found = 100.0 * head_at(&solver, 0.4 - depth);
+            println!("{depth}: {found} {exact}");
+            assert!(
+                (found / exact - 1.0).abs() < 0.015,
+                "{depth}: {found} {exact}"
+            );
+        }
+        let balance = solver.water_balance().unwrap();
+        let gained = (balance.entered - balance.left) / 0.01;
+        println!("{gained} {water}");
+        assert!((gained / water - 1.0).abs() < 2e-3, "{gained} {water}");
+    }
+}
+
+/// Rise of a water table under rain on a part of a slab (M. Vauclin, D. Khanji and G. Vachaud, Water Resour. Res. 15
+/// (1979) 1089): heights of the table in cm at 2 and 8 h against a converged solution, which lies within 3.2 cm of what
+/// was measured.
+#[test]
+fn a_water_table_rises_under_rain_on_a_slab() {
+    let grid = plane([60, 80], [3.0, 2.0]);
+    let rate = 0.148 / 3600.0;
+    let ditch = Condition::SeepageFace { level: Some(0.65) };
+    let patches = vec![
+        patch(&grid, 0, true, [0.0, 2.0], ditch),
+        patch(&grid, 1, true, [0.0, 0.5], Condition::Rain { rate }),
+    ];
+    let soil = Retention::Haverkamp(Haverkamp {
+        content_head: 0.01 * 40000.0_f64.powf(1.0 / 2.9),
+        content_exponent: 2.9,
+        permeability_head: 0.01 * 2.99e6_f64.powf(0.2),
+        permeability_exponent: 5.0,
+        saturated_content: 0.30,
+        residual_content: 0.0,
+    });
+    let settings = transient(InitialWater::Head(0.65), 7200.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 0.35 / 3600.0);
+    let table = |solver: &Pressure, x: f64| {
+        let column = base::number::whole((x / grid.spacing[0]).floor());
+        let head = |row: usize| solver.pressure(grid.index([column, row, 0])) / WEIGHT;
+        let dry = (1..80).find(|row| head(*row) < 0.0).unwrap();
+        let (wet, suction) = (head(dry - 1), -head(dry));
+        100.0 * grid.spacing[1] * (real(dry) - 0.5 + wet / (wet + suction))
+    };
+    for exact in [
+        Some([80.1, 72.7, 68.4, 66.4]),
+        None,
+        None,
+        Some([121.8, 111.7, 99.3, 86.4]),
+    ] {
+        solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        for (x, exact) in [0.025, 0.725, 1.325, 2.025]
+            .into_iter()
+            .zip(exact.into_iter().flatten())
+        {
+            let found = table(&solver, x);
+            println!("{x}: {found} {exact}");
+            assert!((found - exact).abs() < 1.5, "{x}: {found} {exact}");
+        }
+    }
+}
+
+/// Returns the error function by its series, for small arguments.
+fn erf(x: f64) -> f64 {
+    let (mut term, mut sum) = (x, x);
+    for n in 1..60 {
+        let n = f64::from(n);
+        term *= -x * x / n;
+        sum += term / (2.0 * n + 1.0);
+    }
+    2.0 / std::f64::consts::PI.sqrt() * sum
+}
+
+/// Infiltration of ponded water into the linear soil of J. R. Philip (Adv. Hydrosci. 5 (1969) 215): in an exponential
+/// soil D = K/(alpha d), V = K/d with d = theta_s - theta_r, and the rate is K + (K_0 - K) of the wetted part,
+/// V/2 (1 + erf u) + sqrt(D/(pi t)) exp(-u^2), u = (V/2) sqrt(t/D).
+#[test]
+fn infiltration_of_ponded_water_into_a_linear_soil() {
+    let grid = plane([1, 400], [0.01, 2.0]);
+    let patches = column(&grid, [suction(-0.6), suction(0.0)]);
+    let soil = Retention::Gardner(Gardner {
+        alpha: 10.0,
+        saturated_content: 0.4,
+        residual_content: 0.1,
+    });
+    let settings = transient(InitialWater::PressureHead(-0.6), 1000.0);
+    let mut solver = advancing(&grid, patches, soil, settings);
+    let conductivity = conductivity(&grid, 1e-5);
+    let (diffusivity, speed) = (1e-5 / 3.0, 1e-5 / 0.3);
+    let initial = (-6.0_f64).exp();
+    for n in 1..=8 {
+        let report = solver.solve(still(&conductivity)).unwrap();
+        closes(&solver);
+        let time = 1000.0 * f64::from(n);
+        let u = 0.5 * speed * (time / diffusivity).sqrt();
+        let wetted = 0.5 * speed * (1.0 + erf(u))
+            + (diffusivity / (std::f64::consts::PI * time)).sqrt() * (-u * u).exp();
+        let exact = 1e-5 * initial + 0.3 * (1.0 - initial) * wetted;
+        let found = report.inflow / 0.01;
+        println!("{time}: {found} {exact} {}", found / exact - 1.0);
+        assert!((found / exact - 1.0).abs() < 0.005, "{found} {exact}");
     }
 }
