@@ -14,6 +14,7 @@ mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
+mod free_surface;
 mod impacts;
 pub mod interval;
 mod linear_stability;
