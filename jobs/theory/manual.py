@@ -32,7 +32,17 @@ CHAPTERS = [
         ["boundary", "opening"],
         ["lbm/boundary.rs", "lbm/boundary/*", "lbm/boundary/wall.rs", "lbm/boundary/sound.rs", "lbm/boundary/turbulent.rs"],
     ),
-    ("Free surface", ["free_surface"], ["lbm/surface.rs", "lbm/surface/exchange.rs", "lbm/surface/conversion.rs"]),
+    (
+        "Free surface",
+        ["free_surface"],
+        [
+            "lbm/surface.rs",
+            "lbm/surface/facet.rs",
+            "lbm/surface/carried.rs",
+            "lbm/surface/exchange.rs",
+            "lbm/surface/conversion.rs",
+        ],
+    ),
     ("Porous zones", ["porous_zone"], ["lbm/term/porous.rs"]),
     (
         "Coupling by links",

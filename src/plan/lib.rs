@@ -30,6 +30,7 @@ pub mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
+mod free_surface;
 mod impacts;
 pub mod interval;
 mod linear_stability;

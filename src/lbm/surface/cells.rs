@@ -14,6 +14,8 @@ pub(crate) struct Cells {
     pub(super) fill: Vec<f64>,
     /// Excess mass for each interface cell next to a cell that has changed kind; 0 of most.
     pub(super) share: Vec<f64>,
+    /// `true` for interface cells that the liquid cell inside carries, during a step.
+    pub(super) carried: Vec<bool>,
     /// Directions along which sheets cut the links of a cell, a bit each; empty where there are none.
     closed: Vec<u32>,
     /// Distance in positions to the neighbour along each direction, and along each axis.
@@ -35,6 +37,7 @@ impl Cells {
             mass: vec![0.0; count],
             fill: vec![0.0; count],
             share: vec![0.0; count],
+            carried: vec![false; count],
             closed: Vec::new(),
             offsets: (0..q).map(|i| populations.offset(i)).collect(),
             strides: std::array::from_fn(|axis| {
@@ -121,7 +124,7 @@ impl Cells {
 
     /// Returns the bytes held.
     pub(super) fn bytes(&self) -> usize {
-        self.kind.len()
+        2 * self.kind.len()
             + 8 * (self.mass.len() + self.fill.len() + self.share.len())
             + 4 * self.closed.len()
     }

@@ -6,9 +6,10 @@
 //! they have. Where both kinds meet, the cell that would empty stays what it is.
 
 use super::cells::Cells;
-use super::ghosts::{Around, Ghosts, Moments};
+use super::ghosts::{Around, Ghosts};
 use super::kind::{EMPTIES, ENTERED, FILLS, GAS, LIQUID, SOLID, SURFACE, is_surface};
 use super::lists::Plane;
+use super::moments::{Moments, moments};
 use crate::initial::equilibrium;
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -28,15 +29,8 @@ pub(super) struct Work {
     shared: Vec<u32>,
 }
 
-/// Returns density and velocity without force of a cell.
-pub(super) fn moments<S: Stored>(populations: &Populations<S>, cell: usize) -> Moments {
-    let (drho, momentum) = populations.moments(cell);
-    let [x, y, z] = momentum.map(|m| m / (1.0 + drho));
-    [drho, x, y, z]
-}
-
 /// Returns the directions from a cell or ghost cell to its neighbours in the slab.
-fn inside<'a, S: Stored>(
+pub(super) fn inside<'a, S: Stored>(
     populations: &'a Populations<S>,
     cell: usize,
 ) -> impl Iterator<Item = usize> + 'a {
@@ -60,7 +54,7 @@ impl Work {
     pub(super) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
         let born = self.born.iter();
         let cells = self.entered.iter().zip(born);
-        cells.map(|(&cell, &[_, u @ ..])| (cell as usize, u))
+        cells.map(|(&cell, &[_, x, y, z, ..])| (cell as usize, [x, y, z]))
     }
 
     /// Forgets the shares, which have been taken.
@@ -210,7 +204,7 @@ fn mean_of_neighbours<S: Stored>(
     cell: usize,
 ) -> Moments {
     let at = populations.coordinates(cell);
-    let mut sum = [0.0; 4];
+    let mut sum = [0.0; 10];
     let mut count = 0_usize;
     for i in 1..cells.directions() {
         let kind = cells.kind_along(cell, i);
@@ -232,10 +226,10 @@ fn mean_of_neighbours<S: Stored>(
 
 /// Gives a new interface cell its populations.
 fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moments) {
-    let [drho, u @ ..] = *born;
+    let [drho, x, y, z, ..] = *born;
     for i in 0..populations.velocities().q() {
         let v = populations.velocities();
-        let g = equilibrium(v.w[i], v.c[i], drho, u);
+        let g = equilibrium(v.w[i], v.c[i], drho, [x, y, z]);
         let position = populations.incoming(cell, i);
         populations.numbers_mut()[position] = S::from_f64(g);
     }

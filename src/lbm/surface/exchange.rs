@@ -3,15 +3,17 @@
 //!
 //! An interface cell gains Δm = Σ_i s_i (f_ī(x + c_i → x) - f*_i(x → x + c_i)), with s_i = 1 towards liquid,
 //! the mean of both fill levels towards an interface cell and 0 towards gas and solids (Körner et al. 2005,
-//! equation 4). Between unlike interface cells only one of the two terms counts, so that stray cells empty
-//! and enclosed cells fill (N. Thürey, Physically based animation of free surface flows with the lattice
-//! Boltzmann method, Erlangen 2007, table 4.1).
+//! equation 4). Where the surface passes from one row of cells to the next, a nearly full cell without gas or a
+//! nearly empty one without liquid is born; it changes its kind at once. Between other unlike interface cells only
+//! one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey, Physically based
+//! animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
-use super::conversion;
-use super::ghosts::{Around, Moments};
+use super::facet::{find, moments_along};
+use super::ghosts::Around;
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface};
-use super::lists::{Facet, Plane};
+use super::lists::Plane;
+use super::moments::{Moments, moments};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::thread_pool;
@@ -20,71 +22,66 @@ use base::thread_pool;
 /// kind (Thürey 2007, section 4.3).
 const PASSED: f64 = 1e-2;
 
-/// Bound of the ratio by which the dynamic part of the pressure inside is continued to the middle of a link.
-const MOST_RATIO: f64 = 0.5;
-
-/// Bound of the acceleration whose pressure counts, over that of the body force: that of a free fall.
-const MOST_ACCELERATION: f64 = 1.0;
-
-/// Part of its length by which a link from an interface cell to the liquid cell inside must point against the normal.
-const INWARD: f64 = 0.7;
-
-/// Least distance by which the velocities of an interface cell and of the liquid cell inside determine a
-/// parabola with its vertex at the surface.
-const LEAST_REACH: f64 = 0.5;
+/// Part of a cell that an interface cell without gas may lack, or without liquid may hold, to become liquid or gas at
+/// once.
+///
+/// Such cells are born where a smooth surface passes from one row of cells to the next. One-sided exchange moves a
+/// part of a cell in a step, which is a blow to them.
+const NEARLY: f64 = 0.2;
 
 /// Interface cells of a thread from which on it is worth waking.
 const CELLS_PER_THREAD: usize = 500;
 
 /// Numbers of a slab, shared out to threads by cell.
-struct Numbers<S>(*mut S);
+pub(super) struct Numbers<S>(*mut S);
 // SAFETY: each number belongs to one link end of one interface cell, and each cell to one thread.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
+impl<S: Stored> Numbers<S> {
+    /// Returns the numbers of the populations.
+    pub(super) fn new(populations: &mut Populations<S>) -> Self {
+        Self(populations.numbers_mut().as_mut_ptr())
+    }
+
+    /// Reads a number.
+    ///
+    /// # Safety
+    /// No other thread writes it.
+    #[inline(always)]
+    pub(super) unsafe fn read(&self, position: usize) -> f64 {
+        // SAFETY: the position lies in the slab, and the caller excludes other writers.
+        unsafe { self.0.add(position).read().to_f64() }
+    }
+
+    /// Writes a number.
+    ///
+    /// # Safety
+    /// No other thread reads or writes it.
+    #[inline(always)]
+    pub(super) unsafe fn write(&self, position: usize, value: f64) {
+        // SAFETY: the position lies in the slab, and the caller excludes other threads.
+        unsafe { self.0.add(position).write(S::from_f64(value)) }
+    }
+}
+
 /// Returns the planes from which on another thread is worth waking.
-fn least(planes: &[Plane]) -> usize {
+pub(super) fn least(planes: &[Plane]) -> usize {
     let cells: usize = planes.iter().map(|plane| plane.surface.len()).sum();
     let threads = 1 + cells / CELLS_PER_THREAD;
     planes.len().div_ceil(threads).max(1)
 }
 
-/// Finds velocity, normal and density inside of each interface cell from the state before the pass.
-///
-/// The normal is that of the fill levels round the cell, weighted as the velocity set weights its directions;
-/// the surface is a plane at the distance (ε - ½) Σ|n_a| from the centre.
-///
-/// The incoming populations take the shear force that the water feels at the middle of a link but not at its
-/// surface.
+/// Finds the surface in each interface cell from the state before the pass.
 pub(super) fn prepare<S: Stored>(
-    state: (&Cells, &Around),
+    (cells, around): (&Cells, &Around),
     planes: &mut [Plane],
-    populations: &mut Populations<S>,
-    (half_force, viscosity): ([f64; 3], f64),
+    populations: &Populations<S>,
+    drive: ([f64; 3], f64),
 ) {
     let least = least(planes);
-    let known = &*populations;
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for (&cell, facet) in plane.surface.iter().zip(&mut plane.facets) {
-            *facet = find(state, known, (half_force, viscosity), cell as usize);
-        }
-    });
-    let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
-    let (numbers, populations) = (&numbers, &*populations);
-    let velocities = populations.velocities();
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
-            for i in super::directions(velocities) {
-                let c = velocities.c[i];
-                let along = (0..3)
-                    .map(|a| f64::from(c[a]) * facet.shear[a])
-                    .sum::<f64>();
-                // SAFETY: the incoming numbers of a cell are its own.
-                unsafe {
-                    let number = numbers.0.add(populations.incoming(cell as usize, i));
-                    let sheared = (3.0 * velocities.w[i]).mul_add(along, number.read().to_f64());
-                    number.write(S::from_f64(sheared));
-                }
-            }
+            *facet = find((cells, around), populations, drive, cell as usize);
         }
     });
 }
@@ -96,141 +93,18 @@ pub(super) fn shore<S: Stored>(
     cell: usize,
 ) -> Moments {
     if cells.kind[cell] == LIQUID && cells.count_neighbours(cell, is_surface) > 0 {
-        conversion::moments(populations, cell)
+        moments(populations, cell)
     } else {
-        [0.0; 4]
+        [0.0; 10]
     }
 }
 
-/// Returns the moments of the liquid neighbour of a cell along a direction; `of_cell` gives those of a cell
-/// of the slab.
-fn moments_along<S: Stored>(
-    around: &Around,
-    populations: &Populations<S>,
-    (cell, direction): (usize, usize),
-    of_cell: impl Fn(usize) -> Moments,
-) -> Moments {
-    let at = populations.coordinates(cell);
-    let c = populations.velocities().c[direction];
-    let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
-    let position = |at: [isize; 3]| populations.cell(at);
-    around.moments(next, position, of_cell)
-}
-
-/// Returns the facet of an interface cell.
-fn find<S: Stored>(
-    (cells, around): (&Cells, &Around),
-    populations: &Populations<S>,
-    (half_force, viscosity): ([f64; 3], f64),
-    cell: usize,
-) -> Facet {
-    let (density, momentum) = populations.moments(cell);
-    let mut facet = Facet {
-        velocity: std::array::from_fn(|a| (half_force[a] + momentum[a]) / (1.0 + density)),
-        ..Facet::default()
-    };
-    let velocities = populations.velocities();
-    let own = cells.fill[cell].clamp(0.0, 1.0);
-    let mut normal = [0.0; 3];
-    for i in super::directions(velocities) {
-        let level = cells.level_along(cell, velocities.c[i], i);
-        for (n, c) in normal.iter_mut().zip(velocities.c[i]) {
-            *n -= velocities.w[i] * f64::from(c) * level;
-        }
-    }
-    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-    if length <= 0.0 {
-        return facet;
-    }
-    facet.normal = normal.map(|n| n / length);
-    let along = |c: [i8; 3]| {
-        (0..3)
-            .map(|a| facet.normal[a] * f64::from(c[a]))
-            .sum::<f64>()
-    };
-    // The liquid neighbour that lies most against the normal.
-    let mut inner: Option<(f64, usize)> = None;
-    for i in super::directions(velocities) {
-        if cells.kind_along(cell, i) == LIQUID {
-            let c = velocities.c[i];
-            let size = c.iter().map(|c| f64::from(c * c)).sum::<f64>().sqrt();
-            let down = -along(c) / size;
-            if inner.is_none_or(|(best, _)| down > best) {
-                inner = Some((down, i));
-            }
-        }
-    }
-    let Some((_, i)) = inner.filter(|(down, _)| *down > INWARD) else {
-        return facet;
-    };
-    let sum: f64 = facet.normal.iter().map(|n| n.abs()).sum();
-    facet.distance = (own - 0.5) * sum;
-    facet.at_rest = 6.0 * (0..3).map(|a| half_force[a] * facet.normal[a]).sum::<f64>();
-    facet.inner = -along(velocities.c[i]);
-    facet.weight = 6.0
-        * (0..3)
-            .map(|a| half_force[a] * half_force[a])
-            .sum::<f64>()
-            .sqrt();
-    let of_cell = |cell: usize| conversion::moments(populations, cell);
-    let [inside, u @ ..] = moments_along(around, populations, (cell, i), of_cell);
-    facet.inside = inside;
-    facet.inward = u8::try_from(i).unwrap_or(0);
-    facet.shear = shear(&facet, momentum.map(|m| m / (1.0 + density)), u, viscosity);
-    facet
-}
-
-/// Returns the shear force on an interface cell at the middle of its links to gas where that at the surface
-/// is zero; `own` and `inner` are the velocities of the cell and of the liquid cell inside.
-///
-/// A parabola through both velocities has its vertex at the surface, u = u_s - κ (s - q)²/2: the stress at ½
-/// is -ν κ (½ - q). A film down a plane is exact, and a stream of one velocity is free of it.
-fn shear(facet: &Facet, own: [f64; 3], inner: [f64; 3], viscosity: f64) -> [f64; 3] {
-    let across: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
-    let normal = (0..3).map(|a| across[a] * facet.normal[a]).sum::<f64>();
-    let reach = (facet.inner + 2.0 * facet.distance).max(LEAST_REACH);
-    let curvature = 2.0 / (facet.inner * reach);
-    let factor = -viscosity * curvature * (0.5 - facet.distance).max(0.0);
-    std::array::from_fn(|a| factor * (across[a] - normal * facet.normal[a]))
-}
-
-/// Returns the density half-way along a link of an interface cell; `up` is the component of the link along
-/// the normal.
-///
-/// Static part: that of water at rest, which is the density of the gas at the surface. Dynamic part: what the
-/// liquid cell inside has beyond it, continued linearly through zero at the centre of the interface cell, the
-/// mean place of the surface. To continue it through the surface itself would multiply it by up to two, and
-/// sound grows where the factor is above one half. It is bounded by the pressure of an acceleration, because
-/// sound of impacts grows at low viscosity where the factor is one half.
-#[inline(always)]
-fn half_way(facet: &Facet, up: f64) -> f64 {
-    if facet.inward == 0 {
-        return 0.0;
-    }
-    let most = MOST_ACCELERATION * facet.weight * (0.5 + facet.inner);
-    let excess = facet.inside + (facet.distance + facet.inner) * facet.at_rest;
-    let excess = excess.clamp(-most, most);
-    let ratio = (0.5 * up / facet.inner).clamp(-MOST_RATIO, MOST_RATIO);
-    (0.5 * up - facet.distance) * facet.at_rest - ratio * excess
-}
-
-/// Returns the moments of a cell, as [`Populations::moments`] has them, while other threads work on other cells.
-fn moments<S: Stored>(
-    numbers: &Numbers<S>,
-    populations: &Populations<S>,
-    cell: usize,
-) -> (f64, [f64; 3]) {
-    let mut density = 0.0;
-    let mut momentum = [0.0; 3];
-    for (i, c) in populations.velocities().c.iter().enumerate() {
-        // SAFETY: the incoming numbers of a cell lie in the slab, and no other thread writes them.
-        let g = unsafe { numbers.0.add(populations.incoming(cell, i)).read().to_f64() };
-        density += g;
-        for a in 0..3 {
-            momentum[a] += f64::from(c[a]) * g;
-        }
-    }
-    (density, momentum)
+/// Returns the density of a cell while other threads work on other cells.
+fn density<S: Stored>(numbers: &Numbers<S>, populations: &Populations<S>, cell: usize) -> f64 {
+    let q = populations.velocities().q();
+    // SAFETY: the incoming numbers of a cell lie in the slab, and no other thread writes them.
+    let number = |i: usize| unsafe { numbers.read(populations.incoming(cell, i)) };
+    (0..q).map(number).sum()
 }
 
 /// Sets what the cells of gas in the vectors of the pass sent to zero.
@@ -240,7 +114,7 @@ pub(super) fn silence<S: Stored>(
     populations: &mut Populations<S>,
 ) {
     let parity = populations.parity();
-    let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
+    let numbers = Numbers::new(populations);
     let (numbers, populations) = (&numbers, &*populations);
     let least = least(planes);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
@@ -295,7 +169,7 @@ pub(super) fn exchange<S: Stored>(
     let masses = Numbers(mass.as_mut_ptr());
     let masses = &masses;
     let parity = populations.parity();
-    let numbers = Numbers(populations.numbers_mut().as_mut_ptr());
+    let numbers = Numbers::new(populations);
     let (numbers, populations) = (&numbers, &*populations);
     let velocities = populations.velocities();
     let known = &*cells;
@@ -304,22 +178,23 @@ pub(super) fn exchange<S: Stored>(
         for n in 0..plane.surface.len() {
             let cell = plane.surface[n] as usize;
             let facet = &plane.facets[n];
-            let u = facet.velocity;
             // The density inside in the middle of the step, as that of what comes and goes along the links:
             // one that lags behind feeds sound.
             let mut inside = facet.inside;
             if facet.inward > 0 {
                 let inward = (cell, usize::from(facet.inward));
-                let of_cell = |cell: usize| [moments(numbers, populations, cell).0, 0.0, 0.0, 0.0];
+                let of_cell = |cell: usize| {
+                    let mut moments = [0.0; 10];
+                    moments[0] = density(numbers, populations, cell);
+                    moments
+                };
                 let [now, ..] = moments_along(around, populations, inward, of_cell);
-                inside = 0.5 * (inside + now);
+                inside += 0.5 * (now - facet.density_inside);
             }
-            let facet = Facet { inside, ..*facet };
-            let uu = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
             let own = known.kind[cell];
             let level = known.fill[cell].clamp(0.0, 1.0);
             let mut gain = 0.0;
-            let mut alone = true;
+            let (mut alone, mut gas, mut liquid) = (true, false, false);
             for i in super::directions(velocities) {
                 let kind = known.kind_along(cell, i);
                 if kind == SOLID {
@@ -331,13 +206,8 @@ pub(super) fn exchange<S: Stored>(
                 let sent = unsafe { numbers.0.add(out).read().to_f64() };
                 let w = velocities.w[i];
                 if kind == GAS {
-                    let c = velocities.c[i];
-                    let cu = (0..3).map(|a| f64::from(c[a]) * u[a]).sum::<f64>();
-                    let up = (0..3)
-                        .map(|a| f64::from(c[a]) * facet.normal[a])
-                        .sum::<f64>();
-                    let density = half_way(&facet, up);
-                    let even = density + (1.0 + density) * (4.5 * cu * cu - 1.5 * uu);
+                    gas = true;
+                    let even = facet.even(velocities.c[i], inside);
                     let back = 2.0 * w * even - sent;
                     // SAFETY: as above.
                     unsafe {
@@ -349,6 +219,7 @@ pub(super) fn exchange<S: Stored>(
                 // SAFETY: as above.
                 let came = unsafe { numbers.0.add(incoming).read().to_f64() };
                 if kind == LIQUID {
+                    liquid = true;
                     gain += came - sent;
                 } else {
                     alone = false;
@@ -363,13 +234,15 @@ pub(super) fn exchange<S: Stored>(
                 mass.write(mass.read() + gain);
                 mass.read()
             };
-            let density = 1.0 + moments(numbers, populations, cell).0;
+            let density = 1.0 + density(numbers, populations, cell);
             plane.fill[n] = mass / density;
             plane.kind[n] = match (own, alone) {
                 (ENCLOSED, true) => FILLS,
                 (STRAY, true) => EMPTIES,
                 _ if mass > (1.0 + PASSED) * density => FILLS,
                 _ if mass < -PASSED * density => EMPTIES,
+                (SURFACE, _) if !gas && mass > (1.0 - NEARLY) * density => FILLS,
+                (SURFACE, _) if gas && !liquid && mass < NEARLY * density => EMPTIES,
                 _ => own,
             };
         }
@@ -395,13 +268,14 @@ pub(super) fn classify<S: Stored>(
                     _ => {}
                 }
             }
+            let fill = cells.mass[cell] / (1.0 + populations.moments(cell).0);
+            plane.fill[n] = fill;
             plane.kind[n] = match (gas, liquid) {
-                (false, _) => ENCLOSED,
-                (true, false) => STRAY,
-                (true, true) => SURFACE,
+                (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
+                (true, false) if fill >= NEARLY => STRAY,
+                _ => SURFACE,
             };
             debug_assert!(is_surface(cells.kind[cell]));
-            plane.fill[n] = cells.mass[cell] / (1.0 + populations.moments(cell).0);
         }
     });
 }

@@ -6,7 +6,9 @@
 //! link leads.
 
 use super::cells::Cells;
+use super::facet::{Carrier, NUMBERS};
 use super::kind::SOLID;
+use super::moments::{Moments, mirrored};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::number::{to_u32, to_usize};
@@ -15,10 +17,7 @@ use decomposition::{Domain, HaloBytes, HaloExchange};
 /// Message tags of the kinds, and of the values.
 const TAGS: [u8; 2] = [3, 4];
 /// Numbers of a cell in a message of values: its moments, and two more.
-const VALUES: usize = 6;
-
-/// Density and velocity of a cell.
-pub(super) type Moments = [f64; 4];
+const VALUES: usize = 12;
 
 /// Continuation of the slab beyond its ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +44,8 @@ pub(super) struct Around {
     dimension: usize,
     /// Moments in the planes of both neighbours.
     moments: [Vec<Moments>; 2],
+    /// Numbers of the carried cells in these planes.
+    carriers: [Vec<[f64; NUMBERS]>; 2],
 }
 
 /// Exchange of the state.
@@ -87,7 +88,8 @@ impl Ghosts {
             HaloExchange::new(domain, TAGS[n], HaloBytes::symmetric(bytes[n]))
                 .map_err(|e| e.to_string())
         });
-        let moments = [(); 2].map(|()| vec![[0.0; 4]; plane.len()]);
+        let moments = [(); 2].map(|()| vec![[0.0; 10]; plane.len()]);
+        let carriers = [(); 2].map(|()| vec![[0.0; NUMBERS]; plane.len()]);
         let mut ghosts = Self {
             kinds: kinds?,
             values: values?,
@@ -97,6 +99,7 @@ impl Ghosts {
                 order,
                 dimension,
                 moments,
+                carriers,
             },
             planes: [
                 at_plane(-1),
@@ -201,8 +204,10 @@ impl Ghosts {
         of_cell: impl Fn(usize) -> Moments,
     ) {
         self.exchange(|cell| {
-            let [density, x, y, z] = of_cell(cell);
-            [density, x, y, z, one[cell], other[cell]]
+            let mut values = [0.0; VALUES];
+            values[..10].copy_from_slice(&of_cell(cell));
+            values[10..].copy_from_slice(&[one[cell], other[cell]]);
+            values
         });
         let (lower, upper) = self.values.received::<f64>();
         let planes = [self.planes[0], self.planes[3]];
@@ -210,9 +215,9 @@ impl Ghosts {
             let Some(buffer) = buffer else { continue };
             let places = self.plane.iter().zip(&mut self.around.moments[side]);
             for (values, (cell, moments)) in buffer.chunks_exact(VALUES).zip(places) {
-                moments.copy_from_slice(&values[..4]);
-                one[planes[side] + cell] = values[4];
-                other[planes[side] + cell] = values[5];
+                moments.copy_from_slice(&values[..10]);
+                one[planes[side] + cell] = values[10];
+                other[planes[side] + cell] = values[11];
             }
         }
         for &[ghost, inside] in &self.copies {
@@ -224,14 +229,27 @@ impl Ghosts {
     /// Takes the moments of the surface from the planes of the neighbours. Collective.
     pub(super) fn exchange_moments(&mut self, of_cell: impl Fn(usize) -> Moments) {
         self.exchange(|cell| {
-            let [density, x, y, z] = of_cell(cell);
-            [density, x, y, z, 0.0, 0.0]
+            let mut values = [0.0; VALUES];
+            values[..10].copy_from_slice(&of_cell(cell));
+            values
         });
         let (lower, upper) = self.values.received::<f64>();
         for (buffer, moments) in [lower, upper].into_iter().zip(&mut self.around.moments) {
             let Some(buffer) = buffer else { continue };
             for (from, to) in buffer.chunks_exact(VALUES).zip(moments) {
-                to.copy_from_slice(&from[..4]);
+                to.copy_from_slice(&from[..10]);
+            }
+        }
+    }
+
+    /// Takes what the links of carried cells need from the planes of the neighbours. Collective.
+    pub(super) fn exchange_carriers(&mut self, of_cell: impl Fn(usize) -> Option<Carrier>) {
+        self.exchange(|cell| of_cell(cell).map_or([0.0; NUMBERS], |carrier| carrier.numbers()));
+        let (lower, upper) = self.values.received::<f64>();
+        for (buffer, carriers) in [lower, upper].into_iter().zip(&mut self.around.carriers) {
+            let Some(buffer) = buffer else { continue };
+            for (from, to) in buffer.chunks_exact(VALUES).zip(carriers) {
+                to.copy_from_slice(from);
             }
         }
     }
@@ -284,13 +302,38 @@ impl Around {
         corners
     }
 
-    /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives those of a cell of the slab.
+    /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives the position of a cell of the slab.
     pub(super) fn moments(
         &self,
-        mut at: [isize; 3],
+        at: [isize; 3],
         inside: impl Fn([isize; 3]) -> usize,
         of_cell: impl Fn(usize) -> Moments,
     ) -> Moments {
+        let (at, sign) = self.seen(at);
+        let moments = match self.source(at, inside) {
+            Source::Inside(cell) => of_cell(cell),
+            Source::Beyond(side, place) => self.moments[side][place],
+        };
+        mirrored(moments, sign)
+    }
+
+    /// Returns what the links of a carried ghost cell need; `of_cell` gives that of a cell of the slab.
+    pub(super) fn carrier<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        ghost: usize,
+        of_cell: impl Fn(usize) -> Option<Carrier>,
+    ) -> Option<Carrier> {
+        let (at, sign) = self.seen(populations.coordinates(ghost));
+        match self.source(at, |at| populations.cell(at)) {
+            Source::Inside(cell) => Carrier::received(&of_cell(cell)?.numbers(), sign),
+            Source::Beyond(side, place) => Carrier::received(&self.carriers[side][place], sign),
+        }
+    }
+
+    /// Returns the cell that is seen beyond periodic axes and planes of symmetry, with -1 along the axes that these
+    /// reverse.
+    fn seen(&self, mut at: [isize; 3]) -> ([isize; 3], [f64; 3]) {
         let mut sign = [1.0; 3];
         for axis in 0..self.dimension {
             let count = self.cells[axis].cast_signed();
@@ -304,14 +347,7 @@ impl Around {
                 at[axis] = at[axis].rem_euclid(count);
             }
         }
-        let mut moments = match self.source(at, inside) {
-            Source::Inside(cell) => of_cell(cell),
-            Source::Beyond(side, place) => self.moments[side][place],
-        };
-        for axis in 0..3 {
-            moments[1 + axis] *= sign[axis];
-        }
-        moments
+        (at, sign)
     }
 
     fn source(&self, at: [isize; 3], inside: impl Fn([isize; 3]) -> usize) -> Source {

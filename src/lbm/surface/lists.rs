@@ -1,33 +1,11 @@
 //! Cells of each plane that the surface passes, and the parts of rows that hold water.
 
+use super::facet::Facet;
 use super::kind::{GAS, LIQUID, is_surface, is_wet};
 use base::number::to_u32;
 
 /// Cells of a row that are worked on together: the widest vector of the pass.
 const TOGETHER: usize = 8;
-
-/// Surface in an interface cell at the begin of a step.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Facet {
-    /// Velocity of the water.
-    pub(super) velocity: [f64; 3],
-    /// Normal towards the gas.
-    pub(super) normal: [f64; 3],
-    /// Distance of the surface from the centre of the cell along the normal.
-    pub(super) distance: f64,
-    /// Increase of the density along the normal in water at rest.
-    pub(super) at_rest: f64,
-    /// Increase of the density over a cell against gravity in water at rest.
-    pub(super) weight: f64,
-    /// Direction to the liquid cell that lies most against the normal; 0 without one.
-    pub(super) inward: u8,
-    /// Density of that cell.
-    pub(super) inside: f64,
-    /// Force along the surface that the cell takes in the step.
-    pub(super) shear: [f64; 3],
-    /// Distance of the centre of that cell from that of the interface cell against the normal.
-    pub(super) inner: f64,
-}
 
 /// Lists of one plane of the slab.
 #[derive(Debug, Default)]

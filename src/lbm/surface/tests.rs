@@ -10,19 +10,19 @@ use decomposition::{Axis, Domain};
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
 /// A box of water under gravity along -y with side walls of free slip, split along an axis.
-struct Tank {
+pub(super) struct Tank {
     set: VelocitySet,
     operator: Operator,
-    tau: f64,
-    gravity: f64,
+    pub(super) tau: f64,
+    pub(super) gravity: f64,
     cells: [usize; 3],
     split: usize,
-    slip_at: Vec<(usize, bool)>,
-    periodic: [bool; 3],
+    pub(super) slip_at: Vec<(usize, bool)>,
+    pub(super) periodic: [bool; 3],
 }
 
 impl Tank {
-    fn new(cells: [usize; 3]) -> Self {
+    pub(super) fn new(cells: [usize; 3]) -> Self {
         Self {
             set: if cells[2] == 1 {
                 VelocitySet::D2Q9
@@ -40,7 +40,7 @@ impl Tank {
     }
 
     /// Returns the fluid with these fill levels, at rest with the pressure of its own column.
-    fn fill(&self, level: impl Fn([usize; 3]) -> f64 + Sync) -> Fluid<f64> {
+    pub(super) fn fill(&self, level: impl Fn([usize; 3]) -> f64 + Sync) -> Fluid<f64> {
         let setup = Setup {
             set: self.set,
             operator: self.operator,
@@ -90,7 +90,7 @@ impl Tank {
     }
 }
 
-fn step(fluid: &mut Fluid<f64>, steps: usize) {
+pub(super) fn step(fluid: &mut Fluid<f64>, steps: usize) {
     for _ in 0..steps {
         fluid.advance();
         fluid.move_surface();
@@ -194,72 +194,6 @@ fn water_at_rest_stays_at_rest_at_any_fill_level() {
                 assert!(u[0].abs() + u[1].abs() < 1e-6, "{level} {at:?}: {u:?}");
             }
         }
-    }
-}
-
-/// A standing wave of one wave length in a box that is periodic along x, with a floor without friction.
-struct Wave {
-    cells: [usize; 3],
-    depth: f64,
-    tau: f64,
-    gravity: f64,
-}
-
-impl Wave {
-    /// Returns the frequency over that of linear waves, ω² = g k tanh(k h), from the zeros of the first
-    /// Fourier coefficient of the surface.
-    fn frequency(&self) -> f64 {
-        let &Self { cells, depth, .. } = self;
-        let mut tank = Tank::new(cells);
-        tank.periodic[0] = true;
-        tank.tau = self.tau;
-        tank.gravity = self.gravity;
-        tank.slip_at = vec![(1, false)];
-        let k = std::f64::consts::TAU / cells[0] as f64;
-        let amplitude = 0.02 * cells[0] as f64;
-        let height = move |x: usize| depth + amplitude * (k * (x as f64 + 0.5)).cos();
-        let mut fluid = tank.fill(move |[x, y, _]| (height(x) - y as f64).clamp(0.0, 1.0));
-        let coefficient = |fluid: &Fluid<f64>| {
-            let surface = fluid.surface().unwrap();
-            let cells = fluid.populations().interior();
-            let parts = cells.map(|(at, cell)| {
-                surface.fill(cell).clamp(0.0, 1.0) * (k * (at[0] as f64 + 0.5)).cos()
-            });
-            parts.sum::<f64>()
-        };
-        let omega = (self.gravity * k * (k * depth).tanh()).sqrt();
-        let period = std::f64::consts::TAU / omega;
-        let mut before = coefficient(&fluid);
-        let mut zeros: Vec<f64> = Vec::new();
-        for n in 0..base::number::whole(4.25 * period) {
-            step(&mut fluid, 1);
-            let now = coefficient(&fluid);
-            // Shares of excess mass are taken a step later: the surface crosses zero more than once.
-            let far = zeros
-                .last()
-                .is_none_or(|last| n as f64 - last > 0.25 * period);
-            if before * now < 0.0 && far {
-                zeros.push(n as f64 + before / (before - now));
-            }
-            before = now;
-        }
-        let half = (zeros[zeros.len() - 1] - zeros[0]) / (zeros.len() - 1) as f64;
-        std::f64::consts::PI / half / omega
-    }
-}
-
-#[test]
-fn a_standing_wave_has_its_frequency() {
-    for (n, tau, within) in [(40, 0.51, 0.01), (40, 0.503, 0.01), (64, 0.51, 0.006)] {
-        let half = n / 2;
-        let wave = Wave {
-            cells: [n, half + half / 2, 1],
-            depth: half as f64,
-            tau,
-            gravity: 8e-3 / n as f64,
-        };
-        let frequency = wave.frequency();
-        assert!((frequency - 1.0).abs() < within, "{n} {tau}: {frequency}");
     }
 }
 

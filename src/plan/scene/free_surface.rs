@@ -170,6 +170,22 @@ impl FreeSurface {
         }
     }
 
+    /// Returns the height that water at the start can fall \[m\]: that of the highest water over the lowest
+    /// level, or over the lowest place of the domain where a shape holds water and no level stands below it.
+    #[must_use]
+    pub fn drop(&self) -> f64 {
+        let size = self.size[self.axis];
+        let above = |height: f64| if self.rises { height } else { size - height };
+        let lowest = |part: &Part| match part {
+            Part::Level(height) => above(*height),
+            Part::Wave(wave) => above(wave.level) - wave.amplitude.abs(),
+            Part::Solid(_) => f64::INFINITY,
+        };
+        let lowest = self.parts.iter().map(lowest).fold(f64::INFINITY, f64::min);
+        let lowest = if lowest.is_finite() { lowest } else { 0.0 };
+        (self.head() - lowest).max(0.0)
+    }
+
     /// Returns the height of the highest water at the start over the lowest place of the domain \[m\].
     #[must_use]
     pub fn head(&self) -> f64 {

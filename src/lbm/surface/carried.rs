@@ -1,0 +1,142 @@
+//! Interface cells that the liquid cell inside carries: their centres lie outside the water.
+//!
+//! Such a cell holds less water than half a cell, and would move it as if it were a whole one. It takes part in
+//! the flow with the cell inside, like the small cells of a cut grid that are merged with their neighbours:
+//! before the pass it takes the velocity and the pressure that the cell inside continues, and behind the pass
+//! its links to other cells of water take the traction between that cell and the surface.
+
+use super::cells::Cells;
+use super::conversion::inside;
+use super::exchange::{Numbers, least};
+use super::facet::Carrier;
+use super::ghosts::Ghosts;
+use super::kind::{LIQUID, SOLID, is_surface};
+use super::lists::Plane;
+use crate::initial::equilibrium;
+use crate::lanes::Stored;
+use crate::populations::Populations;
+use base::number::to_u32;
+use base::thread_pool;
+
+/// Gives the carried cells their populations before a pass, and marks them.
+pub(super) fn set<S: Stored>(
+    cells: &mut Cells,
+    planes: &mut [Plane],
+    populations: &mut Populations<S>,
+) {
+    let least = least(planes);
+    let numbers = Numbers::new(populations);
+    let (numbers, populations) = (&numbers, &*populations);
+    let velocities = populations.velocities();
+    thread_pool::each_item_in_runs(planes, least, |_, plane| {
+        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+            if !facet.carried {
+                continue;
+            }
+            let density = facet.density();
+            for i in 0..velocities.q() {
+                let g = equilibrium(velocities.w[i], velocities.c[i], density, facet.given);
+                // SAFETY: the incoming numbers of a cell are its own.
+                unsafe { numbers.write(populations.incoming(cell as usize, i), g) };
+            }
+        }
+    });
+    for plane in planes {
+        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+            cells.carried[cell as usize] = facet.carried;
+        }
+    }
+}
+
+/// Returns what the links of a carried cell of the slab need; `None` of other cells.
+pub(super) fn carrier<S: Stored>(
+    cells: &Cells,
+    planes: &[Plane],
+    populations: &Populations<S>,
+    cell: usize,
+) -> Option<Carrier> {
+    if !cells.carried[cell] {
+        return None;
+    }
+    let slow = populations.order()[0];
+    let plane = &planes[populations.coordinates(cell)[slow].unsigned_abs()];
+    let n = plane.surface.binary_search(&to_u32(cell)).ok()?;
+    Some(plane.facets[n].carrier())
+}
+
+/// Sets what comes back to cells of water from the carried cells, of the slab and beyond it.
+///
+/// `beyond` holds the carried ghost cells of the step.
+pub(super) fn link<S: Stored>(
+    cells: &mut Cells,
+    (planes, ghosts): (&mut [Plane], &Ghosts),
+    populations: &mut Populations<S>,
+    beyond: &mut Vec<(usize, Carrier)>,
+) {
+    beyond.clear();
+    let surface = ghosts.all().iter().map(|&cell| cell as usize);
+    for cell in surface.filter(|&cell| is_surface(cells.kind[cell])) {
+        let of_cell = |cell| carrier(cells, planes, populations, cell);
+        if let Some(carrier) = ghosts.around().carrier(populations, cell, of_cell) {
+            beyond.push((cell, carrier));
+        }
+    }
+    for (cell, _) in beyond.iter() {
+        cells.carried[*cell] = true;
+    }
+    let takes = |cell: usize| {
+        cells.kind[cell] == LIQUID || is_surface(cells.kind[cell]) && !cells.carried[cell]
+    };
+    let parity = populations.parity();
+    let least = least(planes);
+    let numbers = Numbers::new(populations);
+    let (numbers, populations) = (&numbers, &*populations);
+    let velocities = populations.velocities();
+    thread_pool::each_item_in_runs(planes, least, |_, plane| {
+        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+            if !facet.carried {
+                continue;
+            }
+            let cell = cell as usize;
+            let carrier = facet.carrier();
+            for i in super::directions(velocities) {
+                if cells.kind_along(cell, i) == SOLID || !takes(cells.neighbour(cell, i)) {
+                    continue;
+                }
+                let link = populations.link(cell, i);
+                let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i]);
+                // SAFETY: both numbers of the link between this cell and one that is not carried.
+                unsafe {
+                    let sent = numbers.read(link.incoming(parity));
+                    numbers.write(link.out(parity), even - sent);
+                }
+            }
+        }
+    });
+    for (ghost, carrier) in beyond.iter() {
+        for i in inside(populations, *ghost) {
+            let cell = cells.neighbour(*ghost, i);
+            let back = velocities.opposite[i];
+            if cells.kind_along(cell, back) == SOLID || !takes(cell) {
+                continue;
+            }
+            let link = populations.link(cell, back);
+            let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i]);
+            // SAFETY: both numbers of the link between a cell of the slab and one beyond it; no other thread works.
+            unsafe {
+                let sent = numbers.read(link.out(parity));
+                numbers.write(link.incoming(parity), even - sent);
+            }
+        }
+    }
+    for (ghost, _) in beyond.iter() {
+        cells.carried[*ghost] = false;
+    }
+}
+
+/// Clears the marks of the carried cells.
+pub(super) fn clear(cells: &mut Cells, planes: &[Plane]) {
+    for cell in planes.iter().flat_map(|plane| &plane.surface) {
+        cells.carried[*cell as usize] = false;
+    }
+}

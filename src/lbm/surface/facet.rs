@@ -1,0 +1,290 @@
+//! Surface in an interface cell: a plane, the traction on the water below it, and what follows for the links
+//! that the surface crosses.
+//!
+//! Across the surface no force acts but the pressure of the gas, so that the traction P = p n - n·σ (σ the
+//! viscous stress) is zero there, measured against that pressure. The liquid cell inside has P from its density and
+//! from its second moment beyond equilibrium; P is continued linearly from that cell through the surface to the
+//! middle of each link. The pressure alone misses the normal stress 2 ρ ν ∂u_n/∂n, whose work is half of the damping
+//! of a wave: its share in the pressure half-way is (½ - q)/(1 + q), with q the distance of the surface from the
+//! centre, on any grid. The even part of the populations of a link at its middle is then, with f_i + f_ī = 2 f⁺,
+//!
+//! f⁺ = w_i (ρ_w + ρ (9/2 (c·u)² - 3/2 u²) + 9 (c·n)(c·Π_t)),
+//!
+//! with ρ_w the density of the normal part, and Π_t the tangential part of P there (S. Bogner, R. Ammer, U. Rüde, J.
+//! Comput. Phys. 297 (2015) 1, for links that end at the surface). Over the links of an even surface the
+//! momentum that passes is P.
+//!
+//! The surface is that of the middle of the step, like the populations that pass a link in it: one that lags
+//! half a step behind feeds a wave of frequency ω with ω²/4.
+
+use super::cells::Cells;
+use super::cut;
+use super::ghosts::Around;
+use super::kind::LIQUID;
+use super::moments::{Moments, across, moments};
+use crate::lanes::Stored;
+use crate::populations::Populations;
+
+/// Bound of the ratio by which the traction inside is continued beyond the surface: sound grows above it.
+const MOST_RATIO: f64 = 0.5;
+
+/// Bound of the acceleration whose pressure counts, over that of the body force: that of a free fall.
+const MOST_ACCELERATION: f64 = 1.0;
+
+/// Part of its length by which a link from an interface cell to the liquid cell inside must point against the normal.
+const INWARD: f64 = 0.7;
+
+/// Least distance of the surface from the liquid cell inside over which the traction is continued.
+const LEAST_REACH: f64 = 0.25;
+
+/// Largest change of velocity over a cell and step at which the liquid cell inside carries an interface cell.
+const SMOOTH: f64 = 3e-3;
+
+/// Numbers of a facet in a message.
+pub(super) const NUMBERS: usize = 12;
+
+/// Surface in an interface cell in the middle of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Facet {
+    /// Velocity of the water.
+    pub(super) velocity: [f64; 3],
+    /// Normal towards the gas.
+    pub(super) normal: [f64; 3],
+    /// Distance of the surface from the centre of the cell along the normal.
+    pub(super) distance: f64,
+    /// Increase of the density along the normal in water at rest.
+    at_rest: f64,
+    /// Bound of the density of the dynamic part inside.
+    most: f64,
+    /// Direction to the liquid cell that lies most against the normal; 0 without one.
+    pub(super) inward: u8,
+    /// Density of the normal part of the traction in that cell.
+    pub(super) inside: f64,
+    /// Density in that cell.
+    pub(super) density_inside: f64,
+    /// Tangential part of the traction in that cell.
+    traction: [f64; 3],
+    /// Distance of the centre of that cell from that of the interface cell against the normal.
+    inner: f64,
+    /// `true` for a cell whose centre lies outside the water in a smooth flow: the liquid cell inside carries it.
+    pub(super) carried: bool,
+    /// Velocity of a carried cell, without force.
+    pub(super) given: [f64; 3],
+}
+
+/// Part of a facet that the links of its neighbours need: ratios to the distance from the surface.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Carrier {
+    normal: [f64; 3],
+    distance: f64,
+    slope: f64,
+    traction: [f64; 3],
+    velocity: [f64; 3],
+}
+
+/// Returns the scalar product of a direction and a vector.
+#[inline(always)]
+fn dot(c: [i8; 3], v: [f64; 3]) -> f64 {
+    f64::from(c[0]) * v[0] + f64::from(c[1]) * v[1] + f64::from(c[2]) * v[2]
+}
+
+/// Returns the inertial part of f⁺/w_i for a density and a velocity.
+#[inline(always)]
+fn inertia(c: [i8; 3], density: f64, u: [f64; 3]) -> f64 {
+    let cu = dot(c, u);
+    let uu = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
+    (1.0 + density) * (4.5 * cu * cu - 1.5 * uu)
+}
+
+impl Carrier {
+    /// Returns f⁺/w_i in the middle of a link that leaves the cell of the facet along `c`.
+    #[inline(always)]
+    pub(super) fn even(&self, c: [i8; 3]) -> f64 {
+        let up = dot(c, self.normal);
+        let beyond = 0.5 * up - self.distance;
+        let density = beyond * self.slope;
+        let shear = 9.0 * beyond * up * dot(c, self.traction);
+        density + inertia(c, density, self.velocity) - shear
+    }
+
+    /// Returns the numbers of a message; the last one is 1.
+    pub(super) fn numbers(&self) -> [f64; NUMBERS] {
+        let [a, b, c] = self.normal;
+        let [d, e, f] = self.traction;
+        let [u, v, w] = self.velocity;
+        [a, b, c, self.distance, self.slope, d, e, f, u, v, w, 1.0]
+    }
+
+    /// Returns the carrier from the numbers of a message, seen through planes of symmetry with these signs; `None`
+    /// for a cell that is not carried.
+    pub(super) fn received(numbers: &[f64; NUMBERS], sign: [f64; 3]) -> Option<Self> {
+        let [a, b, c, distance, slope, d, e, f, u, v, w, there] = *numbers;
+        let turned = |v: [f64; 3]| std::array::from_fn(|axis| sign[axis] * v[axis]);
+        (there > 0.0).then(|| Self {
+            normal: turned([a, b, c]),
+            distance,
+            slope,
+            traction: turned([d, e, f]),
+            velocity: turned([u, v, w]),
+        })
+    }
+}
+
+impl Facet {
+    /// Returns the density of the dynamic part of the normal traction in the liquid cell inside, for a density there.
+    #[inline(always)]
+    fn excess(&self, inside: f64) -> f64 {
+        let excess = inside + (self.distance + self.inner) * self.at_rest;
+        excess.clamp(-self.most, self.most)
+    }
+
+    /// Returns f⁺/w_i in the middle of a link to gas along `c`, for a density of the normal part of the traction
+    /// inside.
+    ///
+    /// The dynamic part is bounded by the pressure of an acceleration, because sound of impacts grows at low viscosity.
+    #[inline(always)]
+    pub(super) fn even(&self, c: [i8; 3], inside: f64) -> f64 {
+        if self.inward == 0 {
+            return inertia(c, 0.0, self.velocity);
+        }
+        let up = dot(c, self.normal);
+        let beyond = 0.5 * up - self.distance;
+        let reach = (self.inner + self.distance).max(LEAST_REACH);
+        let ratio = (beyond / reach).clamp(-MOST_RATIO, MOST_RATIO);
+        let density = beyond * self.at_rest - ratio * self.excess(inside);
+        let shear = 9.0 * ratio * up * dot(c, self.traction);
+        density + inertia(c, density, self.velocity) - shear
+    }
+
+    /// Returns what the links of neighbours need of a carried cell.
+    pub(super) fn carrier(&self) -> Carrier {
+        let reach = self.inner + self.distance;
+        Carrier {
+            normal: self.normal,
+            distance: self.distance,
+            slope: self.at_rest - self.excess(self.inside) / reach,
+            traction: self.traction.map(|t| t / reach),
+            velocity: self.velocity,
+        }
+    }
+
+    /// Returns the density of a carried cell at its centre.
+    pub(super) fn density(&self) -> f64 {
+        -self.distance * self.carrier().slope
+    }
+}
+
+/// Returns the moments of the neighbour of a cell along a direction; `of_cell` gives those of a cell of the slab.
+pub(super) fn moments_along<S: Stored>(
+    around: &Around,
+    populations: &Populations<S>,
+    (cell, direction): (usize, usize),
+    of_cell: impl Fn(usize) -> Moments,
+) -> Moments {
+    let at = populations.coordinates(cell);
+    let c = populations.velocities().c[direction];
+    let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
+    let position = |at: [isize; 3]| populations.cell(at);
+    around.moments(next, position, of_cell)
+}
+
+/// Returns the normal of the fill levels round a cell, weighted as the velocity set weights its directions.
+fn normal<S: Stored>(cells: &Cells, populations: &Populations<S>, cell: usize) -> Option<[f64; 3]> {
+    let velocities = populations.velocities();
+    let mut normal = [0.0; 3];
+    for i in super::directions(velocities) {
+        let level = cells.level_along(cell, velocities.c[i], i);
+        for (n, c) in normal.iter_mut().zip(velocities.c[i]) {
+            *n -= velocities.w[i] * f64::from(c) * level;
+        }
+    }
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    (length > 0.0).then(|| normal.map(|n| n / length))
+}
+
+/// Returns the direction to the liquid neighbour that lies most against the normal; 0 if none lies far enough against
+/// it.
+fn inward<S: Stored>(
+    cells: &Cells,
+    populations: &Populations<S>,
+    (cell, normal): (usize, [f64; 3]),
+) -> usize {
+    let velocities = populations.velocities();
+    let mut best = (INWARD, 0);
+    for i in super::directions(velocities) {
+        if cells.kind_along(cell, i) == LIQUID {
+            let c = velocities.c[i];
+            let size = c.iter().map(|c| f64::from(c * c)).sum::<f64>().sqrt();
+            let down = -dot(c, normal) / size;
+            if down > best.0 {
+                best = (down, i);
+            }
+        }
+    }
+    best.1
+}
+
+/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water.
+pub(super) fn find<S: Stored>(
+    (cells, around): (&Cells, &Around),
+    populations: &Populations<S>,
+    (half_force, viscosity): ([f64; 3], f64),
+    cell: usize,
+) -> Facet {
+    let (density, momentum) = populations.moments(cell);
+    let mut facet = Facet {
+        velocity: std::array::from_fn(|a| (half_force[a] + momentum[a]) / (1.0 + density)),
+        ..Facet::default()
+    };
+    let Some(normal) = normal(cells, populations, cell) else {
+        return facet;
+    };
+    facet.normal = normal;
+    let i = inward(cells, populations, (cell, normal));
+    if i == 0 {
+        return facet;
+    }
+    let c = populations.velocities().c[i];
+    let along = |v: [f64; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
+    facet.inner = -dot(c, normal);
+    facet.distance = cut::distance(cells.fill[cell], normal) + 0.5 * along(facet.velocity);
+    facet.at_rest = 6.0 * along(half_force);
+    let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    facet.most = MOST_ACCELERATION * weight * (0.5 + facet.inner);
+    let of_cell = |cell: usize| moments(populations, cell);
+    let found = moments_along(around, populations, (cell, i), of_cell);
+    facet.inward = u8::try_from(i).unwrap_or(0);
+    // Π = -σ = (1 - 1/(2τ)) times the second moment beyond equilibrium.
+    let relaxation_time = 3.0 * viscosity + 0.5;
+    let factor = 3.0 * viscosity / relaxation_time;
+    let stress = across(&found, normal).map(|t| factor * t);
+    let pressed = along(stress);
+    facet.density_inside = found[0];
+    facet.inside = found[0] + 3.0 * pressed;
+    facet.traction = std::array::from_fn(|a| stress[a] - pressed * normal[a]);
+    carry(
+        &mut facet,
+        (momentum.map(|m| m / (1.0 + density)), &found),
+        c,
+        relaxation_time,
+    );
+    facet
+}
+
+/// Finds out if the liquid cell inside carries a cell, and with what velocity.
+///
+/// The rate of strain there, which its second moment gives, continues the velocity as in a flow without rotation.
+fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [i8; 3], relaxation_time: f64) {
+    let inner = [found[1], found[2], found[3]];
+    let excess = facet.inside + (facet.distance + facet.inner) * facet.at_rest;
+    let change: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
+    let smooth = change.iter().map(|u| u * u).sum::<f64>() <= SMOOTH * SMOOTH
+        && excess.abs() <= facet.most
+        && facet.distance + facet.inner >= LEAST_REACH;
+    facet.carried = facet.distance < 0.0 && smooth;
+    if facet.carried {
+        let factor = -1.5 / (relaxation_time * (1.0 + found[0]));
+        let strained = across(found, c.map(|c| -f64::from(c)));
+        facet.given = std::array::from_fn(|a| inner[a] + factor * strained[a]);
+    }
+}

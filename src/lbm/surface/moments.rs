@@ -1,0 +1,79 @@
+//! Moments of a cell of water.
+
+use crate::lanes::Stored;
+use crate::populations::Populations;
+
+/// Density, velocity without force, and the traceless second moment beyond equilibrium: xx, yy, zz, xy, xz, yz.
+pub(super) type Moments = [f64; 10];
+
+/// Pairs of axes of the second moments, in their order.
+const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+
+/// Returns the moments of a cell whose incoming population i is `number(i)`.
+///
+/// With the velocity without force, the second moment is that of the stress: the part that a force adds to it
+/// (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308) cancels against the force in the velocity, but
+/// for a term in its square.
+#[inline(always)]
+pub(super) fn sums<S: Stored>(
+    populations: &Populations<S>,
+    number: impl Fn(usize) -> f64,
+) -> Moments {
+    let velocities = populations.velocities();
+    let mut density = 0.0;
+    let mut momentum = [0.0; 3];
+    let mut second = [0.0; 6];
+    for (i, c) in velocities.c.iter().enumerate() {
+        let g = number(i);
+        let c = c.map(f64::from);
+        density += g;
+        for (sum, c) in momentum.iter_mut().zip(c) {
+            *sum += c * g;
+        }
+        for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
+            *sum += c[a] * c[b] * g;
+        }
+    }
+    let velocity = momentum.map(|m| m / (1.0 + density));
+    for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
+        *sum -= momentum[a] * velocity[b];
+    }
+    let dimension = velocities.dimension;
+    let trace = second[..dimension].iter().sum::<f64>() / base::number::real(dimension);
+    for sum in &mut second[..dimension] {
+        *sum -= trace;
+    }
+    let [x, y, z] = velocity;
+    let [xx, yy, zz, xy, xz, yz] = second;
+    [density, x, y, z, xx, yy, zz, xy, xz, yz]
+}
+
+/// Returns the moments of a cell.
+pub(super) fn moments<S: Stored>(populations: &Populations<S>, cell: usize) -> Moments {
+    let numbers = populations.numbers();
+    sums(populations, |i| {
+        numbers[populations.incoming(cell, i)].to_f64()
+    })
+}
+
+/// Returns moments as a plane of symmetry shows them; `sign` is -1 along the axes that it reverses.
+pub(super) fn mirrored(mut moments: Moments, sign: [f64; 3]) -> Moments {
+    for (moment, sign) in moments[1..4].iter_mut().zip(sign) {
+        *moment *= sign;
+    }
+    for (moment, [a, b]) in moments[4..].iter_mut().zip(PAIRS) {
+        *moment *= sign[a] * sign[b];
+    }
+    moments
+}
+
+/// Returns the product of the second moment with a vector.
+#[inline(always)]
+pub(super) fn across(moments: &Moments, v: [f64; 3]) -> [f64; 3] {
+    let [_, _, _, _, xx, yy, zz, xy, xz, yz] = *moments;
+    [
+        xx * v[0] + xy * v[1] + xz * v[2],
+        xy * v[0] + yy * v[1] + yz * v[2],
+        xz * v[0] + yz * v[1] + zz * v[2],
+    ]
+}

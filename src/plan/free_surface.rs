@@ -1,0 +1,172 @@
+//! Stability of water that falls with a free surface.
+//!
+//! Where water meets water or a wall, the surface folds within a cell. The cell Reynolds number U h/ν decides if a
+//! run holds, with U = (2 g H)^½ the speed of a fall over the drop H of the water at the start. The maps
+//! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` show a column that falls, runs against a wall and
+//! back. Water that stands at a level has no drop, and a wave has twice its amplitude.
+
+use super::margin::{Margin, margin};
+use base::error::Remedy;
+use lbm::collision::Operator;
+use crate::scene::Scene;
+use crate::scene::findings::{Findings, number};
+use crate::scene::flow::{Flow, PATH};
+use serde_json::json;
+
+/// Factor by which a value written with few digits may pass its bound.
+const SLACK: f64 = 1.0 + 1e-6;
+
+/// Limits of the cell Reynolds number: the largest value up to which all runs of a map ended, and the smallest at
+/// which one failed. Operators that no run broke have none.
+struct Limits {
+    map: &'static str,
+    holds: f64,
+    fails: f64,
+}
+
+/// Returns the limits of an operator, with an eddy viscosity or without one, for a lattice velocity U dt/h of the
+/// fall; `None` where every run of the map ended or none was made.
+fn limits(
+    operator: &Operator,
+    dimension: usize,
+    eddies: bool,
+    lattice_velocity: f64,
+) -> Option<Limits> {
+    let slow = lattice_velocity <= 0.05 * SLACK;
+    let (holds, fails) = match (operator, dimension, eddies) {
+        (Operator::Bgk(_) | Operator::Trt(_), 2, false) if slow => (50.0, 100.0),
+        (Operator::Bgk(_) | Operator::Trt(_), _, false) => (30.0, 50.0),
+        (Operator::Trt(_), 2, true) => (100.0, 1000.0),
+        (Operator::Trt(_), _, true) => (50.0, 200.0),
+        _ => return None,
+    };
+    let map = ["dam-break-3d-20", "dam-break-30"][usize::from(dimension == 2)];
+    Some(Limits { map, holds, fails })
+}
+
+/// Adds the margin, and a finding where runs like this one failed.
+pub(super) fn check(
+    scene: &Scene,
+    flow: &Flow,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
+    let Some(surface) = &scene.surface else {
+        return;
+    };
+    let speed = (2.0 * surface.gravity * surface.drop()).sqrt();
+    if speed <= 0.0 {
+        return;
+    }
+    let cell = speed * scene.grid.spacing / flow.kinematic_viscosity;
+    let path = format!("{PATH}.surface.water");
+    let dimension = scene.grid.dimension;
+    let eddies = flow.turbulence.is_some();
+    let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
+    let Some(limits) = limits(&flow.collision, dimension, eddies, lattice_velocity) else {
+        return;
+    };
+    margins.push(margin(
+        "cell Reynolds number U h/nu: the fall of the water",
+        cell,
+        limits.holds,
+        &path,
+    ));
+    if cell <= limits.holds * SLACK {
+        return;
+    }
+    let found = format!(
+        "water that falls {} m gives a cell Reynolds number U h/nu of {}, with U = {} m/s",
+        number(surface.drop()),
+        number(cell),
+        number(speed),
+    );
+    let remedy = remedy(scene, flow, cell / limits.holds);
+    if cell >= limits.fails {
+        let why = format!(
+            "{found}: in the map `{}` runs with this operator were stable up to {} and failed from {} on",
+            limits.map,
+            number(limits.holds),
+            number(limits.fails),
+        );
+        findings.unstable(&path, why, remedy);
+    } else {
+        let why = format!(
+            "{found}: in the map `{}` runs with this operator held up to {} and failed from {} on; between the two \
+             nothing was run",
+            limits.map,
+            number(limits.holds),
+            number(limits.fails),
+        );
+        findings.warn(&path, why, remedy);
+    }
+}
+
+/// Returns settings that hold at this cell Reynolds number, or the viscosity and the spacing that lower it by a factor.
+///
+/// In 2-D one rate with the eddy viscosity of Smagorinsky holds at every value of the map; in 3-D multiple rates do
+/// without an eddy viscosity.
+fn remedy(scene: &Scene, flow: &Flow, factor: f64) -> Remedy {
+    let finer = format!(
+        "a viscosity of at least {} m2/s, or a spacing of at most {} m",
+        number(flow.kinematic_viscosity * factor),
+        number(scene.grid.spacing / factor),
+    );
+    let collision = format!("{PATH}.collision");
+    if scene.grid.dimension == 2 {
+        let turbulence = format!("{PATH}.turbulence");
+        Remedy::from(format!(
+            "use the eddy viscosity `smagorinsky` with the operator `bgk`, or {finer}"
+        ))
+        .set(turbulence, json!({"smagorinsky": {}}))
+        .set(collision, json!({"bgk": {}}))
+    } else {
+        Remedy::from(format!("use the operator `mrt`, or {finer}"))
+            .set(collision, json!({"mrt": {}}))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use case::{Document, examples};
+    use base::error::{Problem, Severity};
+    use crate::Plan;
+    use std::path::Path;
+
+    const LATTICE: &str = "fluid.lattice_boltzmann";
+
+    /// Returns the findings on the fall of the water in the dam break with other settings.
+    fn found(set: &[String]) -> Vec<Problem> {
+        let text = examples::find("dam-break").unwrap().text;
+        let document = Document::read(text, set, Path::new(".")).unwrap();
+        let warnings = Plan::prepare(document).unwrap().warnings;
+        let of_fall = |problem: &Problem| problem.path.ends_with("surface.water");
+        warnings.into_iter().filter(of_fall).collect()
+    }
+
+    /// Rows of `benches/stability/dam-break-30/map.csv`.
+    #[test]
+    fn a_fall_at_low_viscosity_is_unstable_before_the_run() {
+        let viscosity = |value: f64| format!("{LATTICE}.kinematic_viscosity={value}");
+        // The cell Reynolds number of the example is 43 at 1e-4 m2/s.
+        assert!(found(&[viscosity(1.5e-4)]).is_empty());
+        let problem = &found(&[viscosity(1e-6)])[0];
+        assert_eq!(problem.severity, Severity::Unstable);
+        assert!(problem.to_string().contains("smagorinsky"), "{problem}");
+        let held = [
+            viscosity(1e-6),
+            format!("{LATTICE}.turbulence={{\"smagorinsky\": {{}}}}"),
+            format!("{LATTICE}.collision={{\"bgk\": {{}}}}"),
+        ];
+        assert!(found(&held).is_empty());
+    }
+
+    #[test]
+    fn water_at_a_level_does_not_fall() {
+        let still = [
+            format!("{LATTICE}.kinematic_viscosity=1e-6"),
+            format!("{LATTICE}.surface.water=[{{\"level\": 0.1}}]"),
+        ];
+        assert!(found(&still).is_empty());
+    }
+}
