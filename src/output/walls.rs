@@ -3,10 +3,10 @@
 use super::group::RankGroup;
 use base::error::Error;
 use base::number::{to_i32, to_i64};
-use plan::scene::Scene;
-use plan::scene::walls::Wall;
 use io::{Cells, Column, Data, Mesh, Mode, Moment, Series};
 use nalgebra::Vector3;
+use plan::scene::Scene;
+use plan::scene::walls::Wall;
 use std::path::Path;
 
 /// Returns the walls that are surfaces of their own, with their numbers: planes have no end, and structures

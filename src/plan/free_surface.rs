@@ -6,11 +6,11 @@
 //! back. Water that stands at a level has no drop, and a wave has twice its amplitude.
 
 use super::margin::{Margin, margin};
-use base::error::Remedy;
-use lbm::collision::Operator;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
+use base::error::Remedy;
+use lbm::collision::Operator;
 use serde_json::json;
 
 /// Factor by which a value written with few digits may pass its bound.
@@ -128,9 +128,9 @@ fn remedy(scene: &Scene, flow: &Flow, factor: f64) -> Remedy {
 
 #[cfg(test)]
 mod tests {
-    use case::{Document, examples};
-    use base::error::{Problem, Severity};
     use crate::Plan;
+    use base::error::{Problem, Severity};
+    use case::{Document, examples};
     use std::path::Path;
 
     const LATTICE: &str = "fluid.lattice_boltzmann";

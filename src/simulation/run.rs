@@ -130,8 +130,9 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
 pub struct Bounds {
     /// Folder in which a file STOP ends it.
     pub folder: PathBuf,
-    /// Start of the work, and the wall time that it may take.
+    /// Start of the work.
     pub begun: Instant,
+    /// Wall time that it may take.
     pub limit: Option<Duration>,
 }
 

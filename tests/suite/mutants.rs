@@ -486,7 +486,7 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
 }
 
 /// Reads and plans a mutant in this process; returns its plan if it was accepted.
-pub fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
+pub(crate) fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
         if mutant.study {
             let made = Study::read(&mutant.text).and_then(|study| members(&study, folder));
@@ -519,7 +519,7 @@ pub fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String
 }
 
 /// Through the binary: its exit code, or what is wrong with how it ended.
-pub fn through_binary(arguments: &[String]) -> Result<i32, String> {
+pub(crate) fn through_binary(arguments: &[String]) -> Result<i32, String> {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &(HANG.as_secs() * 6).to_string()]);
     command.args([

@@ -92,7 +92,7 @@ impl Wave {
         let length = self.length;
         let amplitude = self.amplitude * length as f64;
         let level = self.level();
-        let top = (level + 1.5 * amplitude).ceil() as usize + 3;
+        let top = base::number::whole((level + 1.5 * amplitude).ceil()) + 3;
         let mut tank = Tank::new([length, top, 1]);
         tank.periodic[0] = true;
         tank.tau = self.tau;
