@@ -379,7 +379,13 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         if time.solid_time_step.is_some() {
             (longest, steps)
         } else {
-            (divided(scene, longest), steps)
+            // A shorter interval of the couplings needs fewer solid steps, unless the case states their number.
+            let step = divided(scene, longest);
+            let needed = whole((step / dt * (1.0 - 1e-9)).ceil().max(1.0));
+            let needed = u32::try_from(needed).unwrap_or(steps).min(steps);
+            let seepage = scene.seepage.as_ref();
+            let stated = seepage.is_some_and(|s| s.written.coupling_interval.is_some());
+            (step, if stated { steps } else { needed })
         }
     };
     let total = time.end / time_step;

@@ -1,9 +1,11 @@
-//! Checkpoints that were written by hand. Anyone can compute the hash of a manifest, so that a hash that fits is no
-//! proof of origin: the values of a manifest are bounded by the case, and files are those of its folder.
+//! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits
+//! proves no good will: what a manifest says is bounded by the case, and files are those of its folder.
 //!
-//! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it. Each is
-//! signed anew and restarted by the real binary under a limit of memory and time: it ends with 0, 3, 4 or 5 (a number
-//! that could have been written cannot be distinguished from one that was), never by a signal, a panic or a hang.
+//! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it,
+//! with the seeds from `SOLVER_MUTANTS_FROM` on. Each is signed anew and restarted by the real binary under a
+//! limit of memory and time: it ends with 0, 3, 4 or 5 (a number that could have been written cannot be told
+//! from one that was), never by a signal, a panic or a hang. With a real number that is not finite in a column
+//! it does not end with 0.
 
 use crate::dice::Dice;
 use crate::mutants::{record, variable};
@@ -46,6 +48,9 @@ fn shared() -> &'static Study {
         study
     })
 }
+
+/// Positions at which the bytes of a column are searched at most.
+const EQUAL_COLUMNS: usize = 2048;
 
 /// A copy of the run with its newest checkpoint alone.
 struct Copy {
@@ -117,28 +122,46 @@ impl Copy {
         (done.status.code(), told)
     }
 
-    /// Overwrites a number of a column in the heavy file, and signs the manifest for it.
-    fn put(&self, column: &str, row: usize, bits: u64) {
-        let found = io::newest(self.manifest.parent().unwrap(), &io::Alone).unwrap();
-        let reader = io::Reader::open(&found).unwrap();
-        let whole = reader.read_all::<u64>(column);
-        let old: Vec<u64> = whole.unwrap_or_else(|_| {
-            let real = reader.read_all::<f64>(column).unwrap();
-            real.into_iter().map(f64::to_bits).collect()
-        });
+    /// Overwrites a number of a column in the heavy file, and signs the manifest for it; returns `true` if the
+    /// column then has the number, in this row or in another one. Of equal bytes, such as zeros, one after the
+    /// other is taken until the column has changed.
+    fn put(&self, column: &str, row: usize, bits: u64) -> bool {
+        let old = self.read(column).unwrap();
         let raw: Vec<u8> = old.iter().flat_map(|word| word.to_le_bytes()).collect();
-        let mut bytes = std::fs::read(self.heavy()).unwrap();
-        // Of columns of equal bytes, such as zeros, the first.
-        let start = bytes
-            .windows(raw.len())
-            .position(|window| window == raw)
-            .unwrap_or_else(|| panic!("{column} is not in one piece"));
-        let at = start + 8 * (row % old.len());
-        bytes[at..at + 8].copy_from_slice(&bits.to_le_bytes());
-        std::fs::write(self.heavy(), &bytes).unwrap();
-        let mut tree = self.tree.clone();
-        tree["blake3"] = json!(blake3::hash(&bytes).to_hex().to_string());
-        sign(&self.manifest, &tree);
+        let before = std::fs::read(self.heavy()).unwrap();
+        let mut from = 0;
+        for _ in 0..EQUAL_COLUMNS {
+            let found = before[from..]
+                .windows(raw.len())
+                .position(|window| window == raw);
+            let Some(start) = found.map(|start| from + start) else {
+                assert!(from > 0, "{column} is not in one piece");
+                return false;
+            };
+            let at = start + 8 * (row % old.len());
+            let mut bytes = before.clone();
+            bytes[at..at + 8].copy_from_slice(&bits.to_le_bytes());
+            std::fs::write(self.heavy(), &bytes).unwrap();
+            let mut tree = self.tree.clone();
+            tree["blake3"] = json!(blake3::hash(&bytes).to_hex().to_string());
+            sign(&self.manifest, &tree);
+            let now = self.read(column);
+            if now.is_some_and(|now| now != old) {
+                return true;
+            }
+            from = start + raw.len();
+        }
+        false
+    }
+
+    /// Returns the bits of the numbers of a column; none from a file that cannot be read.
+    fn read(&self, column: &str) -> Option<Vec<u64>> {
+        let found = io::newest(self.manifest.parent().unwrap(), &io::Alone).ok()?;
+        let reader = io::Reader::open(&found).ok()?;
+        reader.read_all::<u64>(column).ok().or_else(|| {
+            let real = reader.read_all::<f64>(column).ok()?;
+            Some(real.into_iter().map(f64::to_bits).collect())
+        })
     }
 
     /// Returns `true` if a column has real numbers.
@@ -468,8 +491,8 @@ fn no_signed_mutant_gets_through() {
                 any,
             ]);
             what = format!("{column}[{row}]: {value:#x}");
-            infinite = copy.is_real(&column) && !f64::from_bits(value).is_finite();
-            copy.put(&column, row, value);
+            let holds = copy.put(&column, row, value);
+            infinite = holds && copy.is_real(&column) && !f64::from_bits(value).is_finite();
         } else if seed % 3 == 0 {
             copy = Copy::new("mutants");
             let mut tree = manifest.clone();

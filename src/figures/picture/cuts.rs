@@ -182,7 +182,10 @@ mod tests {
             .collect();
         assert_eq!(cut(section, &[octahedron]).len(), 4);
         let below = faces([0.0; 3], [1.0; 3]);
-        assert_eq!(cut(Section { axis: 2, at: 1.0 }, std::slice::from_ref(&below)).len(), 4);
+        assert_eq!(
+            cut(Section { axis: 2, at: 1.0 }, std::slice::from_ref(&below)).len(),
+            4
+        );
         assert_eq!(cut(Section { axis: 2, at: 0.0 }, &[below]).len(), 0);
     }
 }
