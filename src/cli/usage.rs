@@ -58,7 +58,7 @@ mod tests {
             "there is no command or file `restrat`; did you mean `restart`?"
         );
         assert!(refused("frobnicate").to_string().contains("`frobnicate`"));
-        for file in ["case.json", "a/b", "case.jsn", "--output", ".", "cli"] {
+        for file in ["case.json", "a/b", "case.jsn", "--output", "."] {
             assert!(command_or_file(file.as_ref(), &commands).is_ok(), "{file}");
         }
     }

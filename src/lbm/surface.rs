@@ -52,11 +52,13 @@
 //! | `moments` | density, velocity and stress of a cell |
 //! | `cut` | plane that cuts a part from a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
+//! | `carrier` | part of a facet that the links of other cells need |
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
 
 mod carried;
+mod carrier;
 pub(crate) mod cells;
 mod conversion;
 mod cut;
@@ -94,7 +96,7 @@ pub struct Surface {
     /// Cells and directions of links that a plane of symmetry reflects into a solid: they bounce back.
     corners: Vec<(u32, u8)>,
     /// Carried ghost cells of a step; the list keeps its memory.
-    beyond: Vec<(usize, facet::Carrier)>,
+    beyond: Vec<(usize, carrier::Carrier)>,
     /// Mass that could not be shared, on this rank, in quanta.
     lost: i128,
 }
@@ -431,5 +433,3 @@ fn directions(velocities: &Velocities) -> std::ops::Range<usize> {
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod waves;

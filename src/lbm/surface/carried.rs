@@ -5,10 +5,10 @@
 //! before the pass it takes the velocity and the pressure that the cell inside continues, and behind the pass
 //! its links to other cells of water take the traction between that cell and the surface.
 
+use super::carrier::Carrier;
 use super::cells::Cells;
 use super::conversion::inside;
 use super::exchange::{Numbers, least};
-use super::facet::Carrier;
 use super::ghosts::Ghosts;
 use super::kind::{LIQUID, SOLID, is_surface};
 use super::lists::Plane;

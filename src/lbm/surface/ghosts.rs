@@ -5,8 +5,8 @@
 //! a population reaches by reflection then has the kind and the fill level of the ghost cell to which its
 //! link leads.
 
+use super::carrier::{Carrier, NUMBERS};
 use super::cells::Cells;
-use super::facet::{Carrier, NUMBERS};
 use super::kind::SOLID;
 use super::moments::{Moments, mirrored};
 use crate::lanes::Stored;

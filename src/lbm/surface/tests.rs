@@ -1,3 +1,5 @@
+mod waves;
+
 use super::kind::{GAS, LIQUID};
 use crate::boundary::{Patch, free_slip};
 use crate::collision::{Operator, bgk, trt};

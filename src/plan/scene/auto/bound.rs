@@ -274,7 +274,7 @@ mod tests {
         println!("{table}");
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
-            "/../jobs/automatic/left_out.csv"
+            "/../../jobs/automatic/left_out.csv"
         );
         let held = std::fs::read_to_string(path).unwrap();
         assert_eq!(held, table, "renew jobs/automatic/left_out.csv");

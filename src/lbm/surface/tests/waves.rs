@@ -1,7 +1,7 @@
 //! Standing waves against the linear theory of viscous waves.
 
-use super::kind::is_surface;
-use super::tests::{Tank, step};
+use super::super::kind::is_surface;
+use super::{Tank, step};
 use crate::fluid::Fluid;
 use std::f64::consts::TAU;
 
