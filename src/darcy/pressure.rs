@@ -97,7 +97,7 @@ pub enum Condition {
     /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
     /// hydrostatic pressure. Needs `unsaturated`.
     SeepageFace {
-        /// Head of the water in front of the lower part [m]. Default: air everywhere.
+        /// Head of the water in front of the lower part \[m\]. Default: air everywhere.
         #[serde(default)]
         level: Option<f64>,
     },

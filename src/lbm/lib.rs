@@ -2,7 +2,7 @@
 //!
 //! All quantities are in lattice units: cells, steps, deviations of the density from one. [`fluid::Fluid::advance`] is
 //! the step: one fused collide-and-stream pass ([`kernel`]), the exchange of the populations that leave the slab
-//! ([`halo`]), and the boundary conditions ([`boundary`]). The module [`coupling`] handles moving bodies,
+//! ([`halo`]), and the boundary conditions ([`boundary`]). The package `coupling` handles moving bodies,
 //! through [`populations::Link`] or through the cells that they cover ([`saturation`]).
 //!
 //! | file | content |

@@ -2,7 +2,7 @@
 //!
 //! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its
 //! start a grain of mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag
-//! stops it, its velocity changes sign and grows. The drag at the end of the interval ([`coupling::seepage`],
+//! stops it, its velocity changes sign and grows. The drag at the end of the interval (`coupling::seepage`,
 //! `semi_implicit_drag`) is stable for any interval.
 //!
 //! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where
