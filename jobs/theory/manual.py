@@ -63,7 +63,7 @@ CHAPTERS = [
     ),
     (
         "Seepage",
-        ["seepage", "resistance", "drag", "porosity"],
+        ["seepage", "resistance", "drag", "porosity", "retention"],
         [
             "darcy/lib.rs",
             "darcy/pressure.rs",
@@ -78,6 +78,10 @@ CHAPTERS = [
             "darcy/overlap.rs",
             "darcy/open_water.rs",
             "darcy/zones.rs",
+            "darcy/retention.rs",
+            "darcy/retention/*",
+            "darcy/pressure/unsaturated.rs",
+            "darcy/pressure/unsaturated/transient.rs",
             "darcy/cut_cells.rs",
             "coupling/seepage.rs",
         ],
