@@ -1,8 +1,8 @@
 //! The generic code that this package compiles, so that no package above compiles it again.
 //!
-//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled in a package below
-//! is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they are the doors to the kernels of
-//! couplings: what they call is compiled here with them.
+//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled in a
+//! package below is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they
+//! are the doors to the kernels of couplings: what they call is compiled here with them.
 
 use crate::Flow;
 use crate::bounce_back::BounceBack;

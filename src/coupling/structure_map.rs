@@ -5,8 +5,8 @@
 //! a cell holds water back. The map is made once. It is a function of the shapes alone: it is the same on any number of
 //! ranks.
 //!
-//! What is inside the solid cells is no water. It is set to rest every [`CLEARED`] steps, so that no body force drives
-//! it faster and faster.
+//! Populations inside solid cells are no water. They are set to rest every [`CLEARED`] steps, so that no body force
+//! accelerates them without end.
 
 use super::body_map::{BodyMap, GHOSTS, Grid};
 use base::units::LatticeUnits;

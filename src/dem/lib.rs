@@ -208,8 +208,8 @@ impl<S: Space> Dem<S> {
     /// Contacts under `law` between grains, and with `walls`.
     ///
     /// # Errors
-    /// Where the time step, skin or damping is out of range, a wall faces along a periodic axis, or the law is that of
-    /// blocks and the scene plane.
+    /// A time step, skin or damping out of range, a wall that faces along a periodic axis, and the law of blocks in a
+    /// plane scene.
     #[inline(never)]
     pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         Self::of_family(&law, settings, walls)

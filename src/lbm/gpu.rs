@@ -25,8 +25,8 @@
 //! GPU does not run several ranks, structures, eddies and openings yet ([`Fluid::new`](super::fluid::Fluid::new)
 //! refuses them).
 //!
-//! Where all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the
-//! processor gets them on demand. Of other bodies the processor finds the cells and sends them.
+//! If all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor
+//! gets them on demand. The processor finds the cells of other bodies and sends them.
 
 pub mod balls;
 pub mod cell;

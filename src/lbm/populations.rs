@@ -588,8 +588,8 @@ const AHEAD: usize = 256;
 /// Adds the density deviation and momenta of the cells of a row from where it has each population.
 ///
 /// # Safety
-/// As many numbers as `moments` has must follow each of `rows` that a velocity has; the processor must offer the
-/// instructions of `N`.
+/// Each of `rows` that a velocity has must be followed by as many numbers as `moments` has; the processor must offer
+/// the instructions of `N`.
 #[inline(always)]
 unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     velocities: &[[i8; 3]],

@@ -1,6 +1,6 @@
 //! Stability of water that falls with a free surface.
 //!
-//! Where water meets water or a wall, the surface folds within a cell. The cell Reynolds number U h/ν decides if a
+//! The surface folds within a cell where water meets water or a wall. The cell Reynolds number U h/ν decides if a
 //! run holds, with U = (2 g H)^½ the speed of a fall over the drop H of the water at the start. The maps
 //! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` show a column that falls, runs against a wall and
 //! back. Water that stands at a level has no drop, and a wave has twice its amplitude.

@@ -9,7 +9,7 @@
 //! scenes run at several times these values. That the error grows with the Mach number is another matter, and said
 //! elsewhere.
 //!
-//! Of flows with an eddy viscosity those under a lid are judged, and those without openings that BGK or TRT collide:
+//! Flows with an eddy viscosity are judged under a lid, and those without openings that BGK or TRT collide:
 //! turbulent Taylor-Green vortices with TRT failed with WALE as with Smagorinsky (`benches/accuracy/eddy-models`).
 //! Under a lid WALE moved the bounds of BGK and TRT by next to nothing, those of Suga's operator by a factor of ten in
 //! slow flows, and those of the cumulants, and of moments of which only the second have rates of their own, beyond the

@@ -118,7 +118,7 @@ impl<S: Space> Deposition<S> {
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
-    /// Where the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
+    /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
     /// where the outside wants an end.
     pub fn run(&self, supervision: &Supervision<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
         let (axis, up) = self.height_axis()?;

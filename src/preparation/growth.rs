@@ -139,7 +139,7 @@ impl<S: Space> PackingSettings<S> {
     /// Packs the grains.
     ///
     /// # Errors
-    /// Where the request makes no sense, or the packing does not come about within the steps allowed;
+    /// If the request makes no sense, or the packing does not come about within the steps allowed;
     /// [`Error::Stopped`] where the outside wants an end.
     pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;

@@ -241,7 +241,7 @@ impl Removal {
     }
 
     /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank.
-    /// Where any came, ghosts were dropped: prepare them again, which also hands each to its owner.
+    /// If any came, ghosts were dropped: prepare them again, which also hands each to its owner.
     ///
     /// # Errors
     /// Where the material of the region has no density.

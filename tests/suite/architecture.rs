@@ -1,7 +1,8 @@
 //! Reads the sources and checks who may use whom, and where dangerous code may stand.
 //!
-//! `src/ARCHITECTURE.md` draws the dependencies (section Modules). The compiler holds those between packages; the table [`PACKAGES`] states
-//! each of them, so that a new one is a decision, and [`MODULES`] those between the rooms of one package.
+//! `src/ARCHITECTURE.md` draws the dependencies (section Modules). The compiler holds those between packages; the table
+//! [`PACKAGES`] states each of them, so that a new one is a decision, and [`MODULES`] those between the modules of one
+//! package.
 //!
 //! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
 
@@ -26,7 +27,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
     ("case", &["base", "darcy", "dem", "lbm", "structure"]),
     ("analysis", &["base", "io"]),
     ("figures", &["analysis", "base", "io"]),
-    // The plan judges by the formulas of the models themselves: stiffness of contacts, coefficients of drag, eigenvalues of collisions.
+    // The plan judges by the formulas of the models: stiffness of contacts, coefficients of drag, eigenvalues.
     (
         "plan",
         &["base", "case", "darcy", "dem", "io", "lbm", "structure"],
@@ -108,7 +109,8 @@ const MODULES: &[(&str, &[&str])] = &[
     ("src/studies/critical_gradient", &["critical_gradient"]),
 ];
 
-/// Places with `unsafe`: MPI's datatypes, HDF5's calls and the operating system's, memory, vector lanes, data that threads share.
+/// Places with `unsafe`: MPI's datatypes, calls of HDF5 and of the operating system, memory, vector lanes, data that
+/// threads share.
 const UNSAFE: &[&str] = &[
     "src/base/allocator.rs",
     "src/base/thread_pool.rs",

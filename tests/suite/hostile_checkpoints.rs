@@ -1,11 +1,11 @@
-//! Checkpoints that somebody wrote by hand. Anyone can compute the hash of a manifest, so that a hash that fits
+//! Checkpoints that were written by hand. Anyone can compute the hash of a manifest, so that a hash that fits
 //! proves no good will: what a manifest says is bounded by the case, and files are those of its folder.
 //!
 //! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it,
 //! with the seeds from `SOLVER_MUTANTS_FROM` on. Each is signed anew and restarted by the real binary under a
-//! limit of memory and time: it ends with 0, 3, 4 or 5 (a number that could have been written cannot be told
-//! from one that was), never by a signal, a panic or a hang. With a real number that is not finite in a column
-//! it does not end with 0.
+//! limit of memory and time: it ends with 0, 3, 4 or 5 (a changed number within its bounds is as good
+//! as the one that was written), never by a signal, a panic or a hang. With a real number that is not finite in a
+//! column it does not end with 0.
 
 use crate::dice::Dice;
 use crate::mutants::{record, variable};

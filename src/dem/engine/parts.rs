@@ -11,8 +11,8 @@
 //! A pair between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids
 //! follow space (the module `preparation::numbering` of the library).
 //!
-//! Of several parts, each moves its grains as soon as it has their loads. It writes to a second array: other parts
-//! still read where the grains were. A solid step therefore has one meeting of the threads.
+//! Each of several parts moves its grains as soon as it has their loads. It writes to a second array, because other
+//! parts still read the old positions. A solid step therefore has one meeting of the threads.
 
 use super::*;
 use integrate::{Loads, Phase};

@@ -14,7 +14,7 @@
 //! g = sum_i <a_i . x - d_i + r> a_i,     n = g_1/|g_1| - g_2/|g_2|, normalised     <z> = max(z, 0)
 //! ```
 //!
-//! Where all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both
+//! If all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both
 //! surfaces along `n` through the point. The area is the area of the section of the overlap across `n`.
 //!
 //! [`Model::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area `S` of the

@@ -3,8 +3,8 @@
 //! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the
 //! population that crosses the face where f_j enters, with the same part along the face.
 //!
-//! Of the two links that cross the face at one point, the half sum carries the pressure and is returned by
-//! anti-bounce-back (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face;
+//! Two links cross the face at one point. Their half sum carries the pressure and is returned by anti-bounce-back
+//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face;
 //! the half difference carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this
 //! velocity is zero there. Together they are the rule above. Anti-bounce-back of each link by itself would also reverse
 //! the shear stress in the half difference: flow between plates would then lose pressure where it enters and leaves,

@@ -1,4 +1,5 @@
-//! The cover of the cells by balls as the kernels of a GPU find it, run on the host thread after thread, from the last to the first.
+//! The cover of the cells by balls as the kernels of a GPU find it, run on the host, one thread after the other, from
+//! the last to the first.
 //!
 //! A comparison of these kernels with the processor's own cover needs no GPU.
 
@@ -7,10 +8,11 @@ use crate::saturation::solid::{NONE, Share, Shares, Solid};
 use base::number::to_u32;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell of several, as a GPU finds them.
+/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell of several, as a
+/// GPU finds them.
 ///
-/// `owner` holds the cells behind walls. The last arguments are the position of the first cell, the strides along the axes, the cells of
-/// the slab, and the axes in the order of the boxes.
+/// `owner` holds the cells behind walls. The last arguments are the position of the first cell, the strides along the
+/// axes, the cells of the slab, and the axes in the order of the boxes.
 #[must_use]
 pub fn cover(
     solids: &[Solid],

@@ -11,7 +11,7 @@
 //!
 //! T = 12 ν I V/c²
 //!
-//! Of a slot of width g and length b, I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the
+//! A slot of width g and length b has I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the
 //! way, lubrication gives I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the
 //! two sides. After m T the pressure is built up to exp(-m).
 //!

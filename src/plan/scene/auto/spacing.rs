@@ -241,7 +241,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
 /// Returns the coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
 /// Up to [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
 ///
-/// Where there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
+/// If there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
 /// to the next whole number of cells. Of the spacings in this range the one is taken that lengthens the domain least,
 /// relative to its edges. Edges grow and do not shrink, so that all that the case places in the domain stays in it.
 fn whole_cells(
