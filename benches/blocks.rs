@@ -297,7 +297,6 @@ fn on_processor() -> f64 {
 static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
 
 fn main() -> Result<(), Error> {
-    solver::environment::ask();
     let words: Vec<String> = std::env::args()
         .skip(1)
         .filter(|w| !w.starts_with("--"))

@@ -62,7 +62,6 @@ fn patches(grid: &Grid) -> Vec<Patch> {
 static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
 
 fn main() -> Result<(), Error> {
-    solver::environment::ask();
     let words: Vec<String> = std::env::args()
         .skip(1)
         .filter(|word| !word.starts_with('-'))

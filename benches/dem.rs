@@ -361,7 +361,6 @@ fn scaling() -> Result<(), Error> {
 static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
 
 fn main() -> Result<(), Error> {
-    solver::environment::ask();
     // Cargo adds `--bench` itself.
     let as_written = std::env::args().any(|word| word == "--as-written");
     let words: Vec<String> = std::env::args()

@@ -16,8 +16,6 @@ if [ -z "${SOLVER:-}" ]; then
   LBM_BENCH=$(find "$target/release/deps" -maxdepth 1 -name 'lbm-*' -type f -perm -u+x -printf '%T@ %p\n' | sort -n | tail -1 | cut -d' ' -f2)
 fi
 export SOLVER LBM_BENCH=${LBM_BENCH:-}
-# The program would start itself again for huge pages, and valgrind count the first start alone.
-export GLIBC_TUNABLES=glibc.malloc.hugetlb=0
 export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

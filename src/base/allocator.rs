@@ -1,10 +1,11 @@
-//! Memory for everything large: straight from the operating system, in huge pages, and given back at once.
+//! Memory in huge pages: large blocks straight from the operating system and given back at once, small ones from
+//! mimalloc (Leijen, Zorn and de Moura 2019, MSR-TR-2019-18), which asks for huge pages itself.
 //!
 //! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the
 //! lattice walks dozens of rows at the same time. In pages of 4 KiB the processor then waits for the translation of
-//! addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water half as long again. And what
-//! the allocator of the C library took for a moment it keeps: the grids of a search for neighbours would be a fifth of
-//! the memory of a grain.
+//! addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water a tenth to a half. An
+//! allocator that keeps large blocks for later use would hold the grids of a search for neighbours, a fifth of the
+//! memory of a grain.
 //!
 //! A program takes it by
 //!
@@ -13,10 +14,11 @@
 //! static ALLOCATOR: base::allocator::Allocator = base::allocator::Allocator;
 //! ```
 
-use std::alloc::{GlobalAlloc, Layout, System};
+use mimalloc::MiMalloc;
+use std::alloc::{GlobalAlloc, Layout};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The allocator of the operating system for what is at least [`LARGE`], that of the standard library for the rest.
+/// The pages of the operating system for blocks of at least [`LARGE`] bytes, mimalloc for the rest.
 #[derive(Debug)]
 pub struct Allocator;
 
@@ -136,14 +138,14 @@ fn is_large(layout: &Layout) -> bool {
 
 // SAFETY: a block is large by its layout alone, so that it is released to its source. `map` gives memory that no other
 // block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that would break the
-// alignment; everything else is the promise of `System`.
+// alignment; everything else is the promise of `MiMalloc`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {
             take(&layout)
         } else {
             // SAFETY: promised by the caller.
-            unsafe { System.alloc(layout) }
+            unsafe { MiMalloc.alloc(layout) }
         }
     }
 
@@ -152,7 +154,7 @@ unsafe impl GlobalAlloc for Allocator {
             take(&layout)
         } else {
             // SAFETY: promised by the caller.
-            unsafe { System.alloc_zeroed(layout) }
+            unsafe { MiMalloc.alloc_zeroed(layout) }
         }
     }
 
@@ -163,7 +165,7 @@ unsafe impl GlobalAlloc for Allocator {
                 let before = before(start);
                 unmap(start.sub(before), before + layout.size());
             } else {
-                System.dealloc(start, layout);
+                MiMalloc.dealloc(start, layout);
             }
         }
     }
@@ -173,7 +175,7 @@ unsafe impl GlobalAlloc for Allocator {
         let wanted = unsafe { Layout::from_size_align_unchecked(size, layout.align()) };
         if !is_large(&layout) && !is_large(&wanted) {
             // SAFETY: promised by the caller.
-            return unsafe { System.realloc(start, layout, size) };
+            return unsafe { MiMalloc.realloc(start, layout, size) };
         }
         let pages = |bytes: usize| (before(start) + bytes).div_ceil(HUGE);
         if is_large(&layout) && is_large(&wanted) && pages(size) == pages(layout.size()) {

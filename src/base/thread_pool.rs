@@ -3,8 +3,8 @@
 //! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size.
 //! The workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces
 //! therefore use this pool, for even pieces and for those that threads take when they are free; contacts of blocks and
-//! work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for [`SPINS`]
-//! iterations, yields for [`YIELDS`] more, then sleeps, so that ranks that share a core lose little.
+//! work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for tens of
+//! microseconds, then yields for some time, then sleeps, so that ranks that share a core lose little.
 //!
 //! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
 //! therefore waits for helpers that have begun a piece, and not for those that the system has not given a core: on a
@@ -13,83 +13,17 @@
 //! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy
 //! with another caller's work processes its pieces itself.
 
-use std::cell::UnsafeCell;
+mod board;
+mod sync;
+
+use board::{Board, Helper, Work};
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, TryLockError};
-use std::thread::Thread;
-
-/// Turns of looking for work, tens of microseconds.
-const SPINS: u32 = 4000;
-/// Turns of giving way to other threads after that.
-const YIELDS: u32 = 200;
-
-/// Yields of a caller that waits for a helper, before it sleeps.
-const CALLER_YIELDS: u32 = 50;
-/// Groups of pieces, one bit each.
-const GROUPS: usize = 64;
-
-/// Work of the pool: a function of the number of the piece.
-type Work<'a> = dyn Fn(usize) + Sync + 'a;
-
-/// A function, its pieces, and the number of threads that may do them.
-#[derive(Clone, Copy)]
-struct Job {
-    work: *const Work<'static>,
-    pieces: usize,
-    threads: usize,
-}
-
-impl Job {
-    /// Returns the number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
-    fn groups(&self) -> usize {
-        self.pieces.min(GROUPS)
-    }
-}
-
-/// A job that helpers may join.
-const OPEN: u64 = 1 << 63;
-/// One job more; below it stands the number of helpers that have joined.
-const NEXT: u64 = 1 << 32;
-
-/// Returns the number of helpers that have joined the job of a state.
-const fn joined(state: u64) -> u64 {
-    state % NEXT
-}
-
-/// Returns the number of the job of a state.
-const fn number(state: u64) -> u64 {
-    (state & !OPEN) / NEXT
-}
-
-/// Shared by the caller and its helpers.
-struct Board {
-    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that
-    /// have joined it.
-    state: AtomicU64,
-    /// Written while the state is not open and no helper has joined.
-    work: UnsafeCell<Option<Job>>,
-    /// Groups of pieces that a thread has begun.
-    begun: AtomicU64,
-    failed: AtomicBool,
-    /// The caller sleeps until the last helper has left.
-    caller_sleeps: AtomicBool,
-    caller: Mutex<Option<Thread>>,
-}
-
-// SAFETY: `work` is written by the caller alone and only while no helper has joined and none can join; what it points
-// to is `Sync` and lives until the caller has closed the job and seen the last helper leave.
-unsafe impl Sync for Board {}
-// SAFETY: as above.
-unsafe impl Send for Board {}
-
-/// A thread besides the caller.
-struct Helper {
-    thread: Thread,
-    sleeps: Arc<AtomicBool>,
-}
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, TryLockError};
+use sync::Arc;
+#[cfg(not(loom))]
+use sync::AtomicBool;
 
 struct Pool {
     board: Arc<Board>,
@@ -376,182 +310,53 @@ pub fn extend<T: Copy + Send>(
 impl Pool {
     fn new() -> Self {
         Self {
-            board: Arc::new(Board {
-                state: AtomicU64::new(0),
-                work: UnsafeCell::new(None),
-                begun: AtomicU64::new(0),
-                failed: AtomicBool::new(false),
-                caller_sleeps: AtomicBool::new(false),
-                caller: Mutex::new(None),
-            }),
+            board: Arc::new(Board::new()),
             helpers: Vec::new(),
         }
     }
 
     fn run(&mut self, pieces: usize, work: &Work<'_>) {
         while self.helpers.len() + 1 < pieces.min(threads()) {
-            let Some(helper) = Helper::start(&self.board, self.helpers.len() + 1) else {
+            let Some(helper) = start(&self.board, self.helpers.len() + 1) else {
                 break;
             };
             self.helpers.push(helper);
         }
-        let board = &*self.board;
-        // SAFETY: the lifetime is restored by waiting below, whatever happens.
-        let work = unsafe { std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work) };
-        let job = Job {
-            work,
-            pieces,
-            threads: self.helpers.len() + 1,
-        };
-        // SAFETY: the last job is closed and no helper works on it.
-        unsafe { *board.work.get() = Some(job) };
-        board.begun.store(0, Ordering::Relaxed);
-        board.failed.store(false, Ordering::Relaxed);
-        let last = number(board.state.load(Ordering::Relaxed));
-        board
-            .state
-            .store(OPEN | ((last + 1) % (OPEN / NEXT) * NEXT), Ordering::SeqCst);
-        for helper in &self.helpers {
-            if helper.sleeps.load(Ordering::SeqCst) {
-                helper.thread.unpark();
-            }
-        }
-        let mine = catch_unwind(AssertUnwindSafe(|| board.work_on(&job, 0)));
-        board.state.fetch_and(!OPEN, Ordering::SeqCst);
-        board.wait_for_helpers();
-        if let Err(panic) = mine {
-            resume_unwind(panic);
-        }
-        assert!(
-            !board.failed.load(Ordering::Relaxed),
-            "a helper's share of the work panicked"
-        );
+        self.board.run(pieces, work, &self.helpers);
     }
 }
 
-impl Board {
-    /// Does the pieces of a thread, then those that no other thread has begun.
-    fn work_on(&self, job: &Job, thread: usize) {
-        let groups = job.groups();
-        let all = u64::MAX >> (GROUPS - groups);
-        // SAFETY: the caller keeps the function alive until this thread has left the job.
-        let work = unsafe { &*job.work };
-        let take = |group: usize| {
-            let bit = 1 << group;
-            if self.begun.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
-                (group..job.pieces).step_by(groups).for_each(work);
-            }
-        };
-        (thread..groups).step_by(job.threads).for_each(take);
+/// Starts a helper, which waits for jobs for as long as the program lives; none if the system gives no more threads.
+#[cfg(not(loom))]
+fn start(board: &Arc<Board>, thread: usize) -> Option<Helper> {
+    let sleeps = Arc::new(AtomicBool::new(false));
+    let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
+    let mut seen = board.last();
+    let wait = move || {
         loop {
-            let free = all & !self.begun.load(Ordering::Relaxed);
-            if free == 0 {
-                break;
-            }
-            take(free.trailing_zeros() as usize);
+            seen = board.help(&flag, thread, seen);
         }
-    }
-
-    /// Joins the job of a state; returns `true` unless it is closed or another one by now.
-    fn join(&self, job: u64) -> bool {
-        let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
-        self.state
-            .fetch_update(Ordering::SeqCst, Ordering::SeqCst, join)
-            .is_ok()
-    }
-
-    /// Leaves the job; the last helper wakes a caller that sleeps.
-    fn leave(&self) {
-        let before = self.state.fetch_sub(1, Ordering::SeqCst);
-        if joined(before) == 1 && self.caller_sleeps.load(Ordering::SeqCst) {
-            let caller = self.caller.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(caller) = &*caller {
-                caller.unpark();
-            }
-        }
-    }
-
-    /// Waits until the last helper has left a closed job. A helper without a core gets that of a caller that sleeps.
-    fn wait_for_helpers(&self) {
-        let busy = || joined(self.state.load(Ordering::SeqCst)) > 0;
-        let mut turns = 0;
-        while busy() {
-            if wait(&mut turns, CALLER_YIELDS) {
-                continue;
-            }
-            let mut caller = self.caller.lock().unwrap_or_else(PoisonError::into_inner);
-            *caller = Some(std::thread::current());
-            drop(caller);
-            self.caller_sleeps.store(true, Ordering::SeqCst);
-            if busy() {
-                std::thread::park();
-            }
-            self.caller_sleeps.store(false, Ordering::SeqCst);
-        }
-    }
+    };
+    std::thread::Builder::new()
+        .name(format!("pool {thread}"))
+        .spawn(wait)
+        .ok()
+        .map(|handle| Helper {
+            thread: handle.thread().clone(),
+            sleeps,
+        })
 }
 
-/// Waits for one turn; returns `true` until it is time to sleep.
-fn wait(turns: &mut u32, yields: u32) -> bool {
-    *turns = turns.saturating_add(1);
-    if *turns < SPINS {
-        std::hint::spin_loop();
-    } else {
-        std::thread::yield_now();
-    }
-    *turns < SPINS + yields
+/// Starts no helper: threads of a model belong to the model.
+#[cfg(loom)]
+fn start(_: &Arc<Board>, _: usize) -> Option<Helper> {
+    None
 }
 
-impl Helper {
-    /// Starts a helper; none if the system gives no more threads.
-    fn start(board: &Arc<Board>, thread: usize) -> Option<Self> {
-        let sleeps = Arc::new(AtomicBool::new(false));
-        let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
-        let seen = number(board.state.load(Ordering::Relaxed));
-        std::thread::Builder::new()
-            .name(format!("pool {thread}"))
-            .spawn(move || help(&board, &flag, thread, seen))
-            .ok()
-            .map(|handle| Self {
-                thread: handle.thread().clone(),
-                sleeps,
-            })
-    }
-}
-
-/// Waits for jobs for as long as the program lives.
-fn help(board: &Board, sleeps: &AtomicBool, thread: usize, mut seen: u64) {
-    loop {
-        let mut turns = 0;
-        while number(board.state.load(Ordering::SeqCst)) == seen {
-            if !wait(&mut turns, YIELDS) {
-                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by
-                // the second check.
-                sleeps.store(true, Ordering::SeqCst);
-                if number(board.state.load(Ordering::SeqCst)) == seen {
-                    std::thread::park();
-                }
-                sleeps.store(false, Ordering::SeqCst);
-            }
-        }
-        seen = number(board.state.load(Ordering::SeqCst));
-        if !board.join(seen) {
-            continue;
-        }
-        // SAFETY: the caller wrote it before it opened the job, and writes it again only after this helper has left.
-        if let Some(job) = unsafe { *board.work.get() } {
-            let mine = || board.work_on(&job, thread);
-            if catch_unwind(AssertUnwindSafe(mine)).is_err() {
-                board.failed.store(true, Ordering::Relaxed);
-            }
-        }
-        board.leave();
-    }
-}
-
-#[cfg(test)]
+#[cfg(all(test, not(loom)))]
 mod tests {
     use super::*;
+    use std::panic::catch_unwind;
     use std::sync::atomic::AtomicU32;
     use std::time::Duration;
 
@@ -570,48 +375,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    /// Checks that no thread waits for a helper without a core: the caller does its pieces.
-    #[test]
-    fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
-        let board = Board {
-            state: AtomicU64::new(OPEN | NEXT),
-            work: UnsafeCell::new(None),
-            begun: AtomicU64::new(0),
-            failed: AtomicBool::new(false),
-            caller_sleeps: AtomicBool::new(false),
-            caller: Mutex::new(None),
-        };
-        for pieces in [1, 2, 63, 64, 65, 300] {
-            let done: Vec<_> = (0..pieces).map(|_| AtomicU32::new(0)).collect();
-            let work = |piece: usize| {
-                done[piece].fetch_add(1, Ordering::Relaxed);
-            };
-            let work: &Work<'_> = &work;
-            // SAFETY: used within this turn only.
-            let work =
-                unsafe { std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work) };
-            let job = Job {
-                work,
-                pieces,
-                threads: 4,
-            };
-            board.begun.store(0, Ordering::Relaxed);
-            board.work_on(&job, 0);
-            board.work_on(&job, 3);
-            assert!(
-                done.iter().all(|n| n.load(Ordering::Relaxed) == 1),
-                "{pieces}"
-            );
-        }
-        // A closed job and another one cannot be joined.
-        assert!(board.join(1) && !board.join(2));
-        assert_eq!(joined(board.state.load(Ordering::SeqCst)), 1);
-        board.leave();
-        board.state.fetch_and(!OPEN, Ordering::SeqCst);
-        assert!(!board.join(1));
-        board.wait_for_helpers();
     }
 
     #[test]
