@@ -84,8 +84,7 @@ def work(solver, folder, files, row):
     """Returns the instructions of a step and the last state."""
     case, settings, ends = ROWS[row]
     few, many = (run(solver, folder, files, case, [*settings, f"time.end={end}"], True) for end in ends)
-    steps = many[1]["fluid_steps"] - few[1]["fluid_steps"] or many[1]["solid_steps"] - few[1]["solid_steps"]
-    return (many[0] - few[0]) / steps, many[1]["state_hash"]
+    return (many[0] - few[0]) / (many[1]["steps"] - few[1]["steps"]), many[1]["state_hash"]
 
 
 def memory(solver, folder, files, row):
@@ -110,7 +109,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         files = samples(folder)
-        for row in [one for one in (*ROWS, *MEMORY) if any(one.startswith(wanted) for wanted in given.rows)]:
+        for row in [one for one in (*ROWS, *MEMORY) if any(re.match(re.escape(wanted) + r"\b", one) for wanted in given.rows)]:
             measure, unit = (work, "instructions of a step") if row in ROWS else (memory, "B")
             (before, state), (after, other) = (measure(one, folder, files, row) for one in builds)
             ratio = after / before

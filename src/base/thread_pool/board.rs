@@ -225,7 +225,7 @@ impl Board {
         }
         let seen = self.last();
         if self.join(seen) {
-            // SAFETY: the caller wrote it before it opened the job, and writes it again only after this helper has left.
+            // SAFETY: the caller wrote it before it opened the job, and writes again only after this helper has left.
             if let Some(job) = unsafe { self.job.get() } {
                 let mine = || self.work_on(&job, thread);
                 if catch_unwind(AssertUnwindSafe(mine)).is_err() {
