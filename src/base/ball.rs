@@ -1,7 +1,8 @@
 //! A ball in cells: the closed forms of the part of a box that it fills, and where a row of cells enters and leaves it.
 //!
-//! Lengths of the first kind are in radii from the centre, those of the second in cells. These are the functions that both processors and GPUs
-//! run (`lbm/gpu/balls.rs`), with the same bits. The package `darcy` has the formulas (`overlap`).
+//! Lengths of the parts of a box are in radii from the centre, those of rows in cells. These are the functions that
+//! both processors and GPUs run (`lbm/gpu/balls.rs`), with the same bits. The package `darcy` has the formulas
+//! (`overlap`).
 
 use crate::number::{ceil, floor_i32, sqrt};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
@@ -9,9 +10,9 @@ use core::ops::Add;
 
 /// The angle of the point (x, y) above the x axis, for coordinates of 0 or more; 0 at the origin.
 ///
-/// Within two units in the last place. It has neither branches nor calls, so that loops of it are vectorised, and its bits depend on no
-/// library of the system. The angle is reduced to that of the nearest of 0, pi/8 and pi/4: atan(p) - atan(q) = atan((p - q)/(1 + pq)).
-/// The rest is below pi/16, where eleven terms of the series are exact to rounding.
+/// Within two units in the last place. It has neither branches nor calls, so that loops of it are vectorised, and its
+/// bits depend on no library of the system. The angle is reduced to that of the nearest of 0, pi/8 and pi/4: atan(p) -
+/// atan(q) = atan((p - q)/(1 + pq)). The rest is below pi/16, where eleven terms of the series are exact to rounding.
 #[inline(always)]
 fn angle(y: f64, x: f64) -> f64 {
     const TAN_1_16: f64 = 0.198_912_367_379_658;
@@ -43,19 +44,21 @@ pub fn less_cubed(a: f64) -> f64 {
     a - a * a * a / 3.0
 }
 
-/// Square of the coordinate at which the line where two planes at right angles meet leaves the ball; not above 0 where it passes by.
+/// Square of the coordinate at which the line where two planes at right angles meet leaves the ball; not above 0 where
+/// it passes by.
 #[inline(always)]
 pub fn meeting(a: f64, b: f64) -> f64 {
     1.0 - a * a - b * b
 }
 
-/// The ball beyond two planes at right angles, on one side of a third through its centre: exactly 0 where they do not meet in it.
+/// The ball beyond two planes at right angles, on one side of a third through its centre: exactly 0 where they do not
+/// meet in it.
 #[inline(always)]
 pub fn edge(a: f64, b: f64) -> f64 {
     edge_by([a, b], less_cubed, less_cubed)
 }
 
-/// As [`edge`], with what gives [`less_cubed`] of both.
+/// Computes [`edge`] with functions that return [`less_cubed`] of either coordinate.
 #[inline(always)]
 pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f64) -> f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
@@ -72,7 +75,8 @@ pub fn cap(a: f64) -> f64 {
     PI / 12.0 * (1.0 - a) * (1.0 - a) * (2.0 + a)
 }
 
-/// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1, from its parts: caps at a, b, c, edges of (a, b), (b, c), (c, a).
+/// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1, from its parts: caps at a, b, c, edges of (a, b), (b,
+/// c), (c, a).
 #[inline(always)]
 pub fn octant_of([a, b, c]: [f64; 3], caps: [f64; 3], edges: [f64; 3]) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
@@ -93,7 +97,7 @@ pub struct Coordinate {
 }
 
 impl Coordinate {
-    /// Of the corner at `x`.
+    /// Returns the coordinate of the corner at `x`.
     #[inline(always)]
     pub fn of(x: i32, centre: f64, radius: f64) -> Self {
         let at = ((f64::from(x) - centre) / radius).clamp(-1.0, 1.0);
@@ -105,7 +109,8 @@ impl Coordinate {
     }
 }
 
-/// The filled part of a cell from the parts of its corners: corner c lies at the upper end of the axes whose bit it has.
+/// The filled part of a cell from the parts of its corners: corner c lies at the upper end of the axes whose bit it
+/// has.
 #[inline(always)]
 pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
     let [c0, c1, c2, c3, c4, c5, c6, c7] = corner;
@@ -113,7 +118,7 @@ pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
     (sum * radius * radius * radius).clamp(0.0, 1.0)
 }
 
-/// How far the cells of a layer or row lie beside the centre of a ball or disc: squares of lengths in cells.
+/// Squared distances in cells, across a layer or row, of its cells from the centre of a ball or disc.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside {
     /// The nearest point.
@@ -125,7 +130,7 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// Along one axis, of the cells from `lower` to `lower` + 1.
+    /// Returns the distances along one axis of the cells from `lower` to `lower` + 1.
     #[inline(always)]
     pub fn of(centre: f64, lower: f64) -> Self {
         let (low, high) = (lower - centre, lower + 1.0 - centre);
@@ -154,7 +159,8 @@ impl Add for Beside {
 /// An interval without a point.
 pub const EMPTY: [f64; 2] = [0.0, -1.0];
 
-/// Where a line at a squared distance from the centre lies in the ball; `centre` along the line.
+/// Returns the interval in which a line at a squared distance from the centre lies in the ball; `centre` is the
+/// coordinate of the centre along the line.
 #[inline(always)]
 pub fn chord(centre: f64, radius: f64, squared: f64) -> [f64; 2] {
     let left = radius * radius - squared;
@@ -166,7 +172,8 @@ pub fn chord(centre: f64, radius: f64, squared: f64) -> [f64; 2] {
     }
 }
 
-/// The cells that an interval in the raw frame touches: the first and one past the last. `frame` from the raw frame to the cells.
+/// The cells that an interval in the raw frame touches: the first and one past the last. `frame` from the raw frame to
+/// the cells.
 #[inline(always)]
 pub fn around([low, high]: [f64; 2], frame: i32) -> [i32; 2] {
     [floor_i32(low) + frame, floor_i32(high) + 1 + frame]

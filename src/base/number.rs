@@ -1,6 +1,7 @@
 //! Conversions between integers and floating-point numbers.
 //!
-//! Every cast whose result the compiler cannot prove is in this file, with the range in which it is exact and its result outside that range.
+//! Every cast whose result the compiler cannot prove is in this file, with the range in which it is exact and its
+//! result outside that range.
 
 #![expect(
     clippy::cast_precision_loss,
@@ -72,17 +73,17 @@ pub fn whole(x: f64) -> usize {
     x.clamp(0.0, 9e15) as usize
 }
 
-/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
+/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the neighbouring integers fit the type too.
 #[cfg(target_arch = "nvptx64")]
 #[inline]
 pub fn floor_i32(x: f64) -> i32 {
     floor(x.clamp(-2e9, 2e9)) as i32
 }
 
-/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the integers beside it fit the type too.
+/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the neighbouring integers fit the type too.
 ///
-/// Without a call, and in vectors: processors without SSE 4.1 have no instruction that rounds, and a cast checks its range. Beside
-/// 1.5 * 2^52 numbers are integers, and their lowest bits are those of the integer.
+/// Without a call, and in vectors: processors without SSE 4.1 have no instruction that rounds, and a cast checks its
+/// range. Near 1.5 * 2^52 numbers are integers, and their lowest bits are those of the integer.
 #[cfg(not(target_arch = "nvptx64"))]
 #[inline]
 pub fn floor_i32(x: f64) -> i32 {

@@ -152,8 +152,8 @@ pub enum ProbeAt {
         #[serde(default)]
         about: Option<Vector>,
     },
-    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of water [m] in the column
-    /// of cells that holds a point.
+    /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of
+    /// water [m] in the column of cells that holds a point.
     Gauge {
         /// The point [m]; its coordinate along the axis of gravity has no effect.
         position: Vector,

@@ -157,7 +157,7 @@ pub fn numbers(cells: usize, transient: bool) -> usize {
     NUMBERS * cells + stored
 }
 
-/// How the pressure is computed.
+/// Equations and parameters of the pressure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Form of the equations.

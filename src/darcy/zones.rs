@@ -91,7 +91,7 @@ pub struct Zone {
     pub raster: Option<Raster>,
     /// Permeability along each axis over the stated one.
     pub directions: [f64; 3],
-    /// Whether it holds in cells without grains as well.
+    /// `true` if it holds in cells without grains as well.
     pub without_grains: bool,
 }
 
@@ -113,7 +113,7 @@ impl Zone {
     }
 }
 
-/// What zones state for a point. With each the answer whether it holds without grains.
+/// Values that zones state for a point; each with `true` if it holds without grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -363,7 +363,7 @@ impl Zones {
         self.cut > 0 || self.media.iter().any(differs)
     }
 
-    /// Whether a zone has a law that depends on the gradient.
+    /// Returns `true` if a zone has a law that depends on the gradient.
     #[must_use]
     pub fn depend_on_the_gradient(&self) -> bool {
         self.media.iter().any(|medium| {
@@ -559,7 +559,8 @@ impl Conduct {
                 }
                 *along = effective(axis, lengths, &self.boxes);
             }
-            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along each.
+            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along
+            // each.
             let mean = geometric_mean(along, zones.dimension);
             permeability[cell] = mean;
             for (ratio, along) in self.ratios[cell]
@@ -617,7 +618,8 @@ fn geometric_mean(along: [f64; 3], dimension: usize) -> f64 {
     }
 }
 
-/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the edges.
+/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the
+/// edges.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

@@ -1,10 +1,10 @@
 //! Pictures of a run: fluid, grains and blocks at several times side by side, as one SVG file for any browser:
 //! `solver picture`.
 //!
-//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one side in parallel projection, lit
-//! from the upper left, or a section is drawn, which shows the fluid and the outlines of blocks,
-//! structures and walls as well. All panels share one colour scale. The raster is a PNG inside the
-//! SVG; text and streamlines are vector graphics.
+//! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
+//! side in parallel projection, lit from the upper left, or a section is drawn, which shows the fluid and the outlines
+//! of blocks, structures and walls as well. All panels share one colour scale. The raster is a PNG inside the SVG; text
+//! and streamlines are vector graphics.
 
 mod colours;
 mod cuts;

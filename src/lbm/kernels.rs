@@ -1,9 +1,10 @@
-//! The kernels that run on GPUs: the root of a crate of its own for the target `nvptx64-nvidia-cuda`, made of files of the models.
+//! The kernels that run on GPUs: the root of a crate of its own for the target `nvptx64-nvidia-cuda`, made of files of
+//! the models.
 //!
-//! Velocity sets, operators and the pass over a cell are the very files that the processor runs; only the functions below, each a
-//! kernel by name, are of the GPU alone. `gpu/build.sh` compiles this root to PTX, which `gpu/kernels.ptx.gz` keeps and the host loads
-//! (the module `gpu`). All operations are rounded as on the processor, none are fused that the source does not fuse, so that the bits are
-//! the same.
+//! Velocity sets, operators and the pass over a cell are the very files that the processor runs; only the functions
+//! below, each a kernel by name, are of the GPU alone. `gpu/build.sh` compiles this root to PTX, which
+//! `gpu/kernels.ptx.gz` keeps and the host loads (the module `gpu`). All operations are rounded as on the processor,
+//! none are fused that the source does not fuse, so that the bits are the same.
 
 #![no_std]
 #![allow(
@@ -101,7 +102,8 @@ fn thread() -> u32 {
     unsafe { _block_idx_x() * _block_dim_x() + _thread_idx_x() }
 }
 
-/// Kernels of one velocity set, operator and storage: one thread for each cell, rows and planes along the other axes of the grid.
+/// Kernels of one velocity set, operator and storage: one thread for each cell, rows and planes along the other axes of
+/// the grid.
 macro_rules! passes {
     ($($name:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty, $again:literal;)*) => {
         $(
@@ -177,8 +179,8 @@ fn place_of(number: u32, slab: &Slab, cells: &CoveredCells) -> Place {
     }
 }
 
-/// Kernels of one velocity set, operator and storage where solids may cover cells: a thread for each open cell, for each that is deep inside
-/// bodies, and for each other one.
+/// Kernels of one velocity set, operator and storage where solids may cover cells: a thread for each open cell, for
+/// each that is deep inside bodies, and for each other one.
 macro_rules! covers {
     ($($open:ident $deep:ident $mixed:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty;)*) => {
         $(
@@ -212,7 +214,8 @@ macro_rules! covers {
                 bodies: u32,
             ) {
                 let mut sums = Sums::new(loads, view.solids(), bodies, thread() / WARP);
-                // SAFETY: the host starts one thread for each cell, and has a sum for each body. No thread returns before the others.
+                // SAFETY: the host starts one thread for each cell, and has a sum for each body. No thread returns
+                // before the others.
                 unsafe {
                     if let Some(number) = cells.get(thread(), true) {
                         let at = place_of(number, &slab, &cells);
@@ -311,7 +314,8 @@ balls! {
     ball_settle: settle;
 }
 
-/// Kernels of one velocity set and storage: the extreme values of all rows, one thread for each cell, and the moments of one row.
+/// Kernels of one velocity set and storage: the extreme values of all rows, one thread for each cell, and the moments
+/// of one row.
 macro_rules! looks {
     ($($extremes:ident $row_moments:ident: $lattice:ty, $q:literal, $stored:ty;)*) => {
         $(
@@ -328,7 +332,7 @@ macro_rules! looks {
                     // SAFETY: registers of the thread.
                     let [plane, row, of_plane] = unsafe { [_block_idx_z(), _block_idx_y(), _grid_dim_y()] };
                     let at = Place { plane, row, place };
-                    // SAFETY: the host starts one thread for each cell, and has room for each row.
+                    // SAFETY: the host starts one thread for each cell, and has an entry for each row.
                     unsafe {
                         let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
                         let water = fraction.is_null() || fraction.add(covered::position(&slab, at)).read() < 0.5;
@@ -348,7 +352,8 @@ macro_rules! looks {
                 let place = thread();
                 if place < slab.cells {
                     let at = Place { plane, row, place };
-                    // SAFETY: the host starts one thread for each cell of a row of the slab, and has room for four numbers of each.
+                    // SAFETY: the host starts one thread for each cell of a row of the slab, and has memory for four
+                    // numbers of each.
                     unsafe {
                         let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
                         found.add(place as usize).write(drho);
@@ -383,7 +388,8 @@ macro_rules! copies {
             ) {
                 // SAFETY: registers of the thread.
                 let [block, n] = unsafe { [_block_idx_x(), _thread_idx_x()] };
-                // SAFETY: the host starts a block for each rectangle, and each names one of the factors; one thread has this number.
+                // SAFETY: the host starts a block for each rectangle, and each names one of the factors; one thread has
+                // this number.
                 unsafe {
                     let copies = rectangles.add(block as usize).read();
                     let factor = factors.add(copies.factor as usize).read();

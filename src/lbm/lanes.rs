@@ -2,9 +2,9 @@
 //!
 //! On a GPU each thread has one `f64`.
 //!
-//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane independently and is
-//! correctly rounded, and fused multiply-add is explicit, so that all widths give the same bits. The width is chosen
-//! once at the start from the capabilities of the processor ([`Level`]).
+//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane
+//! independently and is correctly rounded, and fused multiply-add is explicit, so that all widths give the same bits.
+//! The width is chosen once at the start from the capabilities of the processor ([`Level`]).
 
 #[cfg(not(target_arch = "nvptx64"))]
 use bytemuck::Pod;
@@ -21,9 +21,9 @@ pub const WIDEST: usize = if cfg!(target_arch = "nvptx64") { 1 } else { 8 };
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// How many numbers one value holds.
+    /// Number of lanes.
     const WIDTH: usize;
-    /// The same number in every lane.
+    /// Returns a value with one number in every lane.
     fn splat(x: f64) -> Self;
     /// 0, 1, 2, … from the first lane on.
     fn count() -> Self;
@@ -47,7 +47,8 @@ pub trait Lanes:
     unsafe fn equal(from: *const u32, number: u32) -> u8;
 }
 
-/// The number type of the populations in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is always `f64`.
+/// The number type of the populations in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is
+/// always `f64`.
 pub trait Stored: Copy + Send + Sync + Default + Pod + EveryWidth {
     /// Name as written in a case.
     const NAME: &'static str;

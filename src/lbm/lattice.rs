@@ -5,8 +5,9 @@
 //! | D2Q9 | rest; E, N, W, S; NE, NW, SW, SE |
 //! | D3Q19, D3Q27 | rest; then opposite pairs: axes, edges, corners |
 //!
-//! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479). Populations are numbered by physical
-//! direction whatever the memory layout, so a sum over populations has one order and hence one result.
+//! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479).
+//! Populations are numbered by physical direction whatever the memory layout, so a sum over populations has one order
+//! and hence one result.
 
 #[cfg(not(target_arch = "nvptx64"))]
 mod velocities;
@@ -162,7 +163,8 @@ const fn pairs<const Q: usize>(opposite: &[usize; Q]) -> [(usize, usize); 13] {
 }
 
 /// Repeats a block with a constant index below a limit, written out at compile time: a loop that the compiler leaves
-/// rolled keeps the populations in memory instead of registers. `axes`, `nine`, `pairs` and `populations` name what is counted.
+/// rolled keeps the populations in memory instead of registers. `axes`, `nine`, `pairs` and `populations` name what is
+/// counted.
 macro_rules! unroll {
     (axes $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2] $i $n; $body)

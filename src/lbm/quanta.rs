@@ -6,10 +6,12 @@ mod sums;
 pub use sums::sum_of_quanta;
 
 /// Quanta in one lattice unit: link values are summed as integers of 2^-56, so that neither the order of links nor the
-/// number of ranks can change a sum. Single values stay below 128; larger ones saturate (the flow guard has fired long before).
+/// number of ranks can change a sum. Single values stay below 128; larger ones saturate (the flow guard has fired long
+/// before).
 pub const QUANTA: f64 = (1_u64 << 56) as f64;
 
-/// A link value in quanta, rounded toward zero, of a size that its negative has too. What is no number counts as the largest.
+/// A link value in quanta, rounded toward zero, of a size that its negative has too. What is no number counts as the
+/// largest.
 #[inline(always)]
 #[must_use]
 pub fn quanta(g: f64) -> i64 {

@@ -4,27 +4,32 @@
 //! f_i* = f_i + (1 - B) (Ω_i + S_i) + B Ω^s_i
 //! ```
 //!
-//! Ω_i is the collision of the fluid with its force S_i, Ω^s_i the solid collision operator (one file each), and B the weighting of ε
-//! ([`Weighting`]). The force of a cell on the solid is the momentum that the fluid loses, -B Σ c_i Ω^s_i, to rounding. The mass of a cell is conserved.
-//! Sources: D. R. Noble, J. R. Torczynski, Int. J. Mod. Phys. C 9 (1998) 1189; D. J. Holdych, PhD thesis, Urbana (2003); D. R. J. Owen,
-//! C. R. Leonardi, Y. T. Feng, Int. J. Numer. Meth. Eng. 87 (2011) 66.
+//! Ω_i is the collision of the fluid with its force S_i, Ω^s_i the solid collision operator (one file each), and B the
+//! weighting of ε ([`Weighting`]). The force of a cell on the solid is the momentum that the fluid loses, -B Σ c_i
+//! Ω^s_i, to rounding. The mass of a cell is conserved. Sources: D. R. Noble, J. R. Torczynski, Int. J. Mod. Phys. C 9
+//! (1998) 1189; D. J. Holdych, PhD thesis, Urbana (2003); D. R. J. Owen, C. R. Leonardi, Y. T. Feng, Int. J. Numer.
+//! Meth. Eng. 87 (2011) 66.
 //!
-//! **Several bodies in a cell.** B(ε) is evaluated for the sum of their fractions, at most 1, and shared in proportion, so that two
-//! blocks that fill a cell together close it. The cell moves with the mean of their velocities, weighted by their shares. Each body
-//! receives its own part of the force, and the parts add up to the momentum that the fluid loses. The force is evaluated at the mean velocity: at the
-//! individual velocities two bodies with parts a and b would exchange a b ρ (u_a - u_b) per step, an unphysical drag between them.
+//! **Several bodies in a cell.** B(ε) is evaluated for the sum of their fractions, at most 1, and shared in proportion,
+//! so that two blocks that fill a cell together close it. The cell moves with the mean of their velocities, weighted by
+//! their shares. Each body receives its own part of the force, and the parts add up to the momentum that the fluid
+//! loses. The force is evaluated at the mean velocity: at the individual velocities two bodies with parts a and b would
+//! exchange a b ρ (u_a - u_b) per step, an unphysical drag between them.
 //!
-//! **Deep inside** a body, where no neighbouring cell contains fluid, the populations are set to the equilibrium at the solid's velocity.
-//! Otherwise nothing there damps the populations that enter from the surface. Bodies that slide on each other would then stir the internal fluid
-//! until it carries momentum through them, and this fluid would appear in cells that are uncovered.
+//! **Deep inside** a body, where no neighbouring cell contains fluid, the populations are set to the equilibrium at the
+//! solid's velocity. Otherwise nothing there damps the populations that enter from the surface. Bodies that slide on
+//! each other would then stir the internal fluid until it carries momentum through them, and this fluid would appear in
+//! cells that are uncovered.
 //!
-//! **Full cells** at a surface, and between bodies in contact, reverse populations with a loss of 1/64. An undamped exchange between two
-//! full cells would oscillate for ever, and grow at high Reynolds numbers.
+//! **Full cells** at a surface, and between bodies in contact, reverse populations with a loss of 1/64. An undamped
+//! exchange between two full cells would oscillate for ever, and grow at high Reynolds numbers.
 //!
-//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells (`contact.rs`).
+//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells
+//! (`contact.rs`).
 //!
-//! Besides the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop tests once per vector of cells whether any is
-//! covered, and then selects the operator. The rest of this module runs only for covered cells (`pass.rs`).
+//! Besides the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop tests once per vector of
+//! cells whether any is covered, and then selects the operator. The rest of this module runs only for covered cells
+//! (`pass.rs`).
 
 mod contact;
 #[cfg(not(target_arch = "nvptx64"))]
@@ -54,8 +59,8 @@ use serde::{Deserialize, Serialize};
 #[cfg(not(target_arch = "nvptx64"))]
 use serde_json::json;
 
-/// Makes the list of solid collision operators: the modules that hold them, and the enum that a case chooses from. The name of an
-/// operator in a case is that of its module.
+/// Makes the list of solid collision operators: the modules that hold them, and the enum that a case chooses from. The
+/// name of an operator in a case is that of its module.
 macro_rules! solid_operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
         $(pub mod $module;)*
@@ -154,28 +159,31 @@ pub trait Model {
     /// Its rows in the table of measured errors (`scene::auto`): blocks, and blocks in gaps narrower than themselves.
     fn measured_rows(&self) -> [&'static str; 2];
 
-    /// Whether it uses the weighting of a case.
+    /// Returns `true` if it uses the weighting of a case.
     fn weighted(&self) -> bool {
         true
     }
 
-    /// Whether it scales the rates of an operator that has one for all symmetric and one for all antisymmetric parts.
+    /// Returns `true` if it scales the rates of an operator that has one for all symmetric and one for all
+    /// antisymmetric parts.
     fn needs_two_rates(&self) -> bool {
         false
     }
 
-    /// Density ratios of free bodies whose fluid inside is left out of their inertia, from `benches/stability/README.md`.
+    /// Density ratios of free bodies whose fluid inside is left out of their inertia, from
+    /// `benches/stability/README.md`.
     fn lightest(&self, body: &LightBody) -> DensityRatios;
 
-    /// Density ratio from which on grains hold that touch others on all sides, as in a bed: there the water between them resists each one's
-    /// motion within the step. From `benches/stability/README.md`; for discs and spheres of two to six cells in radius.
+    /// Density ratio from which on grains hold that touch others on all sides, as in a bed: there the water between
+    /// them resists each one's motion within the step. From `benches/stability/README.md`; for discs and spheres of two
+    /// to six cells in radius.
     fn lightest_in_a_bed(&self, body: &LightBody) -> f64;
 }
 
 /// A body that may be too light for the fluid that carries it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightBody {
-    /// Whether the domain is 2-D.
+    /// `true` if the domain is 2-D.
     pub flat: bool,
     /// Radius in cells; n V/A in n dimensions for bodies that are no balls.
     pub radius: f64,
@@ -197,7 +205,8 @@ impl LightBody {
         slow + (fast - slow) * ((self.relaxation_time - 0.6) / 0.3).clamp(0.0, 1.0)
     }
 
-    /// The relaxation time, which the bound of a bed follows, but not below `least`, nor below `slow` where it is below 0.6.
+    /// The relaxation time, which the bound of a bed follows, but not below `least`, nor below `slow` where it is below
+    /// 0.6.
     fn time_in_a_bed(&self, least: f64, slow: f64) -> f64 {
         let least = if self.relaxation_time < 0.6 {
             slow
@@ -207,7 +216,7 @@ impl LightBody {
         self.relaxation_time.max(least)
     }
 
-    /// Whether the relaxation time is one of those that were measured.
+    /// Returns `true` if the relaxation time is one of those that were measured.
     fn measured(&self) -> bool {
         MEASURED.contains(&self.relaxation_time)
     }
@@ -223,7 +232,8 @@ pub struct DensityRatios {
 }
 
 impl DensityRatios {
-    /// Within the measured relaxation times as given, beyond them wider: every body below 0.3 fails, and bodies hold from `wider` above.
+    /// Returns the ratios for a body: within the measured relaxation times as given, beyond them wider: every body
+    /// below 0.3 fails, and bodies hold from `wider` above.
     fn of(body: &LightBody, fails: f64, holds: f64, wider: f64) -> Self {
         if body.measured() {
             Self { fails, holds }
@@ -236,12 +246,12 @@ impl DensityRatios {
     }
 }
 
-/// How solids act on the cells that they cover.
+/// Action of solids on the cells that they cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// What a solid does to the populations.
+    /// Operator that acts on the populations.
     pub operator: SolidOperator,
-    /// How much a covered fraction counts.
+    /// Weight of a covered fraction.
     pub weighting: Weighting,
 }
 
@@ -252,14 +262,15 @@ pub struct CoveredFluid {
     weighting: Weighting,
     /// τ - ½ of the fluid itself, also where eddies add to it: B is a matter of geometry, made when a body is mapped.
     time: f64,
-    /// How the rate of the antisymmetric parts follows from that of the symmetric parts.
+    /// Rule by which the rate of the antisymmetric parts follows from that of the symmetric parts.
     antisymmetric: AntisymmetricRate,
 }
 
 /// The kernel of a solid collision operator.
 trait SolidCollision: Copy {
-    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those that the collision of the
-    /// fluid left, `fluid`. They are apart, so that a lane without solid is chosen in a register: a store under a mask takes several times as long.
+    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those
+    /// that the collision of the fluid left, `fluid`. They are apart, so that a lane without solid is chosen in a
+    /// register: a store under a mask takes several times as long.
     fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
         self,
         covered: &CoveredFluid,
@@ -269,13 +280,13 @@ trait SolidCollision: Copy {
         g: &mut [N; Q],
     ) -> Act<N>;
 
-    /// How much of the body force on a cell filled by `fraction` the fluid does not feel.
+    /// Returns the part of the body force on a cell filled by `fraction` that does not act on the fluid.
     fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64;
 }
 
-/// Whether cells may be covered, as a type.
+/// Type of a pass: with or without covered cells.
 pub trait Solids: Copy + Send + Sync + 'static {
-    /// Whether the pass looks for solids.
+    /// `true` if the pass checks for solids.
     const ACTIVE: bool;
 }
 
@@ -295,7 +306,8 @@ impl Solids for Covered {
     const ACTIVE: bool = true;
 }
 
-/// Part of what a full cell reverses that it loses: caught between two full cells it would go to and fro for ever, and the force with it.
+/// Part of what a full cell reverses that it loses: caught between two full cells it would go to and fro for ever, and
+/// the force with it.
 const LEAK: f64 = 1.0 / 64.0;
 
 /// Moments of cells and their solids.

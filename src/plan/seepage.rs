@@ -159,8 +159,8 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!(
-                    "the head of {} m lies below the highest point of `{}`, at an elevation of {} m: water passes there under suction, \
-                     which no face in air does",
+                    "the head of {} m lies below the highest point of `{}`, at an elevation of {} m: water passes \
+                     there under suction, which no face in air does",
                     number(head),
                     patch.name,
                     number(elevation)
@@ -172,8 +172,8 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             findings.warn(
                 &format!("{PATH}.boundaries[{n}].condition.head.value"),
                 format!(
-                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water there is under suction, and \
-                     saturated ground has no water table",
+                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water \
+                     there is under suction, and saturated ground has no water table",
                     number(head),
                     number(elevation - head),
                     patch.name,
@@ -321,7 +321,8 @@ fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     );
     let (path, remedy) = (
         format!("{PATH}.zones"),
-        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds everywhere else",
+        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds \
+         everywhere else",
     );
     if seepage.written.unsaturated.is_some() {
         let reason = format!("{counted}: open water and air have no retention");

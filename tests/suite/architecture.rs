@@ -4,7 +4,7 @@
 //! [`PACKAGES`] states each of them, so that a new one is a decision, and [`MODULES`] those between the modules of one
 //! package.
 //!
-//! Looked at is the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
+//! It reads the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -23,7 +23,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
         "coupling",
         &["base", "darcy", "decomposition", "dem", "lbm", "structure"],
     ),
-    // The parameters of a model stand beside its formula.
+    // The parameters of a model stand with its formula.
     ("case", &["base", "darcy", "dem", "lbm", "structure"]),
     ("analysis", &["base", "io"]),
     ("figures", &["analysis", "base", "io"]),
@@ -101,7 +101,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Modules of packages that hold two rooms, and the modules of their package that they may use.
+/// Modules of packages that have several parts, and the modules of their package that they may use.
 const MODULES: &[(&str, &[&str])] = &[
     ("src/plan/scene", &["scene"]),
     ("src/studies/sweep", &["sweep"]),

@@ -45,13 +45,15 @@ struct Seed {
     study: bool,
 }
 
-pub(crate) const SQUARE: &str = "solid s\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n endloop\nendfacet\n\
+pub(crate) const SQUARE: &str = "solid s\n\
+    facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 2 0 0\n  vertex 0 2 0\n endloop\nendfacet\n\
     facet normal 0 0 1\n outer loop\n  vertex 2 0 0\n  vertex 2 2 0\n  vertex 0 2 0\n endloop\nendfacet\nendsolid\n";
-pub(crate) const TETRAHEDRON: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n\
+pub(crate) const TETRAHEDRON: &str = "solid t\n\
+    facet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n\
     facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n\
     facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
-const BLOCKS: &str = r#"[{"shape": {"half_spaces": [[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
+const BLOCKS: &str = r#"[{"shape": {"half_spaces":[[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
 /// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
 fn corpus() -> Vec<Seed> {

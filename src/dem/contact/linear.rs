@@ -59,8 +59,9 @@ pub struct Input {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: f64,
-    /// Whether the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the rebound is slightly
-    /// faster than the damping ratio implies. At the default step the restitution of every impact is within 1 % up to a damping ratio of
+    /// `true` if the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the
+    /// rebound is slightly faster than the damping ratio implies. At the default step the restitution of every impact
+    /// is within 1 % up to a damping ratio of
     /// 0.5; pushing only, within 2.5 %, and within 1 % on average.
     #[serde(default)]
     pub attraction: bool,

@@ -1,13 +1,15 @@
-//! What the kernel of an operator is made of: the populations of a cell, the moments that every operator needs, and the interface of the
-//! kernels to the pass. Nothing here needs more than numbers, so that the same source runs on processors and on GPUs.
+//! Parts of the kernel of an operator: the populations of a cell, the moments that every operator needs, and the
+//! interface of the kernels to the pass. Nothing here needs more than numbers, so that the same source runs on
+//! processors and on GPUs.
 
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
 /// The populations of one cell, or of several side by side, each to be read and replaced.
 ///
-/// The pass hands out the lattice itself: an operator that works pair by pair reads a pair again before it replaces it, which costs less
-/// than 27 registers that do not exist. Population i goes where its opposite was read, so a pair is read before either is replaced.
+/// The pass hands out the lattice itself: an operator that works pair by pair reads a pair again before it replaces it,
+/// which costs less than 27 registers that do not exist. Population i goes where its opposite was read, so a pair is
+/// read before either is replaced.
 pub trait Site<N, const Q: usize> {
     /// Deviation that came in along direction i.
     fn incoming(&self, i: usize) -> N;
@@ -26,7 +28,7 @@ impl<N: Copy, const Q: usize> Site<N, Q> for [N; Q] {
     }
 }
 
-/// What happens to the populations of one cell (or of several side by side) in a step.
+/// Change of the populations of one cell (or of several side by side) in a step.
 pub trait Collision: Copy + Send + Sync {
     /// Name of its kernels on GPUs, without velocity set and storage; none where there are none.
     const ON_GPU: Option<&'static str> = None;
@@ -36,7 +38,8 @@ pub trait Collision: Copy + Send + Sync {
     fn uniform<N: Lanes>(&self) -> Self::Rates<N>;
     /// The rates of a cell whose viscosity is its own.
     fn local<N: Lanes>(&self, omega: N) -> Self::Rates<N>;
-    /// Replaces incoming deviations by outgoing ones and returns the velocity. Every call sees the same `self` during one step.
+    /// Replaces incoming deviations by outgoing ones and returns the velocity. Every call sees the same `self` during
+    /// one step.
     fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
         g: &mut G,

@@ -1,4 +1,5 @@
-//! The populations of D3Q27 by the components of their velocities, for operators that use products of one polynomial per axis.
+//! The populations of D3Q27 by the components of their velocities, for operators that use products of one polynomial
+//! per axis.
 
 use super::kernel::Site;
 use crate::lanes::Lanes;
@@ -24,8 +25,8 @@ const fn place(c: i8) -> usize {
     }
 }
 
-/// The same number in every lane. A function and not a closure, as everything here that makes lanes: closures do not get the vector
-/// instructions of the pass, and are calls in the cell loop then.
+/// Returns one number in every lane. It is a function, as everything here that makes lanes: closures do not get the
+/// vector instructions of the pass, and are calls in the cell loop then.
 #[inline(always)]
 pub(super) fn n<N: Lanes>(x: f64) -> N {
     N::splat(x)
@@ -40,7 +41,8 @@ pub(super) trait Basis {
     fn compose<N: Lanes>(moments: [N; 3]) -> [N; 3];
 }
 
-/// Returns the moments `t[a][b][c]` of the products of polynomials a, b, c: along x and y within each plane of c_z, then along z.
+/// Returns the moments `t[a][b][c]` of the products of polynomials a, b, c: along x and y within each plane of c_z,
+/// then along z.
 #[inline(always)]
 pub(super) fn moments<B: Basis, N: Lanes, G: Site<N, Q>, const Q: usize>(
     g: &G,

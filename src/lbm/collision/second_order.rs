@@ -1,9 +1,10 @@
-//! The kernel of multiple relaxation times if only the second moments have rates of their own: the operator of [`super::mrt`] with
-//! all higher rates 1, the default of `lbmpy` and others, also called regularised (J. Latt, B. Chopard, Math. Comput. Simul. 72 (2006)
-//! 165).
+//! The kernel of multiple relaxation times if only the second moments have rates of their own: the operator of
+//! [`super::mrt`] with all higher rates 1, the default of `lbmpy` and others, also called regularised (J. Latt, B.
+//! Chopard, Math. Comput. Simul. 72 (2006) 165).
 //!
-//! A rate of 1 sets a moment to its equilibrium, independently of its incoming value, so that only ten sums of the populations are needed.
-//! With J = Σ c g + F, Q_ab = m_a u_b - (F_a u_b + F_b u_a)/2, the difference from it of the second moments
+//! A rate of 1 sets a moment to its equilibrium, independently of its incoming value, so that only ten sums of the
+//! populations are needed. With J = Σ c g + F, Q_ab = m_a u_b - (F_a u_b + F_b u_a)/2, the difference from it of the
+//! second moments
 //!
 //! N_ab = Σ c_a c_b g - (δρ/3 δ_ab + Q_ab),   e = Σ_a N_aa/3,
 //!

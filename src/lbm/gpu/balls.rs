@@ -1,16 +1,18 @@
-//! The cover of the cells by balls, found on a GPU: what `coupling::cover_map` finds on the processor, with the same bits.
+//! The cover of the cells by balls, computed on a GPU; `coupling::cover_map` computes it on the processor, with the
+//! same bits.
 //!
-//! A ball has a box of cells that it may reach, and a thread has a cell of a box. The closed forms of [`base::ball`] need the edges of a ball,
-//! three arctangents each, which many cells share. They come first.
+//! A ball has a box of cells that it may reach, and a thread has a cell of a box. The closed forms of [`base::ball`]
+//! need the edges of a ball, three arctangents each, which many cells share. They come first.
 //!
 //! | kernel | a thread has | it leaves |
 //! |---|---|---|
 //! | `clear` | a cell of the slab | no body in it |
 //! | `edge` | a coordinate of the corners of a box, or a pair of them | its cap, or edge |
-//! | `cover` | a cell of a box | its fraction, and the cell of the box at the head of a list of those that are the same cell of the slab |
+//! | `cover` | a cell of a box | its fraction, as head of a list of those that are the same cell of the slab |
 //! | `settle` | the same | owner and fraction, if it is the head of the list |
 //!
-//! Where several balls fill parts of a cell, the parts stand in the order of the names of the balls, whatever the order of the threads.
+//! Where several balls fill parts of a cell, the parts stand in the order of the names of the balls, whatever the order
+//! of the threads.
 
 use crate::rigid::Rigid;
 use crate::saturation::solid::{DEEP, NONE, SHARED, STILL, Share, Shares, Solid, total};
@@ -24,7 +26,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 pub(crate) struct BallBox {
     /// Slot of the ball.
     slot: u32,
-    /// Where its cells begin among those of all boxes, and its edges among all edges.
+    /// Index of its first cell among those of all boxes; `edges`: that of its first edge among all edges.
     pub(crate) first: u32,
     edges: u32,
     /// Its first cell in the slab, whose ghost cells are -1 and the number of cells, and its cells along each axis.
@@ -39,7 +41,8 @@ pub(crate) const WARP: u32 = 32;
 pub(crate) const BLOCK: u32 = 128;
 
 impl BallBox {
-    /// That of a body in a slab of these cells, behind those that begin at `first` and `edges`; without cells where the ball does not reach the slab.
+    /// Returns the box of a body in a slab of these cells, with `first` and `edges` as given; without cells where the
+    /// ball does not reach the slab.
     #[cfg(not(target_arch = "nvptx64"))]
     fn new(slot: u32, solid: &Solid, slab: [i32; 3], (first, edges): (u32, u32)) -> Self {
         use base::number::floor_i32;
@@ -64,7 +67,8 @@ impl BallBox {
         }
     }
 
-    /// How many blocks its cells have, and how many edges there may be: the same wherever the ball stands.
+    /// Returns the number of blocks for its cells, and the maximum number of edges. Neither depends on the position of
+    /// the ball.
     #[cfg(not(target_arch = "nvptx64"))]
     fn room(solid: &Solid) -> (u32, u32) {
         use base::number::floor_i32;
@@ -76,7 +80,7 @@ impl BallBox {
         )
     }
 
-    /// The boxes of all balls in a slab, and which of them each block has. Returns how many edges there may be.
+    /// Lists the boxes of all balls in a slab, and the box of each block. Returns the maximum number of edges.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn of_all(
         solids: &[Solid],
@@ -100,14 +104,14 @@ impl BallBox {
         edges
     }
 
-    /// How many cells.
+    /// Returns the number of cells.
     #[inline(always)]
     fn count(&self) -> u32 {
         let [x, y, z] = self.cells.map(i32::cast_unsigned);
         x * y * z
     }
 
-    /// Where the edges of an axis and the next one begin, and how many corners there are along the next one.
+    /// Returns the index of the first edge of an axis and the next one, and the number of corners along the next one.
     #[inline(always)]
     fn edges_of(&self, axis: u32) -> (u32, u32) {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
@@ -118,14 +122,15 @@ impl BallBox {
         }
     }
 
-    /// Where the coordinates end.
+    /// Returns the index after the last coordinate.
     #[inline(always)]
     fn end_of_coordinates(&self) -> u32 {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
         x * y + y * z + z * x + 2 * (x + y + z)
     }
 
-    /// Where the coordinates along an axis begin, behind all edges: each a coordinate in radii, and the cap beyond it.
+    /// Returns the index of the first coordinate along an axis. Coordinates follow all edges: each is a coordinate in
+    /// radii, and the cap beyond it.
     #[inline(always)]
     fn coordinates_of(&self, axis: u32) -> u32 {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
@@ -148,7 +153,7 @@ pub(crate) struct Counters {
     pub(crate) mixed: AtomicU32,
 }
 
-/// What belongs to an axis. A GPU has registers only for those places of an array that it knows before.
+/// Returns the component of an axis. A GPU has registers only for those places of an array that it knows before.
 #[inline(always)]
 fn of_axis<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
     match axis {
@@ -168,7 +173,7 @@ pub(crate) struct Balls {
     pub(crate) boxes: *const BallBox,
     /// Which box each block has.
     pub(crate) of_blocks: *const u32,
-    /// Of all boxes.
+    /// Edges of all boxes.
     pub(crate) edges: *mut f64,
     /// Fraction of each cell of the boxes, its position in the slab, and the next one in its list.
     pub(crate) parts: *mut f32,
@@ -176,17 +181,17 @@ pub(crate) struct Balls {
     pub(crate) next: *mut u32,
     /// First in the list of each cell of the slab, by position.
     pub(crate) heads: *const AtomicU32,
-    /// What covers the cells, by position.
+    /// Cover of the cells, by position.
     pub(crate) fraction: *mut f32,
     pub(crate) owner: *mut u32,
     /// Parts of the cells of several balls.
     pub(crate) shares: *mut Share,
     pub(crate) shared: *mut Shares,
     pub(crate) counters: *const Counters,
-    /// How many cells of boxes, and positions.
+    /// Number of cells of boxes, and of positions.
     pub(crate) cells_of_boxes: u32,
     pub(crate) count_of_positions: u32,
-    /// Position of cell 0, 0, 0 of the slab, from cell to cell along each axis, and how many cells.
+    /// Position of cell 0, 0, 0 of the slab, distance from cell to cell along each axis, and number of cells.
     pub(crate) origin: u32,
     pub(crate) strides: [i32; 3],
     pub(crate) cells: [i32; 3],
@@ -314,7 +319,8 @@ impl Balls {
         }
     }
 
-    /// How much of a cell of a box its ball fills: [`DEEP`] deep inside, of a ghost cell the negative; and its position.
+    /// Returns the fraction of a cell of a box that its ball fills, [`DEEP`] deep inside, of a ghost cell the negative;
+    /// and the position of the cell.
     ///
     /// # Safety
     /// As for [`Self::cover`].
@@ -376,7 +382,7 @@ impl Balls {
         (part, position.cast_unsigned())
     }
 
-    /// How much of a cell the surface of its ball leaves inside.
+    /// Returns the fraction of a cell at the surface of its ball that is inside.
     ///
     /// # Safety
     /// As for [`Self::cover`].

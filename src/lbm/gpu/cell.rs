@@ -1,15 +1,15 @@
 //! The pass over one cell: what a thread of a GPU does.
 //!
-//! It reads all populations of the cell, collides, and leaves each where its opposite was read, as the pass over rows does
-//! ([`crate::kernel`]) with the same operators and the same order of operations, so that the bits are the same. On a processor the
-//! populations stay in memory until they are needed, because its registers do not hold them; a thread of a GPU has the registers, and
-//! reads all before the first use, so that many reads are on their way at once.
+//! It reads all populations of the cell, collides, and leaves each where its opposite was read, as the pass over rows
+//! does ([`crate::kernel`]) with the same operators and the same order of operations, so that the bits are the same. On
+//! a processor the populations stay in memory until they are needed, because its registers do not hold them; a thread
+//! of a GPU has the registers, and reads all before the first use, so that many reads are on their way at once.
 
 use crate::collision::kernel::{Collision, Site};
 use crate::lanes::{Memory, Stored};
 use crate::lattice::{Lattice, unroll};
 
-/// Where the cells of a slab have their numbers in one pass. The same bytes on the host and on the GPU.
+/// Layout of the numbers of the cells of a slab in one pass. The same bytes on the host and on the GPU.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Slab {
@@ -34,8 +34,8 @@ pub struct Place {
     pub place: u32,
 }
 
-/// Hides from the compiler that a place is the same as before. It would keep the addresses of what is read for what is written, in a third of the
-/// registers of a thread.
+/// Hides from the compiler that a place is the same as before. It would keep the addresses of what is read for what is
+/// written, in a third of the registers of a thread.
 #[inline(always)]
 pub(super) fn opaque(place: u32) -> u32 {
     #[cfg(target_arch = "nvptx64")]
@@ -51,11 +51,13 @@ pub(super) fn opaque(place: u32) -> u32 {
     place
 }
 
-/// Collides and streams one cell. `AGAIN`: whether the addresses are computed again for what is written, so that a thread has fewer registers and
-/// more threads find room; which is faster was measured for each kernel (`benches/README.md`).
+/// Collides and streams one cell. With `AGAIN` the addresses are computed again for what is written, so that a thread
+/// has fewer registers and more threads run at once; which is faster was measured for each kernel
+/// (`benches/README.md`).
 ///
 /// # Safety
-/// `numbers` must be those of a slab as described, the cell one of its own, and no other thread may have the same cell in this pass.
+/// `numbers` must be those of a slab as described, the cell one of its own, and no other thread may have the same cell
+/// in this pass.
 #[inline(always)]
 pub unsafe fn collide<L: Lattice<Q>, C: Collision, S: Stored, const AGAIN: bool, const Q: usize>(
     numbers: *mut S,

@@ -1,7 +1,8 @@
 //! Copies of numbers from place to place within a slab: what enters at walls, and what goes round periodic axes.
 //!
-//! Both are the same work: a number that left the fluid somewhere enters it elsewhere, less 6 w c·u at a wall ([`crate::boundary::wall`]).
-//! Copies of one kind stand at equal distances in memory, and are kept as rectangles of them.
+//! Both are the same work: a number that left the fluid somewhere enters it elsewhere, less 6 w c·u at a wall
+//! ([`crate::boundary::wall`]). Copies of one kind stand at equal distances in memory, and are kept as rectangles of
+//! them.
 
 use crate::lanes::Stored;
 
@@ -21,18 +22,18 @@ pub struct Copies {
     pub factor: u32,
     /// Keeps the term where its size puts it.
     pub unused: u32,
-    /// What is subtracted, at a factor of one.
+    /// Number that is subtracted, at a factor of one.
     pub term: f64,
 }
 
 impl Copies {
-    /// How many numbers are copied.
+    /// Returns the number of copies.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.counts[0] * self.counts[1]
     }
 
-    /// The same copies in rectangles of `most` at most: each is the work of a block.
+    /// Returns these copies in rectangles of `most` at most: each is the work of a block.
     #[cfg(not(target_arch = "nvptx64"))]
     pub fn pieces(self, most: u32) -> impl Iterator<Item = Self> {
         let [along, beyond] = self.counts;
@@ -55,8 +56,8 @@ impl Copies {
     /// Copies number `n` of them.
     ///
     /// # Safety
-    /// `numbers` must be those of the slab that the copies are of, `n` below their count, and nobody else may work on this number and its
-    /// copy.
+    /// `numbers` must be those of the slab that the copies are of, `n` below their count, and no other thread may work
+    /// on this number and its copy.
     #[inline(always)]
     pub unsafe fn copy<S: Stored>(&self, n: u32, factor: f64, numbers: *mut S) {
         // Never zero: without this the division could panic, for which a GPU has no function.

@@ -1,8 +1,8 @@
 //! The pass over a cell of a lattice that solids may cover ([`crate::saturation`]).
 //!
-//! A thread with a covered cell has far more to do than one without, so that each kind of cell has a pass of its own: open cells, cells deep
-//! inside bodies, and the others. The covered cells are listed first, so that threads side by side have the same work. Together the three
-//! are the pass of the processor.
+//! A thread with a covered cell has far more to do than one without, so that each kind of cell has a pass of its own:
+//! open cells, cells deep inside bodies, and the others. The covered cells are listed first, so that threads side by
+//! side have the same work. Together the three are the pass of the processor.
 
 use super::cell::{self, Place, Slab};
 use crate::collision::kernel::Collision;
@@ -37,7 +37,7 @@ pub(crate) unsafe fn collide_open<L: Lattice<Q>, C: Collision, S: Stored, const 
     }
 }
 
-/// Whether solids cover a cell, and whether it is deep inside.
+/// Returns `true` if solids cover a cell, and `true` if it is deep inside.
 ///
 /// # Safety
 /// The view must be that of the slab, and the cell one of its own.
@@ -48,7 +48,7 @@ pub(crate) unsafe fn kind(slab: &Slab, place: Place, view: &View) -> [bool; 2] {
     unsafe { [view.covers::<f64>(at), view.fills::<f64>(at)] }
 }
 
-/// Where a view finds a cell.
+/// Returns a cell as a view needs it.
 #[inline(always)]
 fn in_view(slab: &Slab, place: Place, sums: *mut Sums) -> InSlab {
     InSlab {
@@ -115,8 +115,8 @@ pub(crate) unsafe fn fill<L: Lattice<Q>, S: Stored, const Q: usize>(
     }
 }
 
-/// Collides and streams one cell that solids cover in part, or in whole at their surface, and adds the force on them. `omega` is the rate of the
-/// fluid.
+/// Collides and streams one cell that solids cover in part, or in whole at their surface, and adds the force on them.
+/// `omega` is the rate of the fluid.
 ///
 /// # Safety
 /// As for [`fill`], where [`View::covers`] holds.
@@ -135,7 +135,7 @@ pub(crate) unsafe fn mix<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>
         let mut fluid = read::<S, Q>(numbers, slab, start);
         let moments = View::moments::<L, f64, Q>(&fluid);
         let u = operator.collide::<L, f64, _, Q>(&mut fluid, rates);
-        // Read again: a thread has no room for both, and they are in the cache.
+        // Read again: a thread has no registers for both, and they are in the cache.
         let start = cell::opaque(start);
         let before = read::<S, Q>(numbers, slab, start);
         let here = in_view(slab, place, sums);

@@ -1,4 +1,5 @@
-//! The covered cells of a slab in two lists, so that threads side by side have the same work: cells deep inside bodies, and the others.
+//! The covered cells of a slab in two lists, so that threads side by side have the same work: cells deep inside bodies,
+//! and the others.
 
 use super::balls::Counters;
 #[cfg(target_arch = "nvptx64")]
@@ -6,14 +7,14 @@ use super::{balls::WARP, warp};
 #[cfg(target_arch = "nvptx64")]
 use core::sync::atomic::Ordering;
 
-/// The covered cells of a slab by their number, `(plane * rows + row) * cells of a row + place`: those deep inside bodies from the front on, the
-/// others from the back on. The same bytes on the host and on the GPU.
+/// The covered cells of a slab by their number, `(plane * rows + row) * cells of a row + place`: those deep inside
+/// bodies from the front on, the others from the back on. The same bytes on the host and on the GPU.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct CoveredCells {
-    /// Room for all cells.
+    /// Memory for all cells.
     pub(crate) numbers: *mut u32,
-    /// How many there are.
+    /// Number of listed cells.
     pub(crate) counters: *const Counters,
     /// Planes of the slab, rows of a plane, and cells of the slab.
     pub(crate) planes: u32,
@@ -23,8 +24,8 @@ pub(crate) struct CoveredCells {
 
 #[cfg(target_arch = "nvptx64")]
 impl CoveredCells {
-    /// Adds the cells of a row, whose first cell has number `first`, to the two lists. `kind` tells of a place whether bodies cover it, and
-    /// whether it is deep inside.
+    /// Adds the cells of a row, whose first cell has number `first`, to the two lists. `kind` returns for a place
+    /// `true` if bodies cover it, and `true` if it is deep inside.
     ///
     /// # Safety
     /// All threads of the warp must be here, with the same row.
@@ -67,7 +68,7 @@ impl CoveredCells {
                     } else {
                         self.cells - 1 - place
                     };
-                    // SAFETY: there is room for each cell.
+                    // SAFETY: there is memory for each cell.
                     unsafe { self.numbers.add(place as usize).write(number) };
                 }
                 at[n] += threads.count_ones();

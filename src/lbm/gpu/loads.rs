@@ -1,8 +1,9 @@
 //! Forces on bodies, summed by all threads of a GPU at once: integers, so that the order is of no account.
 //!
-//! A load is a sum of forces in quanta and of their moments, which need more than 64 bits ([`crate::links::Load`]). A GPU adds 64 bits at a
-//! time. Upper and lower halves of each force are therefore summed apart, and moments are taken about a cell inside the body, whose
-//! arms are short: no sum over fewer than 2^18 cells of a body 2^11 cells across can overflow.
+//! A load is a sum of forces in quanta and of their moments, which need more than 64 bits ([`crate::links::Load`]). A
+//! GPU adds 64 bits at a time. Upper and lower halves of each force are therefore summed apart, and moments are taken
+//! about a cell inside the body, whose arms are short: no sum over fewer than 2^18 cells of a body 2^11 cells across
+//! can overflow.
 
 use crate::lattice::unroll;
 use crate::saturation::solid::Solid;
@@ -35,13 +36,13 @@ fn moments(at: [i64; 3], f: [i64; 3]) -> [i64; 3] {
 }
 
 impl BodyLoad {
-    /// How many numbers it has.
+    /// Number of words of a load.
     pub const WORDS: usize = 12;
 
     /// Loads of each body, so that fewer threads wait for the same memory.
     pub const COPIES: u32 = 4;
 
-    /// From its parts as they lie in memory; what is missing is zero.
+    /// Returns the load of its parts as they lie in memory; missing ones are zero.
     #[must_use]
     pub fn of(parts: &[u64]) -> Self {
         let load = Self::default();
@@ -51,7 +52,7 @@ impl BodyLoad {
         load
     }
 
-    /// What a force in quanta at the middle of a cell of the raw frame of the body adds.
+    /// Returns the parts that a force in quanta at the middle of a cell of the raw frame of the body adds.
     #[inline(always)]
     pub(crate) fn parts<const D: usize>(
         solid: &Solid,

@@ -54,8 +54,8 @@ pub unsafe fn moments<L: Lattice<Q>, S: Stored, const Q: usize>(
 }
 
 impl RowExtremes {
-    /// Takes note of a cell of the row, of which nothing counts but whether it is finite where it is no water. Any order gives the same: sizes
-    /// compare like their bits.
+    /// Takes note of a cell of the row, of which nothing counts but whether it is finite where it is no water. Any
+    /// order gives the same: sizes compare like their bits.
     #[inline(always)]
     pub fn note(&self, drho: f64, momentum: [f64; 3], HalfForce(half): HalfForce, water: bool) {
         let m = [

@@ -1,8 +1,8 @@
-//! The sums of the forces on bodies, as the pass over covered cells adds to them on a GPU: the part of [`crate::saturation`]'s sums of a
-//! worker.
+//! The sums of the forces on bodies, as the pass over covered cells adds to them on a GPU: the part of
+//! [`crate::saturation`]'s sums of a worker.
 //!
-//! The force on the first body of a cell waits until the threads of a warp add up what they have for the same body: few additions to
-//! memory are left, for which thousands of threads would stand in line.
+//! The force on the first body of a cell waits until the threads of a warp add up what they have for the same body: few
+//! additions to memory are left, for which thousands of threads would stand in line.
 
 use super::loads::BodyLoad;
 use super::warp;
@@ -23,7 +23,8 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// No force yet. There are [`BodyLoad::COPIES`] times as many loads as `bodies`, and warp number `warp` has some of them.
+    /// No force yet. There are [`BodyLoad::COPIES`] times as many loads as `bodies`, and warp number `warp` has some of
+    /// them.
     #[inline(always)]
     pub(crate) fn new(
         loads: *const BodyLoad,
@@ -48,7 +49,8 @@ impl Sums {
         self.add_row::<D>(slot, raw, 0, force, [0; 3]);
     }
 
-    /// The same in quanta; a row of a GPU is one cell, so that no force has a place beyond the first.
+    /// Adds a force in quanta at the middle of a cell; a row of a GPU is one cell, so that no force has a place beyond
+    /// the first.
     #[inline(always)]
     pub(crate) fn add_row<const D: usize>(
         &mut self,
@@ -62,7 +64,7 @@ impl Sums {
             (self.slot, self.raw, self.force) = (slot, raw, force);
             return;
         }
-        // SAFETY: the host has room for each slot of a covered cell.
+        // SAFETY: the host has memory for each slot of a covered cell.
         let (load, solid) = unsafe {
             (
                 &*self.loads.add(slot as usize),

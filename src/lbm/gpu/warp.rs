@@ -1,6 +1,7 @@
 //! Work that the threads of a warp share: 32 threads of a GPU that run together. For GPUs alone.
 //!
-//! All threads of a warp must call these functions together, so that a kernel that uses them has no thread that returned before.
+//! All threads of a warp must call these functions together, so that a kernel that uses them has no thread that
+//! returned before.
 
 use super::balls::WARP;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -19,7 +20,7 @@ pub(crate) fn lane() -> u32 {
     lane
 }
 
-/// The threads, as bits, of which something holds.
+/// Returns the bit mask of the threads for which `holds` is `true`.
 #[inline(always)]
 pub(crate) fn ballot(holds: bool) -> u32 {
     let threads;
@@ -73,7 +74,7 @@ pub(crate) fn sum(number: i64) -> i64 {
     sum
 }
 
-/// How many of the threads before this one are among some.
+/// Returns the number of threads before this one that are set in `threads`.
 #[inline(always)]
 pub(crate) fn before(threads: u32) -> u32 {
     (threads & ((1 << lane()) - 1)).count_ones()

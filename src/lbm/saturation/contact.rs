@@ -1,21 +1,23 @@
 //! Bodies in contact: populations that cross between two full cells of different bodies carry pressure, but no drag.
 //!
-//! Where no water is between two bodies that slide on each other, the populations that their full cells exchange would act like
-//! a viscous film one cell thick. Populations that both cells reverse oscillate and increase this drag up to a hundredfold: a face of 0.01 m²
-//! at 0.2 m/s in cells of 1 cm received 55 to 70 N where water would exert 1 N. This film does not exist, because the contact law describes the
-//! forces between bodies in contact. A population that leaves a full cell towards a full cell of another body is therefore set to the
-//! equilibrium at the mean of the two bodies' velocities at the middle of the link,
+//! Where no water is between two bodies that slide on each other, the populations that their full cells exchange would
+//! act like a viscous film one cell thick. Populations that both cells reverse oscillate and increase this drag up to a
+//! hundredfold: a face of 0.01 m² at 0.2 m/s in cells of 1 cm received 55 to 70 N where water would exert 1 N. This
+//! film does not exist, because the contact law describes the forces between bodies in contact. A population that
+//! leaves a full cell towards a full cell of another body is therefore set to the equilibrium at the mean of the two
+//! bodies' velocities at the middle of the link,
 //!
 //! ```text
 //! f_i* = f_i^eq(ρ, u_c),     u_c = (u_a + u_b) / 2
 //! ```
 //!
-//! from both sides. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the joint (uplift), for any
-//! velocities of the bodies. The rest population conserves the mass of the cell, and the bodies receive the momentum that the water does not.
-//! A wall at rest beside a full cell counts as a body with u_c = 0. The rule does not apply to moving walls.
+//! from both sides. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the
+//! joint (uplift), for any velocities of the bodies. The rest population conserves the mass of the cell, and the bodies
+//! receive the momentum that the water does not. A wall at rest next to a full cell counts as a body with u_c = 0. The
+//! rule does not apply to moving walls.
 //!
-//! The rule needs the cover of the neighbours, so that a slab holds the cover of its ghost cells. A fraction in a ghost cell is stored as its negative,
-//! and no pass acts on it.
+//! The rule needs the cover of the neighbours, so that a slab holds the cover of its ghost cells. A fraction in a ghost
+//! cell is stored as its negative, and no pass acts on it.
 
 use super::Cell;
 use super::pass::{Place, View};
@@ -99,7 +101,7 @@ impl View {
         x * self.strides[0] + y * self.strides[1] + z * self.strides[2]
     }
 
-    /// Whether `slot` alone covers what is beside `N::WIDTH` cells.
+    /// Returns `true` if no body but `slot` covers neighbours of `N::WIDTH` cells.
     ///
     /// # Safety
     /// As for [`Self::covers`].
@@ -118,7 +120,8 @@ impl View {
                 .wrapping_add(cell)
                 .wrapping_offset(self.offset(L::C[i]));
             for (lane, other) in others.iter_mut().enumerate().take(N::WIDTH) {
-                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have memory
+                // for whole vectors.
                 let owner = unsafe { there.add(lane).read() };
                 *other |= if owner == NONE { 0 } else { owner ^ slot };
             }
@@ -127,7 +130,7 @@ impl View {
         others.iter().fold(0, |all, other| all | other) == 0
     }
 
-    /// Which of `N::WIDTH` cells have another body beside them than their own, or several.
+    /// Returns for each of `N::WIDTH` cells `true` if a neighbour has another body than its own, or several.
     ///
     /// # Safety
     /// As for [`Self::covers`].
@@ -150,7 +153,8 @@ impl View {
                 .wrapping_offset(self.offset(L::C[i]));
             // One for each lane, so that the compiler compares a vector of owners at once.
             for lane in 0..N::WIDTH {
-                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have room for whole vectors.
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have memory
+                // for whole vectors.
                 let owner = unsafe { there.add(lane).read() };
                 // Of a cell of several bodies all neighbours count but water.
                 let other = (owner ^ own[lane]) | (own[lane] & SHARED);
@@ -232,7 +236,7 @@ impl View {
         }
     }
 
-    /// Whether one body, or an image of it, fills both cells.
+    /// Returns `true` if one body, or an image of it, fills both cells.
     ///
     /// # Safety
     /// Both must be owners of covered cells.
@@ -243,8 +247,8 @@ impl View {
         (a | b) & SHARED == 0 && (a == b || id(a) == id(b))
     }
 
-    /// Whether the bodies of two covered cells rest: then their velocities need not be computed, as is the rule in a bed of fixed blocks. Threads
-    /// of a GPU would wait for each other.
+    /// Returns `true` if the bodies of two covered cells rest: then their velocities need not be computed, as is the
+    /// rule in a bed of fixed blocks. Threads of a GPU would wait for each other.
     ///
     /// # Safety
     /// Both must be owners of cells that bodies cover.
@@ -266,7 +270,8 @@ impl View {
         })
     }
 
-    /// Velocity of the bodies of a covered cell at the middle of the link along `c` from the cell `at`: the same from both of its ends.
+    /// Returns the velocity of the bodies of a covered cell at the middle of the link along `c` from the cell `at`: the
+    /// same from both of its ends.
     ///
     /// # Safety
     /// `owner` must be that of a cell that bodies cover.

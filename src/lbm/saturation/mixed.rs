@@ -7,26 +7,28 @@ use crate::lattice::{Lattice, unroll};
 
 /// A pair of opposite populations, or one at rest with its opposite missing.
 pub(super) struct Pair<N> {
-    /// What came in along i, and along its opposite.
+    /// Incoming populations along i and along its opposite.
     pub(super) incoming: [N; 2],
     /// Symmetric and antisymmetric part of the equilibrium along i at the velocity of the fluid.
     pub(super) at_fluid: [N; 2],
-    /// The same at the velocity of the solid.
+    /// These parts at the velocity of the solid.
     pub(super) at_solid: [N; 2],
 }
 
 /// An operator of which B is mixed with the collision of the fluid.
 pub(super) trait Mixed: Copy {
-    /// Whether what a full cell reverses leaks by the weight B itself.
+    /// `true` if the weight B itself makes a full cell lose a part of what it reverses.
     const LEAKS: bool = false;
 
-    /// Ω^s of the population at rest, from what came in and the equilibria at the velocities of fluid and solid; `keep` is 1 - ω.
+    /// Ω^s of the population at rest, from what came in and the equilibria at the velocities of fluid and solid; `keep`
+    /// is 1 - ω.
     fn at_rest<N: Lanes>(incoming: N, at_fluid: N, at_solid: N, keep: N) -> N;
 
     /// Ω^s of a pair.
     fn pair<N: Lanes>(pair: &Pair<N>, keep: N) -> [N; 2];
 
-    /// r of a component, and α ρ: the force on the solid is -B (α ρ u_s + r). `m` is the momentum that came in, `ru` that of the fluid.
+    /// r of a component, and α ρ: the force on the solid is -B (α ρ u_s + r). `m` is the momentum that came in, `ru`
+    /// that of the fluid.
     fn rest<N: Lanes>(m: N, ru: N, keep: N) -> N;
 
     /// See [`Mixed::rest`].

@@ -10,7 +10,7 @@ use crate::lanes::{Lanes, Memory, WIDEST};
 use crate::lattice::{Lattice, unroll};
 use crate::quanta::quanta;
 
-/// What a pass sees of a [`Cover`].
+/// Data of a [`Cover`] that a pass reads.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct View {
@@ -37,8 +37,8 @@ pub(crate) struct Place {
     pub(crate) sums: *mut Sums,
 }
 
-/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not compiled into the pass
-/// of every operator and number type.
+/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not
+/// compiled into the pass of every operator and number type.
 pub(crate) trait Covers: Lanes {
     /// See [`View::mix`].
     ///
@@ -132,7 +132,7 @@ covers!(
 );
 
 impl View {
-    /// Of a fluid without covered cells.
+    /// View of a fluid without covered cells.
     pub(crate) const NONE: Self = Self {
         fraction: core::ptr::null(),
         owner: core::ptr::null(),
@@ -149,7 +149,7 @@ impl View {
         strides: [0; 3],
     };
 
-    /// What the coming pass sees of a cover.
+    /// Returns the view of a cover for the coming pass.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn of(cover: &mut Cover) -> Self {
         let shared = cover.list_shares();
@@ -166,7 +166,8 @@ impl View {
         }
     }
 
-    /// What a pass on a GPU sees of a cover, whose arrays are at these addresses there: fractions, owners, bodies, and lists of parts.
+    /// Returns the view of a cover for a pass on a GPU, whose arrays are at these addresses there: fractions, owners,
+    /// bodies, and lists of parts.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn on_gpu(cover: &Cover, addresses: [u64; 4]) -> Self {
         // A GPU has addresses of 64 bits, as has any host that it serves.
@@ -207,17 +208,17 @@ impl View {
         self.sums.wrapping_add(worker)
     }
 
-    /// Whether any of `N::WIDTH` cells is covered.
+    /// Returns `true` if any of `N::WIDTH` cells is covered.
     ///
     /// # Safety
-    /// `cell` must be the position of an interior cell with room for whole vectors after it.
+    /// `cell` must be the position of an interior cell with memory for whole vectors after it.
     #[inline(always)]
     pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
         // SAFETY: promised by the caller.
         unsafe { N::above(self.fraction.add(cell), 0.0) != 0 }
     }
 
-    /// Whether bodies fill all of `N::WIDTH` cells so deep that no water is beside them.
+    /// Returns `true` if bodies fill all of `N::WIDTH` cells so deep that no water is next to them.
     ///
     /// # Safety
     /// As for [`Self::covers`].
@@ -265,8 +266,8 @@ impl View {
         (drho, m)
     }
 
-    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies: what [`Self::mix`] does there. `before`
-    /// are the populations that came in.
+    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies: what
+    /// [`Self::mix`] does there. `before` are the populations that came in.
     ///
     /// # Safety
     /// As for [`Self::mix`], where [`Self::fills`] holds.
@@ -311,9 +312,9 @@ impl View {
         unsafe { self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act) };
     }
 
-    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those that the collision of the
-    /// fluid left, `fluid`, and adds the forces on the bodies. `u` is the velocity of the fluid, `omega` its rate. Returns the velocity of
-    /// fluid and solid together.
+    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those
+    /// that the collision of the fluid left, `fluid`, and adds the forces on the bodies. `u` is the velocity of the
+    /// fluid, `omega` its rate. Returns the velocity of fluid and solid together.
     ///
     /// # Safety
     /// As for [`Self::covers`], which must hold; no other thread may have the same worker.
@@ -334,7 +335,7 @@ impl View {
         unsafe { self.mix_with_moments::<L, N, Q>(place, (before, moments), fluid, g, site) }
     }
 
-    /// The same, where density and momentum of `before` are known.
+    /// Acts as [`Self::mix`], where density and momentum of `before` are known.
     ///
     /// # Safety
     /// As for [`Self::mix`].
@@ -411,7 +412,8 @@ impl View {
         mixed
     }
 
-    /// Adds the forces of `N::WIDTH` cells to their bodies: of `sole` in whole, as there every lane adds the same integers to the same sums.
+    /// Adds the forces of `N::WIDTH` cells to their bodies: of `sole` in whole, as there every lane adds the same
+    /// integers to the same sums.
     ///
     /// # Safety
     /// As for [`Self::mix`]; `sole` and `velocity` must be those of these cells.

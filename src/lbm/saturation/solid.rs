@@ -2,7 +2,7 @@
 
 use crate::rigid::{Rigid, surface_velocity};
 
-/// Fraction of a cell so deep inside a body that no water is beside it.
+/// Fraction of a cell so deep inside a body that no water is next to it.
 pub const DEEP: f32 = 2.0;
 
 /// Between the fraction of a full cell and [`DEEP`].
@@ -41,7 +41,8 @@ pub struct Solid {
     pub motion: Rigid,
     /// From its raw frame to the cells of the slab: local = raw + frame.
     pub frame: [i32; 3],
-    /// Known to stand so far from other bodies and from walls that no full cell of it is beside one of theirs.
+    /// `true` if it is known to be so far from other bodies and from walls that no full cell of it is next to one of
+    /// theirs.
     pub alone: bool,
 }
 
@@ -71,9 +72,9 @@ impl Solid {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Share {
-    /// Whose part it is.
+    /// Slot of the body.
     pub(crate) slot: u32,
-    /// How much of the cell it fills.
+    /// Part of the cell that it fills.
     pub(crate) fraction: f32,
 }
 

@@ -1,16 +1,18 @@
 //! The operator whose drag in slow flow does not depend on the viscosity.
 //!
-//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at ten cells per diameter.
-//! Steady slow flow on a lattice depends only on the product of the times of the symmetric and antisymmetric parts if every time of a cell
-//! scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E 68 (2003) 066614). The times of a cell are therefore
+//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at
+//! ten cells per diameter. Steady slow flow on a lattice depends only on the product of the times of the symmetric and
+//! antisymmetric parts if every time of a cell scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E
+//! 68 (2003) 066614). The times of a cell are therefore
 //!
 //! ```text
 //! t⁺ = t / (1 - ε),     t⁻ = t' (1 - ε),     S = -σ (ρu - ρu_s),   σ = 2 C t ε / (1 - ε),    C = ¾
 //! ```
 //!
-//! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts, u at the middle of the step, and (1 - ε) F of the body force. t⁺
-//! is exact for shear along a flat wall: a cell with a fluid fraction of 1 - ε has 1/(1 - ε) times the viscosity. A full cell reverses the
-//! antisymmetric part and keeps the symmetric part: half-way bounce-back. The operator is that of the fluid with scaled rates of its two parts.
+//! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts, u at the middle of the step, and (1 - ε) F of
+//! the body force. t⁺ is exact for shear along a flat wall: a cell with a fluid fraction of 1 - ε has 1/(1 - ε) times
+//! the viscosity. A full cell reverses the antisymmetric part and keeps the symmetric part: half-way bounce-back. The
+//! operator is that of the fluid with scaled rates of its two parts.
 
 use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, Model, SolidCollision};
 use crate::collision::along;
@@ -18,8 +20,8 @@ use crate::collision::trt::AntisymmetricRate;
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// How much a partly filled cell drags beside being stiffer: the one number of the matched operator that is fitted, to Zick and
-/// Homsy's drag of a simple cubic array of spheres 8 to 12 cells across.
+/// Coefficient of the drag of a partly filled cell, in addition to its higher viscosity: the only fitted number of the
+/// matched operator, from Zick and Homsy's drag of a simple cubic array of spheres 8 to 12 cells across.
 const DRAG: f64 = 0.75;
 
 /// See the module.
@@ -29,7 +31,8 @@ pub struct ViscosityMatched;
 #[cfg(not(target_arch = "nvptx64"))]
 impl Model for ViscosityMatched {
     fn documentation(&self) -> &'static str {
-        "Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend on the viscosity. For BGK and TRT. It uses no weighting."
+        "Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend \
+         on the viscosity. For BGK and TRT. It uses no weighting."
     }
 
     fn describe(&self) -> &'static str {
@@ -112,7 +115,7 @@ impl SolidCollision for ViscosityMatched {
             let (x, y) = (before[i], before[j]);
             let (p, q) = (fluid[i] - x, fluid[j] - y);
             let even = of_even * ((p + q) * half);
-            // What the operator does to the odd part beside adding the force.
+            // Change of the odd part by the operator, without the force.
             let odd = (p - q) * half - three * along(c, &force);
             let odd = of_odd.mul_add(odd, three * along(c, &gain));
             let (on_i, on_j) = (x + (even + odd), y + (even - odd));

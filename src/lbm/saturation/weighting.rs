@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 pub enum Weighting {
     /// B = ε.
     Fraction,
-    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): the effective surface depends less on the viscosity (Noble and Torczynski 1998).
+    /// B = ε (τ - 1/2) / ((1 - ε) + (τ - 1/2)): the effective surface depends less on the viscosity (Noble and
+    /// Torczynski 1998).
     #[default]
     Viscous,
 }

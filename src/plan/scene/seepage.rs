@@ -29,7 +29,8 @@ const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
 /// Default number of steps of the clock to an output of a flow that changes with time.
 const TRANSIENT_INTERVAL: u32 = 10;
-/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean diameters).
+/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean
+/// diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
 /// A resolved seepage, in SI.

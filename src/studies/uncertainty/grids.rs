@@ -12,8 +12,8 @@
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
-//! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered, as far as its openings end between
-//! cells. A seepage through grains has cells of the size of grains and is not refined.
+//! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered, as far
+//! as its openings end between cells. A seepage through grains has cells of the size of grains and is not refined.
 
 use base::error::{Error, Problem, Severity};
 use base::number::{common_divisor, real, to_u32, whole};

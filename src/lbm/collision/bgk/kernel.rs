@@ -47,7 +47,7 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
         unroll!(axes a < L::DIMENSION => {
             momentum[a] = p.m[a] * rate;
         });
-        // The even part common to all directions, δρ - 3/2 m·u, and with a force the source's -3 u·F beside it.
+        // The even part common to all directions, δρ - 3/2 m·u, and with a force the source's -3 u·F in addition.
         let mut base = p.mu.mul_add(N::splat(-1.5), p.drho) * omega;
         let mut force = [N::splat(0.0); 3];
         if FORCED {

@@ -5,7 +5,7 @@ use crate::collision::products::{self, Basis, n};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// The rates beside that of the shear stress, by the names of Suga et al.
+/// Rates of all moments but the shear stress, by the names of Suga et al.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Rates {
@@ -59,7 +59,7 @@ impl Rates {
         }
     }
 
-    /// Whether all moments above the second go to equilibrium at once.
+    /// Returns `true` if all moments above the second go to equilibrium at once.
     #[must_use]
     pub fn second_order(&self) -> bool {
         *self
@@ -143,8 +143,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
-        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and source 2s goes to
-        // t - rate (t - (q - s)) + 2s.
+        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and
+        // source 2s goes to t - rate (t - (q - s)) + 2s.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
         let mut square_source = [n::<N>(0.0); 3];
@@ -160,7 +160,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         }
         let k = &self.rates;
 
-        // Second moments K_a: equilibrium -3 m_a u_a. What they are above it relaxes, and its mean at a rate of its own.
+        // Second moments K_a: equilibrium -3 m_a u_a. What they are above it relaxes, and its mean at a rate of its
+        // own.
         let mut above = [n::<N>(0.0); 3];
         let diagonal = [t[2][0][0], t[0][2][0], t[0][0][2]];
         unroll!(axes a < 3 => {
@@ -185,7 +186,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             }
             t[x][y][z] = value * n::<N>(scale(1, 1, 0));
         });
-        // All others have neither equilibrium nor source. c_a K_b and c_a K_c, relaxed as sum and difference; c_a K_b K_c.
+        // All others have neither equilibrium nor source. c_a K_b and c_a K_c, relaxed as sum and difference; c_a K_b
+        // K_c.
         let stays = n::<N>((1.0 - 0.5 * (k.q + k.tau)) * scale(1, 2, 0));
         let crosses = n::<N>(0.5 * (k.tau - k.q) * scale(1, 2, 0));
         unroll!(axes a < 3 => {

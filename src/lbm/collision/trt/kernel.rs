@@ -16,13 +16,13 @@ pub struct Trt<const FORCED: bool> {
     pub force: [f64; 3],
 }
 
-/// How the rate of the antisymmetric part follows from that of the symmetric part.
+/// Rule by which the rate of the antisymmetric part follows from that of the symmetric part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub enum AntisymmetricRate {
     /// By the magic parameter Λ.
     Magic(f64),
-    /// The same rate: BGK.
+    /// One rate for both parts: BGK.
     AsSymmetric,
 }
 

@@ -6,7 +6,7 @@
 //! | LAMMPS, LIGGGHTS | data file of the atom style `sphere`, with its velocities |
 //! | YADE, Woo | sphere pack without names: `##PERIODIC:: x y z`, then `x y z r` or `x y z r clump` |
 //! | ParaView | table of points: `Points:0`, `Points:1`, `Points:2` |
-//! | PFC | `ball create` commands (also `ball generate`, `ball id 1 ...`): `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
+//! | PFC | `ball create`, `ball generate`, `ball id 1 ...`: `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
 //!
 //! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which
 //! [`io::sheet`] reads. `attrs` in a format stands for any number of columns at the end, which are left out.
