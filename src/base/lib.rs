@@ -29,6 +29,7 @@ pub mod family;
     reason = "comments are the texts of the schema, where units stand in brackets: [m]"
 )]
 pub mod geometry;
+pub mod history;
 pub mod number;
 pub mod provenance;
 pub mod random;

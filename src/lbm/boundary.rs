@@ -19,6 +19,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
+//! | `discharge`, `level`, `outfall` | an opening of water with a free surface each |
 //! | `model` | [`Model`], what the program asks a boundary of a case |
 //! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
 //! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
@@ -45,7 +46,7 @@ pub use super::quanta::{QUANTA, from_quanta, quanta};
 pub use flux::Flux;
 pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
 pub use model::{ImposedPressure, ImposedSpeed, Model};
-pub use nature::{Inflow, Nature, Strength, Surface};
+pub use nature::{Inflow, Nature, Strength, Surface, WithSurface};
 pub use rule::{Giver, Moment, Rule};
 pub use site::{Opening, Place, Sides, Site};
 pub use sound::{Sound, Sums};
@@ -53,7 +54,8 @@ pub use sound::{Sound, Sums};
 use super::block::Block;
 use super::gpu::copies::Copies;
 use super::lanes::Stored;
-use super::populations::{Parity, Populations};
+use super::populations::{Link, Parity, Populations};
+use super::surface::Outside;
 use base::error::{Error, Report};
 use base::family;
 use base::number::{real, to_u32};
@@ -143,6 +145,9 @@ boundaries! {
     pressure Pressure,
     outflow Outflow,
     convective_outflow ConvectiveOutflow,
+    discharge Discharge,
+    level Level,
+    outfall Outfall,
 }
 
 /// A value that goes linearly from `start` to `end` during `steps`, then stays.
@@ -464,6 +469,45 @@ impl<S: Stored> Boundaries<S> {
     /// factor. `plane` is the distance from plane to plane.
     pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         self.walls.copies(parity, plane)
+    }
+
+    /// Returns the patches through which water with a free surface passes: the number of each, the axis of its face and
+    /// `true` for the upper end, and what is outside.
+    pub(crate) fn outsides(&self) -> impl Iterator<Item = (usize, (usize, bool), Outside)> + '_ {
+        let patches = self.patches.iter().enumerate();
+        patches.filter_map(|(n, patch)| {
+            let outside = patch.rule.outside()?;
+            Some((n, (patch.axis, patch.upper), outside))
+        })
+    }
+
+    /// Returns the links through a patch by rising cell and direction.
+    pub(crate) fn links_of(
+        &self,
+        patch: usize,
+        populations: &Populations<S>,
+    ) -> Vec<(usize, usize)> {
+        let of_walls = self.walls.links().filter(|wall| wall.patch == patch);
+        let of_walls = of_walls.map(|wall| (wall.link, wall.direction));
+        let kept = self.patches[patch].rule.links().iter();
+        let kept = kept.map(|kept| (kept.link, kept.direction));
+        let opposite = &populations.velocities().opposite;
+        let cell = |link: Link, direction: usize| {
+            link.near as usize - populations.slot(0, opposite[direction])
+        };
+        let mut links: Vec<_> = of_walls
+            .chain(kept)
+            .map(|(link, direction)| (cell(link, direction), direction))
+            .collect();
+        links.sort_unstable();
+        links
+    }
+
+    /// Returns the velocity that a patch imposes at the middle of the face of a cell, before the factor of the step.
+    pub(crate) fn imposed(&self, patch: usize, middle: [f64; 3]) -> [f64; 3] {
+        let rule = &self.patches[patch].rule;
+        let part = rule.part(middle);
+        rule.velocity(middle).unwrap_or_default().map(|u| part * u)
     }
 
     /// Returns the number of patches.

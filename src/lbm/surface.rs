@@ -56,6 +56,7 @@
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
+//! | `opening` | openings: what enters and leaves through them |
 
 mod carried;
 mod carrier;
@@ -68,15 +69,18 @@ mod ghosts;
 pub mod kind;
 pub(crate) mod lists;
 mod moments;
+mod opening;
 
 pub use ghosts::Ends;
+pub(crate) use opening::Opening;
+pub use opening::{Outside, Passed, Up};
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
 use super::populations::Populations;
 use super::quanta::{from_quanta, quanta};
 use cells::Cells;
-use decomposition::Domain;
+use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
 use kind::{ENCLOSED, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
@@ -99,6 +103,9 @@ pub struct Surface {
     beyond: Vec<(usize, carrier::Carrier)>,
     /// Mass that could not be shared, on this rank, in quanta.
     lost: i128,
+    openings: Vec<Opening>,
+    /// Dry cells of a step that stand against water outside; the list keeps its memory.
+    fed: Vec<conversion::Fed>,
 }
 
 impl Surface {
@@ -121,6 +128,8 @@ impl Surface {
             corners: Vec::new(),
             beyond: Vec::new(),
             lost: 0,
+            openings: Vec::new(),
+            fed: Vec::new(),
         })
     }
 
@@ -216,6 +225,48 @@ impl Surface {
     /// Sets the mass that could not be shared, on a restart.
     pub fn set_lost(&mut self, lost: i128) {
         self.lost = lost;
+    }
+
+    /// Opens faces of the domain: one opening for each patch that lets water through, equal on all ranks but for its
+    /// links.
+    pub(crate) fn open(&mut self, openings: Vec<Opening>) {
+        self.openings = openings;
+    }
+
+    /// Finds the state outside the openings at a step; `factor` gives that of the velocity of a patch. Collective.
+    pub(crate) fn measure(
+        &mut self,
+        step: f64,
+        factor: impl Fn(usize) -> f64,
+        communicator: &Communicator,
+    ) {
+        for opening in &self.openings {
+            opening.clear(&mut self.cells);
+        }
+        for opening in &mut self.openings {
+            let factor = factor(opening.patch());
+            opening.measure(&self.cells, (step, factor), communicator);
+            opening.mark(&mut self.cells);
+        }
+    }
+
+    /// Returns the patches of the openings with the mass that has passed each on this rank.
+    pub fn passed(&self) -> impl Iterator<Item = (usize, Passed)> + '_ {
+        let openings = self.openings.iter();
+        openings.map(|opening| (opening.patch(), opening.passed()))
+    }
+
+    /// Sets the mass that has passed the openings, in their order, on a restart.
+    pub fn set_passed(&mut self, passed: impl Iterator<Item = Passed>) {
+        for (opening, passed) in self.openings.iter_mut().zip(passed) {
+            opening.set_passed(passed);
+        }
+    }
+
+    /// Returns the patches of the openings with the mass that entered in the last step on this rank, in quanta.
+    pub(crate) fn entered_last(&self) -> impl Iterator<Item = (usize, i128)> + '_ {
+        let openings = self.openings.iter();
+        openings.map(|opening| (opening.patch(), opening.last()))
     }
 
     /// Returns the fill level of a cell: 0 of gas and solids, 1 of liquid.
@@ -327,6 +378,9 @@ impl Surface {
         half_force: [f64; 3],
         viscosity: f64,
     ) {
+        for opening in &mut self.openings {
+            opening.remember(&self.cells, populations, half_force);
+        }
         let state = (&self.cells, self.ghosts.around());
         let drive = (half_force, viscosity);
         exchange::prepare(state, &mut self.planes, populations, drive);
@@ -347,6 +401,10 @@ impl Surface {
         let slab = (&mut self.planes[..], &self.ghosts);
         carried::link(&mut self.cells, slab, populations, &mut self.beyond);
         carried::clear(&mut self.cells, &self.planes);
+        self.fed.clear();
+        for opening in &mut self.openings {
+            opening.pass(&mut self.cells, populations, &mut self.fed);
+        }
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
@@ -370,8 +428,12 @@ impl Surface {
         self.ghosts.exchange_moments(of_surface);
         self.work.resolve(&mut self.cells);
         self.ghosts.spread_kinds(&mut self.cells.kind);
-        self.work
-            .convert(&mut self.cells, &mut self.planes, populations, &self.ghosts);
+        self.work.convert(
+            &mut self.cells,
+            &mut self.planes,
+            populations,
+            (&self.ghosts, &self.fed),
+        );
         self.settle(populations);
     }
 

@@ -22,6 +22,7 @@ use io::{Maker, Numbers};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
+use lbm::surface::Passed;
 use lbm::surface::Surface;
 use lbm::surface::kind::is_wet;
 use rayon::prelude::*;
@@ -221,6 +222,8 @@ pub struct State<'a, Sp: Space, S: Stored> {
 const SURFACE_NUMBERS: usize = 3;
 const SURFACE: &str = "free_surface";
 const SURFACE_LOSS: &str = "free_surface_loss";
+/// Mass that has entered and left through each opening of a free surface, in quanta.
+const SURFACE_PASSED: &str = "free_surface_passed";
 const OPENINGS: &str = "openings";
 const EARLIER: &str = "earlier_velocities";
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
@@ -268,6 +271,11 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
         if let Some(surface) = self.fluid.and_then(Fluid::surface) {
             let lost = sum_of_ranks(communicator, surface.lost());
             attributes[SURFACE_LOSS] = json!(lost.to_string());
+            let passed = surface
+                .passed()
+                .flat_map(|(_, passed)| [passed.entered, passed.left]);
+            let passed = passed.map(|mass| sum_of_ranks(communicator, mass).to_string());
+            attributes[SURFACE_PASSED] = passed.collect();
         }
         attributes["velocities"] = json!(velocities.is_some());
         attributes["averages"] = json!(self.averages.map_or(0, Averages::samples));
@@ -582,6 +590,15 @@ fn read_surface<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), E
     let lost = reader.attributes()[SURFACE_LOSS].as_str();
     let lost = lost.filter(|_| first).and_then(|text| text.parse().ok());
     fluid.restore_surface(&cells, &saved, lost.unwrap_or(0));
+    let passed = reader.attributes()[SURFACE_PASSED].as_array();
+    if let (Some(surface), Some(passed), true) = (fluid.surface_mut(), passed, first) {
+        let number = |n: usize| passed.get(n)?.as_str()?.parse().ok();
+        let of_opening = |n: usize| Passed {
+            entered: number(2 * n).unwrap_or(0),
+            left: number(2 * n + 1).unwrap_or(0),
+        };
+        surface.set_passed((0..passed.len() / 2).map(of_opening));
+    }
     Ok(())
 }
 

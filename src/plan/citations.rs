@@ -65,6 +65,9 @@ pub const MODELS: &[(&str, Models)] = &[
             ("pressure", &["ginzburg2008", "ladd1994"]),
             ("outflow", &["lou2013", "kruger2017"]),
             ("convective_outflow", &["lou2013"]),
+            ("discharge", &["ladd1994", "chow1959"]),
+            ("level", &["ginzburg2008"]),
+            ("outfall", &["bogner2015"]),
         ],
     ),
     (

@@ -299,13 +299,17 @@ impl Choices<'_> {
             self.add(&what, model, reason);
         }
         if let Some(surface) = &self.scene.surface {
+            let spacing = self.scene.grid.spacing;
+            let openings = surface.openings.iter();
+            let openings = openings.map(|opening| format!("; {}", opening.describe(spacing)));
+            let openings: String = openings.collect();
             self.add(
                 "free surface",
                 "volume of fluid on the lattice",
                 format!(
                     "water stands up to {} m; air has no flow and no pressure of its own: what water encloses is lost \
                      and counted; \
-                     no surface tension, no entrainment of air",
+                     no surface tension, no entrainment of air{openings}",
                     number(surface.head())
                 ),
             );

@@ -94,6 +94,124 @@ fn a_dam_in_three_dimensions_with_eddies() {
     );
 }
 
+/// A discharge over a weir to a tailwater, both by tables, and a jet into them through the lid.
+const OVER_A_WEIR: [(&str, &str); 6] = [
+    ("domain", r#"{"size": [0.16, 0.06], "spacing": 0.0025}"#),
+    (
+        "fluid.lattice_boltzmann.surface.water",
+        r#"[{"shape": {"box": {"from": [0, 0], "to": [0.0811, 0.0323]}}}]"#,
+    ),
+    (
+        "fluid.lattice_boltzmann.boundaries",
+        r#"[{"name": "floor", "face": "y_min", "condition": {"free_slip": {}}},
+            {"name": "in", "face": "x_min",
+             "condition": {"discharge": {"value": 0, "history": [[0, 0.002], [0.03, 0.006]]}}},
+            {"name": "jet", "face": "y_max", "patch": {"from": [0.1, 0.06], "to": [0.113, 0.06]},
+             "condition": {"velocity": {"profile": {"uniform": [0, -0.3]}, "ramp_time": 0.02}}},
+            {"name": "out", "face": "x_max",
+             "condition": {"level": {"value": 0.01, "history": [[0.02, 0.0123], [0.06, 0.0081]]}}}]"#,
+    ),
+    (
+        "structures",
+        r#"[{"name": "weir", "shape": {"box": {"from": [0.06, 0], "to": [0.0789, 0.0251]}}}]"#,
+    ),
+    (
+        "probes",
+        r#"[{"name": "gauge", "every": 0.01, "at": {"gauge": {"position": [0.03, 0]}}},
+            {"name": "plane", "every": 0.01, "at": {"plane": {"axis": "x", "position": 0.07}}}]"#,
+    ),
+    ("time.end", "0.1"),
+];
+
+#[test]
+fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
+    let _beside = beside_others();
+    let mut set = OVER_A_WEIR.to_vec();
+    set.push(("checkpoint.every", "0.03"));
+    let study = Study::of("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=y"),
+        ("two", 2, 2, "domain.split=x"),
+        ("three", 3, 1, "domain.split=y"),
+        ("narrow", 4, 1, "domain.slab_bounds=[1, 40, 63]"),
+        ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0417"]);
+    study.restart("parts", 1, &["time.end=0.08"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.1"]).expect(0);
+    study.same("straight", "parts");
+    let [straight, parts] = ["straight", "parts"].map(|run| study.summary(run)["water"].clone());
+    for key in ["mass", "entered", "left", "lost", "openings"] {
+        assert_eq!(straight[key], parts[key], "{key}");
+    }
+    let number = |key: &str| straight[key].as_f64().unwrap();
+    assert!(number("mass_error").abs() < 1e-12, "{straight}");
+    // Tables and ramp as written: 0.03 (0.002 + 0.006)/2 + 0.07 * 0.006 and 0.013 * 0.3 * 0.09 m2.
+    let names = straight["openings"].as_array().unwrap();
+    let entered = |name: &str| {
+        let of_name = |opening: &&serde_json::Value| opening["name"] == name;
+        names.iter().find(of_name).unwrap()["entered"]
+            .as_f64()
+            .unwrap()
+    };
+    for (name, exact) in [("in", 0.54), ("jet", 0.351)] {
+        let found = entered(name);
+        // The density of what enters is that of the depth, and the faces of the jet are dry for a step.
+        assert!(
+            (found / exact - 1.0).abs() < 0.01,
+            "{name}: {found} of {exact}"
+        );
+    }
+    assert!(number("left") > 0.05, "{straight}");
+}
+
+#[test]
+fn openings_in_three_dimensions_with_eddies() {
+    let _beside = beside_others();
+    let study = Study::of(
+        "dam-break",
+        &[
+            (
+                "domain",
+                r#"{"size": [0.07, 0.04, 0.03], "spacing": 0.0025}"#,
+            ),
+            ("gravity", "[0.2, -9.81, 0]"),
+            (
+                "fluid.lattice_boltzmann.surface.water",
+                r#"[{"level": 0.0172}]"#,
+            ),
+            ("fluid.lattice_boltzmann.collision", r#"{"cumulant": {}}"#),
+            ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+            ("fluid.lattice_boltzmann.kinematic_viscosity", "1e-5"),
+            (
+                "fluid.lattice_boltzmann.boundaries",
+                r#"[{"name": "in", "face": "x_min", "condition": {"discharge": {"value": 1e-4}}},
+                    {"name": "side", "face": "z_max", "condition": {"free_slip": {}}},
+                    {"name": "out", "face": "x_max", "condition": {"outfall": {}}}]"#,
+            ),
+            ("probes", "[]"),
+            ("time.end", "0.03"),
+        ],
+    );
+    study.run("straight", 1, 2, &[]);
+    for (name, ranks, set) in [("x", 2, "x"), ("y", 3, "y"), ("z", 2, "z")] {
+        study.run(name, ranks, 1, &[&format!("domain.split={set}")]);
+        assert_eq!(study.hash("straight"), study.hash(name), "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=0.0123"]);
+    study.restart("parts", 3, &["time.end=0.03"]).expect(0);
+    assert_eq!(study.hash("straight"), study.hash("parts"));
+    let water = &study.summary("straight")["water"];
+    assert!(
+        water["mass_error"].as_f64().unwrap().abs() < 1e-12,
+        "{water}"
+    );
+}
+
 /// Refuses a change of the dam break; returns the paths of the findings.
 fn refused(set: &[&str]) -> Vec<String> {
     let text = examples::find("dam-break").unwrap().text;
@@ -113,6 +231,37 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
         (
             format!(r#"{boundary}={{"pressure": {{"value": 0}}}}"#),
             boundary.clone(),
+        ),
+        (
+            format!(r#"{boundary}={{"discharge": {{"value": 0.1}}}}"#),
+            format!("{boundary}.discharge.value"),
+        ),
+        (
+            format!(r#"{lattice}.boundaries[1].condition={{"level": {{"value": 0.2}}}}"#),
+            format!("{lattice}.boundaries[1].condition.level.value"),
+        ),
+        (
+            format!(
+                r#"{lattice}.boundaries[1].condition={{"level": {{"value": 0.1, "history": [[1, 0.1], [0, 0.1]]}}}}"#
+            ),
+            format!("{lattice}.boundaries[1].condition.level.history"),
+        ),
+        (
+            format!(
+                r#"{lattice}.boundaries[1].condition={{"discharge": {{"value": 1, "history": [[0, -1]]}}}}"#
+            ),
+            format!("{lattice}.boundaries[1].condition.discharge.history"),
+        ),
+        (
+            // Critical depth of 1.3 cells.
+            format!(r#"{lattice}.boundaries[1].condition={{"discharge": {{"value": 7e-4}}}}"#),
+            format!("{lattice}.boundaries[1].condition.discharge.value"),
+        ),
+        (
+            format!(
+                r#"{lattice}.boundaries[1].condition={{"velocity": {{"profile": {{"uniform": [1, 0]}}, "sound": "absorb"}}}}"#
+            ),
+            format!("{lattice}.boundaries[1].condition"),
         ),
         (
             format!(r#"{boundary}={{"moving_wall": {{"velocity": [0.1, 0]}}}}"#),
@@ -149,6 +298,15 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
     ] {
         let found = refused(&[&set]);
         assert!(found.contains(&path), "{set}: {found:?}");
+    }
+    for condition in [r#"{"level": {"value": 0.1}}"#, r#"{"outfall": {}}"#] {
+        let found = refused(&[
+            &format!("{lattice}.boundaries[1].condition={condition}"),
+            &format!("{lattice}.surface=null"),
+            "probes=[]",
+        ]);
+        let path = format!("{lattice}.boundaries[1].condition");
+        assert!(found.contains(&path), "{condition}: {found:?}");
     }
     let gauge = r#"probes=[{"name": "a", "every": 0.1, "at": {"gauge": {"position": [0.1, 0]}}}]"#;
     let found = refused(&[gauge, &format!("{lattice}.surface=null")]);

@@ -1,6 +1,6 @@
 //! Interface of a boundary of a case, in SI: its kind, its speed, pressure and inflow, and its rule on the lattice.
 
-use super::nature::{Inflow, Nature, Surface};
+use super::nature::{Inflow, Nature, Surface, WithSurface};
 use super::profile::ReadTable;
 use super::rule::Rule;
 use super::site::{Place, Site};
@@ -85,6 +85,25 @@ pub trait Model {
     /// Returns the time over which the inflow grows from nothing \[s\]; 0 for at once.
     fn ramp_time(&self) -> f64 {
         0.0
+    }
+
+    /// Returns its use at water with a free surface.
+    fn with_surface(&self) -> WithSurface {
+        match self.nature().surface {
+            Surface::Wall | Surface::Symmetry => WithSurface::Also,
+            Surface::MovingWall | Surface::Opening => WithSurface::Never,
+        }
+    }
+
+    /// Returns the lowest and the highest level of water that stands or falls outside \[m\], by coordinate along the axis
+    /// of gravity, and the field that decides it.
+    fn levels(&self) -> Option<([f64; 2], &'static str)> {
+        None
+    }
+
+    /// Returns the largest discharge into the domain that it imposes on a free surface \[m3/s; m2/s in 2-D\].
+    fn discharge(&self) -> Option<f64> {
+        None
     }
 
     /// Returns `true` if water passes through it, or is driven through it.

@@ -1,10 +1,16 @@
 //! A wall that moves in its own plane: half-way bounce-back with the velocity of the wall ([`super::wall`]).
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
 use super::profile::ReadTable;
 use super::{ImposedSpeed, Model, Nature, Place, Ramp, Rule, Site, Strength, Surface, velocity};
 use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::geometry::Vector;
+use base::history;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,6 +22,10 @@ use serde::{Deserialize, Serialize};
 pub struct MovingWall {
     /// Velocity of the wall, tangential to the face [m/s].
     pub velocity: Vector,
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity: linear between,
+    /// constant before and after; two factors at one time are a jump.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
 }
 
 const NATURE: Nature = Nature {
@@ -39,6 +49,9 @@ impl Model for MovingWall {
                 "make that component 0, or impose a velocity".into(),
             );
         }
+        if let Some(table) = &self.history {
+            history::check(table, &format!("{}.history", site.path), report);
+        }
     }
 
     fn speed(&self) -> Option<ImposedSpeed> {
@@ -46,7 +59,8 @@ impl Model for MovingWall {
         Some(ImposedSpeed {
             what: "the moving wall",
             field: "velocity",
-            value: squares.iter().sum::<f64>().sqrt(),
+            value: squares.iter().sum::<f64>().sqrt()
+                * velocity::largest_factor(self.history.as_deref()),
         })
     }
 
@@ -60,6 +74,7 @@ impl Model for MovingWall {
             .to_array()
             .map(|x| units.velocity_to_lattice(x));
         let links = velocity::Links::new(Box::new(move |_| u), Ramp::constant(1.0));
+        let links = links.following(velocity::in_steps(self.history.as_deref(), units));
         Ok(Box::new(links.of_nature(NATURE)))
     }
 }

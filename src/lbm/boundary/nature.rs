@@ -13,6 +13,17 @@ pub enum Surface {
     Opening,
 }
 
+/// Use of a boundary at water with a free surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WithSurface {
+    /// It does not work there.
+    Never,
+    /// It works with a free surface and without one.
+    Also,
+    /// It works there alone.
+    Only,
+}
+
 /// Inflow into the domain through a boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Inflow {

@@ -6,6 +6,7 @@ use super::nature::Nature;
 use super::sound::Sums;
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use crate::surface::Outside;
 
 /// Source of the population that enters through a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +48,11 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// ends within a cell.
     fn part(&self, _centre: [f64; 3]) -> f64 {
         1.0
+    }
+
+    /// Returns what is outside an opening of water with a free surface; none where no such water passes.
+    fn outside(&self) -> Option<Outside> {
+        None
     }
 
     /// Returns the factor of the imposed velocity at a step.

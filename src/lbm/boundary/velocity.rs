@@ -12,12 +12,14 @@ use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
     Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
-    Site, Sound, Strength, Sums, Surface, from_quanta, quanta, wall,
+    Site, Sound, Strength, Sums, Surface, WithSurface, from_quanta, quanta, wall,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use crate::surface::Outside;
 use crate::synthetic::Fluctuations;
 use base::error::{Error, Problem, Report, Severity};
+use base::history::{self, History};
 use base::number::real;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
@@ -34,6 +36,10 @@ pub struct Velocity {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub ramp_time: Option<f64>,
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile: linear between,
+    /// constant before and after; two factors at one time are a jump. A factor below 0 draws the water out.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
@@ -78,6 +84,9 @@ impl Model for Velocity {
                 "let the outlet absorb it, and take this field out".into(),
             );
         }
+        if let Some(table) = &self.history {
+            history::check(table, &format!("{}.history", site.path), report);
+        }
         let path = format!("{}.profile", site.path);
         self.profile.resolve((site, &path), read, report);
     }
@@ -92,16 +101,29 @@ impl Model for Velocity {
         }
     }
 
+    fn with_surface(&self) -> WithSurface {
+        if self.sound == Sound::Absorb {
+            WithSurface::Never
+        } else {
+            WithSurface::Also
+        }
+    }
+
     fn speed(&self) -> Option<ImposedSpeed> {
         let (field, fastest) = self.profile.fastest();
         Some(ImposedSpeed {
             what: "the imposed velocity",
             field,
-            value: fastest * Fluctuations::gusts(self.turbulence.as_ref()),
+            value: fastest
+                * largest_factor(self.history.as_deref())
+                * Fluctuations::gusts(self.turbulence.as_ref()),
         })
     }
 
     fn inflow(&self, place: &Place<'_>) -> Inflow {
+        if self.history.is_some() {
+            return Inflow::Any;
+        }
         self.profile
             .mean_inflow(place)
             .map_or(Inflow::Any, Inflow::Mean)
@@ -128,7 +150,9 @@ impl Model for Velocity {
         };
         let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
         let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
-        let mut links = Links::new(profile, ramp).within(place).balanced(discharge);
+        let history = in_steps(self.history.as_deref(), units);
+        let links = Links::new(profile, ramp).following(history);
+        let mut links = links.within(place).balanced(discharge);
         if let Some(synthetic) = synthetic {
             let face = place.site.face;
             links = links.turbulent(synthetic, (face.axis(), face.is_max()));
@@ -139,6 +163,18 @@ impl Model for Velocity {
         }
         Ok(Box::new(links))
     }
+}
+
+/// Returns the size of the largest factor of a table; 1 without a table.
+pub(super) fn largest_factor(table: Option<&[[f64; 2]]>) -> f64 {
+    let [low, high] = History::new(table, 1.0).range();
+    low.abs().max(high.abs())
+}
+
+/// Returns the factors of a table by step.
+pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Option<History> {
+    let history = table.map(|table| History::new(Some(table), 1.0));
+    history.map(|history| history.scaled(|time| units.time_to_lattice(time), |factor| factor))
 }
 
 /// Returns turbulence carried in by the mean of a profile over the cells of its patch.
@@ -191,6 +227,8 @@ pub struct Links {
     nature: Nature,
     profile: Profile,
     ramp: Ramp,
+    /// Factors of the profile by step.
+    history: Option<History>,
     /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
     /// The discharge that is stated, at full speed; none if nothing is.
@@ -224,6 +262,7 @@ impl Links {
             nature: NATURE,
             profile,
             ramp,
+            history: None,
             within: None,
             discharge: None,
             given: 0,
@@ -232,6 +271,22 @@ impl Links {
             inlet: None,
             sound: None,
         }
+    }
+
+    /// Returns the rule with factors of the profile by step.
+    #[must_use]
+    pub(super) fn following(mut self, history: Option<History>) -> Self {
+        self.history = history;
+        self
+    }
+
+    /// Returns the factor of ramp and table at a step.
+    fn grown(&self, step: f64) -> f64 {
+        let factor = self
+            .history
+            .as_ref()
+            .map_or(1.0, |history| history.value(step));
+        factor * self.ramp.at(step)
     }
 
     /// Returns a velocity that is uniform and constant \[cells per step\].
@@ -326,8 +381,12 @@ impl<S: Stored> Rule<S> for Links {
         (0..3).filter(|a| *a != axis).map(along).product()
     }
 
+    fn outside(&self) -> Option<Outside> {
+        (self.nature == NATURE).then_some(Outside::Stream)
+    }
+
     fn factor(&self, step: f64) -> f64 {
-        self.balance * self.ramp.at(step)
+        self.balance * self.grown(step)
     }
 
     fn given(&self) -> i128 {
@@ -344,7 +403,8 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn ramp_end(&self) -> f64 {
-        self.ramp.steps
+        let table = self.history.as_ref().map_or(0.0, History::end);
+        self.ramp.steps.max(table)
     }
 
     fn sums(&self) -> bool {
@@ -352,7 +412,7 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
-        let factor = self.balance * self.ramp.at(moment.step);
+        let factor = self.balance * self.grown(moment.step);
         self.sound.as_ref().map_or_else(Sums::default, |sound| {
             let into = sound
                 .terms
@@ -402,8 +462,9 @@ impl<S: Stored> Rule<S> for Links {
                 },
             );
         }
+        let grown = self.grown(moment.step);
         if let Some(inlet) = &mut self.inlet {
-            inlet.apply(populations, moment.step, self.ramp.at(moment.step));
+            inlet.apply(populations, moment.step, grown);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Fluid;
 use crate::lanes::Stored;
-use crate::surface::{Ends, Surface};
+use crate::surface::{Ends, Opening, Outside, Surface, Up};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
@@ -24,9 +24,46 @@ impl<S: Stored> Fluid<S> {
             periodic: self.periodic_within,
             mirrored,
         };
-        let surface = Surface::new(&self.populations, ends, domain)?;
+        let mut surface = Surface::new(&self.populations, ends, domain)?;
+        surface.open(self.openings());
         self.surface = Some(Box::new(surface));
         Ok(())
+    }
+
+    /// Returns the openings of the surface with the links of this slab.
+    fn openings(&self) -> Vec<Opening> {
+        let force = self.half_force().map(|f| 2.0 * f);
+        let dimension = self.populations.velocities().dimension;
+        let axes = 0..dimension;
+        let axis = axes.max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()));
+        let axis = axis.unwrap_or(0);
+        let up = Up {
+            axis,
+            rises: force[axis] <= 0.0,
+            gravity: force[axis].abs(),
+            cells: self.cells[axis],
+        };
+        let patches = self.boundaries.outsides();
+        let opening = |(patch, face, outside): (usize, (usize, bool), Outside)| {
+            let links = self.boundaries.links_of(patch, &self.populations);
+            let mut opening = Opening::new(patch, outside, face, up);
+            let imposed = |middle| self.boundaries.imposed(patch, middle);
+            opening.cross(&self.populations, self.start, &links, imposed);
+            opening
+        };
+        patches.map(opening).collect()
+    }
+
+    /// Finds the state outside the openings. Collective.
+    fn measure_outside(&mut self) {
+        let Some(surface) = &mut self.surface else {
+            return;
+        };
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let step = self.step as f64;
+        let boundaries = &self.boundaries;
+        let factor = |patch| boundaries.velocity_factor(patch, step);
+        surface.measure(step, factor, &self.communicator);
     }
 
     /// Returns the free surface, if there is one.
@@ -43,6 +80,7 @@ impl<S: Stored> Fluid<S> {
     /// Fills the cells with water at the start; `level` gives the fill level of a cell by its place in the
     /// domain. The populations of wet cells must have been set, and solid cells must be known. Collective.
     pub fn fill(&mut self, level: &dyn Fn([usize; 3]) -> f64) {
+        self.measure_outside();
         let Some(surface) = &mut self.surface else {
             return;
         };
@@ -57,6 +95,7 @@ impl<S: Stored> Fluid<S> {
     /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of
     /// `cells`. Collective.
     pub fn restore_surface(&mut self, cells: &[usize], saved: &[[f64; 3]], lost: i128) {
+        self.measure_outside();
         if let Some(surface) = &mut self.surface {
             surface.set_lost(lost);
             surface.restore(&mut self.populations, cells, saved);
@@ -66,6 +105,7 @@ impl<S: Stored> Fluid<S> {
     /// Moves the free surface: the last part of a step, when all populations that come from water and solids
     /// are in place. Collective.
     pub fn move_surface(&mut self) {
+        self.measure_outside();
         if let Some(surface) = &mut self.surface
             && !self.populations.cells().contains(&0)
         {

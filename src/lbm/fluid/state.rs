@@ -167,12 +167,17 @@ impl<S: Stored> Fluid<S> {
     /// Returns the flow through each patch during the last step, on this rank.
     #[must_use]
     pub fn fluxes(&self) -> Vec<Flux> {
-        self.boundaries.fluxes(&self.populations)
+        let mut fluxes = Vec::new();
+        self.fluxes_into(&mut fluxes);
+        fluxes
     }
 
     /// Computes [`Self::fluxes`] into a list that is reused.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
+        for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_last()) {
+            fluxes[patch].mass = -entered;
+        }
     }
 
     /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is
@@ -185,6 +190,15 @@ impl<S: Stored> Fluid<S> {
     /// Returns the mass that left each patch during the last step, on this rank, in quanta: through the faces of those
     /// cells for which `counts` holds (local coordinates).
     pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
+        if let Some(surface) = self.surface() {
+            // Interface cells gain a part of what passes their links.
+            masses.clear();
+            masses.resize(self.boundaries.count(), 0);
+            for (patch, entered) in surface.entered_last() {
+                masses[patch] = -entered;
+            }
+            return;
+        }
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries
             .mass_through(&self.populations, counts, masses);

@@ -16,7 +16,8 @@ pub(crate) struct Cells {
     pub(super) share: Vec<f64>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
-    /// Directions along which sheets cut the links of a cell, a bit each; empty where there are none.
+    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at an
+    /// opening with water outside. Empty where there are neither sheets nor openings.
     closed: Vec<u32>,
     /// Distance in positions to the neighbour along each direction, and along each axis.
     offsets: Vec<isize>,
@@ -54,6 +55,24 @@ impl Cells {
             self.closed = vec![0; self.kind.len()];
         }
         self.closed[cell] |= 1 << direction;
+    }
+
+    /// Marks a cell that stands against water outside an opening.
+    pub(super) fn feed(&mut self, cell: usize) {
+        self.close(cell, 0);
+    }
+
+    /// Clears the mark of [`Self::feed`].
+    pub(super) fn starve(&mut self, cell: usize) {
+        if let Some(bits) = self.closed.get_mut(cell) {
+            *bits &= !1;
+        }
+    }
+
+    /// Returns `true` for a cell that stands against water outside an opening.
+    #[inline(always)]
+    pub(super) fn is_fed(&self, cell: usize) -> bool {
+        !self.closed.is_empty() && self.closed[cell] & 1 != 0
     }
 
     /// Returns the positions of the neighbours of a cell along the axes.

@@ -16,6 +16,9 @@ use crate::populations::Populations;
 use crate::quanta::quanta;
 use base::number::to_u32;
 
+/// Dry cell that stands against water outside an opening, with the velocity of that water, if it has one.
+pub(super) type Fed = (u32, Option<[f64; 3]>);
+
 /// Cells that change their kind in a step; lists that are used again.
 #[derive(Debug, Default)]
 pub(super) struct Work {
@@ -95,12 +98,15 @@ impl Work {
     }
 
     /// Changes the kinds of cells, and notes the excess mass.
+    ///
+    /// `fed` has dry cells that stand against water outside an opening, each with the velocity of that water, if it has
+    /// one.
     pub(super) fn convert<S: Stored>(
         &mut self,
         cells: &mut Cells,
         planes: &mut [Plane],
         populations: &mut Populations<S>,
-        ghosts: &Ghosts,
+        (ghosts, fed): (&Ghosts, &[Fed]),
     ) {
         let [slow, ..] = populations.order();
         let mut touch = |populations: &Populations<S>, cell: u32| {
@@ -137,13 +143,19 @@ impl Work {
                 }
             }
         }
+        for (cell, _) in fed {
+            if cells.kind[*cell as usize] == GAS {
+                cells.kind[*cell as usize] = ENTERED;
+                self.entered.push(*cell);
+            }
+        }
         for &cell in &self.entered {
-            self.born.push(mean_of_neighbours(
-                cells,
-                populations,
-                ghosts.around(),
-                cell as usize,
-            ));
+            let streams = fed.iter().find(|(other, _)| *other == cell);
+            let born = match streams.and_then(|(_, velocity)| *velocity) {
+                Some([x, y, z]) => [0.0, x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                None => mean_of_neighbours(cells, populations, ghosts.around(), cell as usize),
+            };
+            self.born.push(born);
         }
         for &cell in self.fills.iter().chain(&self.empties).chain(&self.entered) {
             touch(populations, cell);

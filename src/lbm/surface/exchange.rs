@@ -194,7 +194,7 @@ pub(super) fn exchange<S: Stored>(
             let own = known.kind[cell];
             let level = known.fill[cell].clamp(0.0, 1.0);
             let mut gain = 0.0;
-            let (mut alone, mut gas, mut liquid) = (true, false, false);
+            let (mut alone, mut gas, mut liquid) = (true, false, known.is_fed(cell));
             for i in super::directions(velocities) {
                 let kind = known.kind_along(cell, i);
                 if kind == SOLID {
@@ -260,7 +260,7 @@ pub(super) fn classify<S: Stored>(
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for n in 0..plane.surface.len() {
             let cell = plane.surface[n] as usize;
-            let (mut gas, mut liquid) = (false, false);
+            let (mut gas, mut liquid) = (false, cells.is_fed(cell));
             for i in 1..cells.directions() {
                 match cells.kind_along(cell, i) {
                     GAS => gas = true,

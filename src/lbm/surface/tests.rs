@@ -1,7 +1,10 @@
+mod films;
+mod openings;
 mod waves;
 
 use super::kind::{GAS, LIQUID};
-use crate::boundary::{Patch, free_slip};
+use super::opening::Outside;
+use crate::boundary::{Patch, Strength, free_slip, outfall, velocity};
 use crate::collision::{Operator, bgk, trt};
 use crate::fluid::{Fluid, Force, Setup};
 use crate::gpu::Device;
@@ -17,10 +20,17 @@ pub(super) struct Tank {
     operator: Operator,
     pub(super) tau: f64,
     pub(super) gravity: f64,
-    cells: [usize; 3],
-    split: usize,
+    pub(super) cells: [usize; 3],
+    pub(super) split: usize,
     pub(super) slip_at: Vec<(usize, bool)>,
     pub(super) periodic: [bool; 3],
+    /// Accelerations along x and z in addition to gravity.
+    pub(super) slope: [f64; 2],
+    /// Openings over whole faces.
+    pub(super) open_at: Vec<(usize, bool, Outside)>,
+    /// Streams through parts of faces: face, range along y, velocity.
+    pub(super) streams: Vec<((usize, bool), [f64; 2], [f64; 3])>,
+    pub(super) solids: Vec<[usize; 3]>,
 }
 
 impl Tank {
@@ -38,7 +48,46 @@ impl Tank {
             split: 0,
             slip_at: Vec::new(),
             periodic: [false, false, cells[2] == 1],
+            slope: [0.0; 2],
+            open_at: Vec::new(),
+            streams: Vec::new(),
+            solids: Vec::new(),
         }
+    }
+
+    /// Returns the patches of the faces.
+    fn patches(&self) -> Vec<Patch> {
+        let name = |n: usize| format!("patch {n}");
+        let slips = self.slip_at.iter().enumerate();
+        let slips = slips.map(|(n, &(axis, upper))| Patch {
+            name: name(n),
+            axis,
+            upper,
+            range: EVERYWHERE,
+            rule: Box::<free_slip::Links>::default(),
+        });
+        let open = self.open_at.iter().map(|(axis, upper, outside)| Patch {
+            name: format!("open {axis} {upper}"),
+            axis: *axis,
+            upper: *upper,
+            range: EVERYWHERE,
+            rule: Box::new(outfall::Links {
+                strength: Strength::Pressure,
+                outside: outside.clone(),
+            }),
+        });
+        let streams = self.streams.iter().map(|((axis, upper), y, velocity)| {
+            let mut range = EVERYWHERE;
+            range[1] = *y;
+            Patch {
+                name: "stream".into(),
+                axis: *axis,
+                upper: *upper,
+                range,
+                rule: Box::new(velocity::Links::uniform(*velocity)),
+            }
+        });
+        slips.chain(open).chain(streams).collect()
     }
 
     /// Returns the fluid with these fill levels, at rest with the pressure of its own column.
@@ -48,18 +97,10 @@ impl Tank {
             operator: self.operator,
             relaxation_time: self.tau,
             turbulence: None,
-            force: Force::Constant([0.0, -self.gravity, 0.0]),
+            force: Force::Constant([self.slope[0], -self.gravity, self.slope[1]]),
             cells: self.cells,
             periodic: self.periodic,
-            patches: (self.slip_at.iter())
-                .map(|&(axis, upper)| Patch {
-                    name: format!("slip {axis} {upper}"),
-                    axis,
-                    upper,
-                    range: EVERYWHERE,
-                    rule: Box::<free_slip::Links>::default(),
-                })
-                .collect(),
+            patches: self.patches(),
             saturation: None,
             device: Device::Cpu,
             terms: Vec::new(),
@@ -72,6 +113,11 @@ impl Tank {
         );
         let mut fluid = Fluid::new(setup, &domain).unwrap();
         fluid.open_surface(&domain).unwrap();
+        let solids = self.solids.iter();
+        let solids: Vec<usize> = solids
+            .map(|at| fluid.populations().interior_cell(*at))
+            .collect();
+        fluid.surface_mut().unwrap().stand_in(solids.into_iter());
         let height = self.cells[1];
         fluid.initialise(&|p: [f64; 3]| {
             let at = p.map(|x| base::number::whole(x.floor()));
@@ -99,17 +145,17 @@ pub(super) fn step(fluid: &mut Fluid<f64>, steps: usize) {
     }
 }
 
-fn mass(fluid: &Fluid<f64>) -> f64 {
+pub(super) fn mass(fluid: &Fluid<f64>) -> f64 {
     from_quanta(fluid.surface().unwrap().mass(fluid.populations()))
 }
 
 /// Returns a block of water against the left wall.
-fn dam(width: usize, height: usize) -> impl Fn([usize; 3]) -> f64 {
+pub(super) fn dam(width: usize, height: usize) -> impl Fn([usize; 3]) -> f64 {
     move |[x, y, _]| f64::from(u8::from(x < width && y < height))
 }
 
 /// Returns the state of all cells of the water, as bits.
-fn bits(fluid: &Fluid<f64>) -> Vec<([usize; 3], Vec<u64>)> {
+pub(super) fn bits(fluid: &Fluid<f64>) -> Vec<([usize; 3], Vec<u64>)> {
     let surface = fluid.surface().unwrap();
     let populations = fluid.populations();
     let mut all: Vec<_> = populations

@@ -159,7 +159,9 @@ pub(super) fn faces(
         base.condition = condition;
         base.index = Some(n);
     }
-    closed_volume(&faces, grid, findings);
+    if lbm.surface.is_none() {
+        closed_volume(&faces, grid, findings);
+    }
     check_cells(&faces, grid, findings);
     faces
 }

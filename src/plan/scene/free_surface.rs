@@ -1,6 +1,10 @@
-//! The free surface of a scene: water at the start, and what does not work with a surface yet.
+//! The free surface of a scene: water at the start, openings, and what does not work with a surface yet.
 //!
 //! The pressure at the start is that of water at rest: the weight of the water above, up to the first surface.
+
+mod openings;
+
+pub use openings::Opening;
 
 use super::block::Block;
 use super::boundaries::Patch;
@@ -12,7 +16,6 @@ use base::number::real;
 use case::Case;
 use case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
 use case::free_surface::{Water, Wave};
-use lbm::boundary::Surface;
 use serde::Serialize;
 use std::sync::Arc;
 use structure::Images;
@@ -31,6 +34,8 @@ pub struct FreeSurface {
     pub gravity: f64,
     /// Parts of the water.
     pub parts: Vec<Part>,
+    /// Openings through which water passes.
+    pub openings: Vec<Opening>,
     /// Edge of a cell \[m\].
     spacing: f64,
     /// Edge lengths of the domain \[m\].
@@ -170,31 +175,38 @@ impl FreeSurface {
         }
     }
 
-    /// Returns the height that water at the start can fall \[m\]: that of the highest water over the lowest
-    /// level, or over the lowest place of the domain where a shape holds water and no level stands below it.
+    /// Returns the height of a coordinate along the axis of gravity above the lowest place of the domain \[m\].
+    #[must_use]
+    pub fn above(&self, coordinate: f64) -> f64 {
+        if self.rises {
+            coordinate
+        } else {
+            self.size[self.axis] - coordinate
+        }
+    }
+
+    /// Returns the height that water can fall \[m\]: that of the highest water at the start and outside over the lowest
+    /// level or outfall, or over the lowest place of the domain where a shape holds water and no level stands below it.
     #[must_use]
     pub fn drop(&self) -> f64 {
-        let size = self.size[self.axis];
-        let above = |height: f64| if self.rises { height } else { size - height };
         let lowest = |part: &Part| match part {
-            Part::Level(height) => above(*height),
-            Part::Wave(wave) => above(wave.level) - wave.amplitude.abs(),
+            Part::Level(height) => self.above(*height),
+            Part::Wave(wave) => self.above(wave.level) - wave.amplitude.abs(),
             Part::Solid(_) => f64::INFINITY,
         };
-        let lowest = self.parts.iter().map(lowest).fold(f64::INFINITY, f64::min);
+        let inside = self.parts.iter().map(lowest);
+        let outside = self.openings.iter().filter_map(|opening| opening.lowest);
+        let lowest = inside.chain(outside).fold(f64::INFINITY, f64::min);
         let lowest = if lowest.is_finite() { lowest } else { 0.0 };
         (self.head() - lowest).max(0.0)
     }
 
-    /// Returns the height of the highest water at the start over the lowest place of the domain \[m\].
+    /// Returns the height of the highest water at the start, or of the energy line of water outside, over the lowest
+    /// place of the domain \[m\].
     #[must_use]
     pub fn head(&self) -> f64 {
-        let above = |height: f64| {
-            let size = self.size[self.axis];
-            let height = if self.rises { height } else { size - height };
-            height.clamp(0.0, size)
-        };
-        let heights = self.parts.iter().map(|part| match part {
+        let above = |height: f64| self.above(height).clamp(0.0, self.size[self.axis]);
+        let inside = self.parts.iter().map(|part| match part {
             Part::Level(height) => above(*height),
             Part::Wave(wave) => {
                 let sign = if self.rises { 1.0 } else { -1.0 };
@@ -206,7 +218,8 @@ impl FreeSurface {
                 ends.fold(0.0, f64::max)
             }
         });
-        heights.fold(0.0, f64::max)
+        let outside = self.openings.iter().filter_map(|opening| opening.head);
+        inside.chain(outside).fold(0.0, f64::max)
     }
 }
 
@@ -220,7 +233,10 @@ pub(crate) fn resolve(
     let Some(Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
         return None;
     };
-    let written = lbm.surface.as_ref()?;
+    let Some(written) = lbm.surface.as_ref() else {
+        openings::refuse_without_surface(patches, findings);
+        return None;
+    };
     let gravity = case.gravity.as_ref().map_or([0.0; 3], |written| {
         Block::vector(grid, written, "gravity", findings)
     });
@@ -232,16 +248,20 @@ pub(crate) fn resolve(
         let path = format!("{LATTICE_PATH}.surface.water[{n}]");
         parts.extend(part(case, grid, (axis, weight), (water, &path), findings));
     }
-    let surface = FreeSurface {
+    let mut surface = FreeSurface {
         axis,
         rises: weight <= 0.0,
         gravity: weight.abs(),
         parts,
+        openings: Vec::new(),
         spacing: grid.spacing,
         size: grid.size,
         dimension: grid.dimension,
     };
-    refuse(case, lbm, patches, findings);
+    surface.openings = openings::resolve(&surface, grid, (patches, gravity), findings);
+    let is_whole = |n: usize| lbm.boundaries.get(n).is_some_and(|b| b.patch.is_none());
+    openings::refuse(patches, is_whole, findings);
+    refuse(case, lbm, findings);
     Some(surface)
 }
 
@@ -322,7 +342,7 @@ fn wave_form(
 }
 
 /// Refuses what does not work with a free surface yet.
-fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
          (a rigid lid)";
     for (there, path) in [
@@ -335,31 +355,6 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findin
                 path,
                 "bodies in water with a free surface are not computed yet",
                 alternative,
-            );
-        }
-    }
-    for patch in patches.iter().flatten() {
-        let nature = patch.condition.model().nature().surface;
-        let Some(n) = patch.index else { continue };
-        let path = format!("{LATTICE_PATH}.boundaries[{n}]");
-        let whole = lbm.boundaries.get(n).is_some_and(|b| b.patch.is_none());
-        if !matches!(nature, Surface::Wall | Surface::Symmetry) {
-            findings.error(
-                &format!("{path}.condition"),
-                format!(
-                    "{} does not work with a free surface yet",
-                    patch.condition.name()
-                ),
-                "use no_slip or free_slip, and start from water that stands at a level or in a shape",
-            );
-        } else if !whole && nature == Surface::Symmetry {
-            findings.error(
-                &format!("{path}.patch"),
-                "free slip on a part of a face does not work with a free surface yet",
-                Remedy::take_out(
-                    "leave the part out: the whole face slips",
-                    &format!("{path}.patch"),
-                ),
             );
         }
     }

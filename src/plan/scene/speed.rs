@@ -10,6 +10,7 @@ pub(crate) mod settling;
 use super::Scene;
 use super::boundaries::Patch;
 use super::flow::{BodyForce, Flow, PATH};
+use super::free_surface::Opening;
 use super::initial::Initial;
 use super::porous;
 use lbm::boundary::Surface;
@@ -99,13 +100,34 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Returns the speed of water that falls from its highest place to the lowest of the domain.
+/// Returns the speed of water that falls from its highest place to the lowest of the domain, and that of water that
+/// runs down a slope between openings: by its fall along the whole domain, and no faster than a film as thick as the
+/// highest water stands.
 fn falls(scene: &Scene) -> Option<Speed> {
     let surface = scene.surface.as_ref()?;
-    let value = (2.0 * surface.gravity * surface.head()).sqrt();
+    let head = surface.head();
+    let fall = 2.0 * surface.gravity * head;
+    let viscosity = scene
+        .flow
+        .as_ref()
+        .map_or(0.0, |flow| flow.kinematic_viscosity);
+    let slope = |a: usize| {
+        let open = a != surface.axis && !scene.grid.periodic[a] && !surface.openings.is_empty();
+        let pull = if open { scene.gravity[a].abs() } else { 0.0 };
+        let film = pull * head * head / (2.0 * viscosity);
+        (fall + 2.0 * pull * scene.grid.size[a]).sqrt().min(film)
+    };
+    let value = (0..scene.grid.dimension)
+        .map(slope)
+        .fold(fall.sqrt(), f64::max);
+    let of_opening = |opening: &&Opening| opening.head.is_some_and(|own| own >= head);
+    let path = surface.openings.iter().find(of_opening).map_or_else(
+        || format!("{PATH}.surface.water"),
+        |opening| opening.path.clone(),
+    );
     (value > 0.0).then(|| Speed {
         what: "the fall of the water".into(),
-        path: format!("{PATH}.surface.water"),
+        path,
         value,
     })
 }

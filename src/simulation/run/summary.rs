@@ -245,7 +245,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         values
     }
 
-    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], and what of it is lost. Collective.
+    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], what of it is lost, and what entered and left
+    /// through the openings. Collective.
     fn add_water(&self, values: &mut Value) {
         let now = &self.simulation.now;
         let Some(surface) = now.lattice().and_then(|flow| flow.fluid().surface()) else {
@@ -264,12 +265,33 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let lost = communicator.all_reduce_sum_u128(surface.lost().cast_unsigned());
         let lost = from_quanta(lost.cast_signed());
         let (mass, before) = (self.mass(), self.initial_mass);
+        let all = |mass: i128| {
+            let mass = communicator.all_reduce_sum_u128(mass.cast_unsigned());
+            from_quanta(mass.cast_signed())
+        };
+        let names: Vec<String> = now.lattice().map_or_else(Vec::new, |flow| flow.patches());
+        let passed = surface.passed().map(|(patch, passed)| {
+            let name = names.get(patch).cloned().unwrap_or_default();
+            (name, all(passed.entered), all(passed.left))
+        });
+        let passed: Vec<(String, f64, f64)> = passed.collect();
+        let entered: f64 = passed.iter().map(|(_, entered, _)| entered).sum();
+        let left: f64 = passed.iter().map(|(_, _, left)| left).sum();
+        let handled = (before + entered).max(f64::MIN_POSITIVE);
         values["water"] = json!({
             "mass": cell * mass,
             "mass_at_start": cell * before,
             "lost": cell * lost,
-            "mass_error": (mass + lost - before) / before.max(f64::MIN_POSITIVE),
+            "mass_error": (mass + lost + left - before - entered) / handled,
         });
+        if !passed.is_empty() {
+            values["water"]["entered"] = json!(cell * entered);
+            values["water"]["left"] = json!(cell * left);
+            let rows = passed.into_iter().map(|(name, entered, left)| {
+                json!({"name": name, "entered": cell * entered, "left": cell * left})
+            });
+            values["water"]["openings"] = rows.collect();
+        }
     }
 
     fn add_seepage(&self, seepage: &Seepage<Sp>, extremes: &Extremes, values: &mut Value) {

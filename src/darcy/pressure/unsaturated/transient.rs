@@ -16,6 +16,7 @@
 use super::{CellState, Unsaturated};
 use crate::Error;
 use crate::pressure::Pressure;
+use base::history::History;
 use decomposition::ExactSum;
 
 /// Part of a step in a stage: 1 - 1/sqrt(2).
@@ -63,29 +64,8 @@ pub struct TransientSettings {
 pub struct ConditionHistory {
     /// The patch.
     pub patch: usize,
-    /// Times \[s\] and values, by rising time, linear between; two values at one time are a jump.
-    pub table: Vec<[f64; 2]>,
-}
-
-impl ConditionHistory {
-    /// Returns the value at a time, that before a jump at the time of the jump.
-    #[must_use]
-    pub fn value(&self, time: f64) -> f64 {
-        let after = self.table.partition_point(|[t, _]| *t < time);
-        let last = self.table.len().saturating_sub(1);
-        let [t1, v1] = self.table[after.min(last)];
-        if after == 0 || after > last {
-            return v1;
-        }
-        let [t0, v0] = self.table[after - 1];
-        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
-    }
-
-    /// Returns the first time of the table after a time \[s\].
-    fn next(&self, time: f64) -> Option<f64> {
-        let after = self.table.partition_point(|[t, _]| *t <= time);
-        self.table.get(after).map(|[t, _]| *t)
-    }
+    /// Values by time \[s\].
+    pub values: History,
 }
 
 /// Volumes of water since the start.
@@ -297,7 +277,7 @@ impl Pressure {
             .iter()
             .flat_map(|transient| &transient.histories);
         for history in histories {
-            let value = history.value(time);
+            let value = history.values.value(time);
             self.patches[history.patch].condition.set_value(value);
         }
     }
@@ -427,7 +407,10 @@ impl Pressure {
         while time < end {
             let wanted = own.transient.as_ref().map_or(interval, |t| t.step);
             let stop = own.transient.as_ref().map_or(end, |transient| {
-                let times = transient.histories.iter().filter_map(|h| h.next(time));
+                let times = transient
+                    .histories
+                    .iter()
+                    .filter_map(|h| h.values.next(time));
                 times.fold(end, f64::min)
             });
             let pieces = ((stop - time) / wanted).ceil().max(1.0);

@@ -5,6 +5,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::region::region;
 use base::error::Remedy;
+use base::history;
 use case::Case;
 use case::darcy::{TransientFlow, ZonePermeability};
 use darcy::{Condition, Equations, Retention};
@@ -118,11 +119,10 @@ impl Seepage {
     /// Checks the tables of conditions.
     fn check_histories(&self, findings: &mut Findings) {
         for (n, patch) in self.written.boundaries.iter().enumerate() {
-            let Some(history) = &patch.history else {
+            let Some(table) = &patch.history else {
                 continue;
             };
             let path = format!("{PATH}.boundaries[{n}].history");
-            let falls = |pair: &[[f64; 2]]| pair[1][0] < pair[0][0];
             let (reason, remedy) = if !self.is_transient() {
                 (
                     "a condition follows a table only where the flow changes with time",
@@ -130,17 +130,8 @@ impl Seepage {
                 )
             } else if patch.condition == (Condition::NoFlow {}) {
                 ("an impermeable face has no value", "use another condition")
-            } else if history.is_empty() || history.iter().flatten().any(|x| !x.is_finite()) {
-                (
-                    "the table needs rows of finite times and values",
-                    "write [[0, 10], [3600, 4]]",
-                )
-            } else if history.windows(2).any(falls) {
-                (
-                    "the times of the table do not rise",
-                    "sort the rows by time",
-                )
             } else {
+                history::check(table, &path, findings);
                 continue;
             };
             findings.error(&path, reason, remedy);

@@ -3,6 +3,7 @@
 use super::*;
 use crate::retention::haverkamp::Haverkamp;
 use crate::{ConditionHistory, InitialWater, TransientSettings};
+use base::history::History;
 
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
@@ -285,7 +286,8 @@ fn heads_follow_their_tables() {
         (slope, [ramp(0.1), ramp(0.2), ramp(0.3)]),
     ] {
         let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(11.0))];
-        let history = ConditionHistory { patch: 0, table };
+        let values = History::new(Some(&table), 0.0);
+        let history = ConditionHistory { patch: 0, values };
         let mut solver = advancing(&grid, patches, soil, settings).with_histories(vec![history]);
         let conductivity = conductivity(&grid, 1e-6);
         for exact in exact {
@@ -298,25 +300,6 @@ fn heads_follow_their_tables() {
                 "{found} {exact}"
             );
         }
-    }
-}
-
-#[test]
-fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
-    let history = ConditionHistory {
-        patch: 0,
-        table: vec![[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]],
-    };
-    for (time, value) in [
-        (0.0, 10.0),
-        (1.0, 10.0),
-        (2.0, 15.0),
-        (3.0, 20.0),
-        (3.5, 5.5),
-        (4.0, 6.0),
-        (9.0, 6.0),
-    ] {
-        assert!((history.value(time) - value).abs() < 1e-12, "{time}");
     }
 }
 

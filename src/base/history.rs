@@ -1,0 +1,111 @@
+//! Values that follow a table in time.
+
+use crate::error::Report;
+
+/// Table of times and values: linear between its rows, constant before and after them; two values at one time are a
+/// jump.
+#[derive(Clone, Debug, PartialEq)]
+pub struct History(Vec<[f64; 2]>);
+
+impl History {
+    /// Returns the history of a table by rising time, or of one value where there is no table.
+    #[must_use]
+    pub fn new(table: Option<&[[f64; 2]]>, value: f64) -> Self {
+        match table {
+            Some(table) if !table.is_empty() => Self(table.to_vec()),
+            _ => Self(vec![[0.0, value]]),
+        }
+    }
+
+    /// Returns the value at a time, that before a jump at the time of the jump.
+    #[must_use]
+    pub fn value(&self, time: f64) -> f64 {
+        let after = self.0.partition_point(|[t, _]| *t < time);
+        let last = self.0.len().saturating_sub(1);
+        let [t1, v1] = self.0[after.min(last)];
+        if after == 0 || after > last {
+            return v1;
+        }
+        let [t0, v0] = self.0[after - 1];
+        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
+    }
+
+    /// Returns the first time of the table after a time.
+    #[must_use]
+    pub fn next(&self, time: f64) -> Option<f64> {
+        let after = self.0.partition_point(|[t, _]| *t <= time);
+        self.0.get(after).map(|[t, _]| *t)
+    }
+
+    /// Returns the last time of the table; 0 for one value.
+    #[must_use]
+    pub fn end(&self) -> f64 {
+        match self.0.as_slice() {
+            [_] | [] => 0.0,
+            [.., [t, _]] => *t,
+        }
+    }
+
+    /// Returns the smallest and the largest value.
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        let values = self.0.iter().map(|[_, value]| *value);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), high.max(value)]
+        })
+    }
+
+    /// Returns the history in other units of time and value.
+    #[must_use]
+    pub fn scaled(&self, time: impl Fn(f64) -> f64, value: impl Fn(f64) -> f64) -> Self {
+        let rows = self.0.iter().map(|[t, v]| [time(*t), value(*v)]);
+        Self(rows.collect())
+    }
+}
+
+/// Reports a table whose rows are missing, not finite or not sorted by time; returns `true` if it is sound.
+pub fn check(table: &[[f64; 2]], path: &str, report: &mut dyn Report) -> bool {
+    let falls = |pair: &[[f64; 2]]| pair[1][0] < pair[0][0];
+    let (reason, remedy) = if table.is_empty() || table.iter().flatten().any(|x| !x.is_finite()) {
+        (
+            "the table needs rows of finite times and values",
+            "write [[0, 10], [3600, 4]]",
+        )
+    } else if table.windows(2).any(falls) {
+        (
+            "the times of the table do not rise",
+            "sort the rows by time",
+        )
+    } else {
+        return true;
+    };
+    report.error(path, reason.into(), remedy.into());
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
+        let table = [[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]];
+        let history = History::new(Some(&table), 0.0);
+        for (time, value) in [
+            (0.0, 10.0),
+            (1.0, 10.0),
+            (2.0, 15.0),
+            (3.0, 20.0),
+            (3.5, 5.5),
+            (4.0, 6.0),
+            (9.0, 6.0),
+        ] {
+            assert!((history.value(time) - value).abs() < 1e-12, "{time}");
+        }
+        assert_eq!(history.next(1.0), Some(3.0));
+        assert_eq!(history.next(4.0), None);
+        assert_eq!((history.end(), history.range()), (4.0, [5.0, 20.0]));
+        assert_eq!(History::new(None, 7.0).value(3.0), 7.0);
+        assert_eq!(History::new(None, 7.0).end(), 0.0);
+    }
+}

@@ -1,0 +1,97 @@
+//! Discharge into water with a free surface, over the area that is wet ([`crate::surface::Outside::Discharge`]).
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::outfall::Links;
+use super::profile::ReadTable;
+use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSurface};
+use crate::lanes::Stored;
+use crate::surface::Outside;
+use base::error::{Error, Report};
+use base::history::{self, History};
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A discharge into water with a free surface: one velocity over the wet part of the face, whose level is free. Over a
+/// bed that is dry or carries less water it enters at its critical depth. A stream that enters faster has its
+/// velocity and its depth imposed: `velocity` on a patch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Discharge {
+    /// Discharge into the domain [m3/s; in 2-D m2/s], 0 or more.
+    #[schemars(range(min = 0.0))]
+    pub value: f64,
+    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between, constant before and
+    /// after; two values at one time are a jump.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Pressure,
+};
+
+impl Discharge {
+    fn discharges(&self) -> History {
+        History::new(self.history.as_deref(), self.value)
+    }
+}
+
+impl Model for Discharge {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        let path = format!("{}.history", site.path);
+        if let Some(table) = &self.history
+            && history::check(table, &path, report)
+            && table.iter().any(|[_, discharge]| *discharge < 0.0)
+        {
+            report.error(
+                &path,
+                "a discharge enters the domain: it is 0 or more".into(),
+                "let water out by `level`, `outfall` or a `velocity` that points out of the domain"
+                    .into(),
+            );
+        }
+    }
+
+    fn with_surface(&self) -> WithSurface {
+        WithSurface::Only
+    }
+
+    fn discharge(&self) -> Option<f64> {
+        let [_, most] = self.discharges().range();
+        Some(most)
+    }
+
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let site = &place.site;
+        let area = if site.dimension == 2 {
+            site.spacing
+        } else {
+            site.spacing * site.spacing
+        };
+        let in_steps = |time: f64| units.time_to_lattice(time);
+        let in_cells = |discharge: f64| units.velocity_to_lattice(discharge / area);
+        Ok(Box::new(Links {
+            strength: NATURE.strength,
+            outside: Outside::Discharge(self.discharges().scaled(in_steps, in_cells)),
+        }))
+    }
+}

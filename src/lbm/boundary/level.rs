@@ -1,0 +1,87 @@
+//! Water at a level outside a face: inflow, outflow or tailwater of water with a free surface
+//! ([`crate::surface::Outside::Level`]).
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+
+use super::outfall::Links;
+use super::profile::ReadTable;
+use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSurface};
+use crate::lanes::Stored;
+use crate::surface::Outside;
+use base::error::{Error, Report};
+use base::history::{self, History};
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Water with a free surface outside: below its level the pressure is that of the depth, above it that of the air, and
+/// the velocity along the face is zero. Water enters or leaves as the flow has it. The level is that at the face: a
+/// stream that enters has its velocity head in addition. Waves are reflected.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Level {
+    /// Level outside [m] along the axis of gravity, measured from the lower corner of the domain.
+    pub value: f64,
+    /// Table of times [s] and levels [m] that replace the value: linear between, constant before and after; two levels
+    /// at one time are a jump.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
+}
+
+const NATURE: Nature = Nature {
+    surface: Surface::Opening,
+    strength: Strength::Pressure,
+};
+
+impl Level {
+    fn levels_in_time(&self) -> History {
+        History::new(self.history.as_deref(), self.value)
+    }
+}
+
+impl Model for Level {
+    fn nature(&self) -> Nature {
+        NATURE
+    }
+
+    fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        if let Some(table) = &self.history {
+            history::check(table, &format!("{}.history", site.path), report);
+        }
+    }
+
+    fn with_surface(&self) -> WithSurface {
+        WithSurface::Only
+    }
+
+    fn levels(&self) -> Option<([f64; 2], &'static str)> {
+        let field = if self.history.is_some() {
+            "history"
+        } else {
+            "value"
+        };
+        Some((self.levels_in_time().range(), field))
+    }
+
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(
+        &self,
+        _: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        let levels = self.levels_in_time();
+        let in_steps = |time: f64| units.time_to_lattice(time);
+        let in_cells = |level: f64| units.length_to_lattice(level);
+        Ok(Box::new(Links {
+            strength: NATURE.strength,
+            outside: Outside::Level(levels.scaled(in_steps, in_cells)),
+        }))
+    }
+}

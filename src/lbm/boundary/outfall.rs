@@ -1,0 +1,72 @@
+//! Free outfall of water with a free surface: beyond the face is air ([`crate::surface::Outside::Air`]).
+
+use super::{Crossing, Giver, Inflow, Model, Nature, Place, Rule, Strength, Surface, WithSurface};
+use crate::lanes::Stored;
+use crate::surface::Outside;
+use base::error::Error;
+use base::units::LatticeUnits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A free outfall of water with a free surface: what reaches the face leaves as a free jet, with the pressure of the
+/// air at the face, and nothing comes back. A stream that is subcritical at the face passes the critical depth within
+/// some depths in front of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Outfall {}
+
+impl Model for Outfall {
+    fn nature(&self) -> Nature {
+        Nature::OUTFLOW
+    }
+
+    fn with_surface(&self) -> WithSurface {
+        WithSurface::Only
+    }
+
+    fn inflow(&self, _: &Place<'_>) -> Inflow {
+        Inflow::Any
+    }
+
+    fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
+        Ok(Box::new(Links {
+            strength: Nature::OUTFLOW.strength,
+            outside: Outside::Air,
+        }))
+    }
+}
+
+/// The links of an opening of water with a free surface. They bounce back here, and the surface gives them what enters.
+pub(crate) struct Links {
+    pub(crate) strength: Strength,
+    pub(crate) outside: Outside,
+}
+
+impl<S: Stored> Rule<S> for Links {
+    fn nature(&self) -> Nature {
+        Nature {
+            surface: Surface::Opening,
+            strength: self.strength,
+        }
+    }
+
+    fn take(&mut self, _: &Crossing<'_, S>) -> Giver {
+        Giver::Wall { term: 0.0 }
+    }
+
+    fn outside(&self) -> Option<Outside> {
+        Some(self.outside.clone())
+    }
+
+    fn is_wall(&self) -> bool {
+        true
+    }
+
+    fn ramp_end(&self) -> f64 {
+        match &self.outside {
+            Outside::Discharge(values) | Outside::Level(values) => values.end(),
+            Outside::Stream | Outside::Air => 0.0,
+        }
+    }
+}

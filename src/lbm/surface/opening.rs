@@ -1,0 +1,524 @@
+//! Openings of water with a free surface.
+//!
+//! Behind a face stands water or air ([`Outside`]). The links of a wet cell through the face take what enters from a law,
+//! written with deviations g = f - w, n the normal of the face out of the domain and u the velocity of the water of the
+//! cell:
+//!
+//! | outside | what enters along ī for the g*_i that leaves | source |
+//! |---|---|---|
+//! | stream | as the boundary has set it: half-way bounce-back with a velocity | [`crate::boundary::velocity`] |
+//! | discharge | g*_i + 6 w_i (c_i·n) Q/A, A the wet area of the face | Ladd 1994 |
+//! | level | 2 w_i (ρ_w + 3 (1 + ρ_w) u_n²) - g*_m, m mirrored along the face | [`crate::boundary::pressure`] |
+//! | air | 2 w_i (9/2 (c·u)² - 3/2 u²) - g*_i, the pressure of the gas as at the surface | [`super::facet`] |
+//!
+//! At a level ρ_w is that of the depth of the centre of the cell below it, and the velocity along the face is zero. Air
+//! gives no water back: a cell into which it would flow bounces back.
+//!
+//! **Mass.** A liquid cell gains the sum over its links of what entered less what left; an interface cell a part of
+//! it: the wet part of the face. Where water comes in from a stream this is one, from a discharge the larger of the fill
+//! levels on both sides, at a level that of the side from which the water comes. What each opening gives and takes is
+//! summed in quanta, so that the balance closes to rounding on any number of ranks.
+//!
+//! **Dry faces.** A gas cell at the face whose outer side is at least half full becomes an interface cell without mass. Such
+//! cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³ with B
+//! the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
+//!
+//! Links through an opening are walls to the exchange between cells ([`super::exchange`]): the surface meets the face
+//! at a right angle.
+
+use super::carrier::inertia;
+use super::cells::Cells;
+use super::conversion::Fed;
+use super::kind::{GAS, LIQUID, SOLID, is_surface, is_wet};
+use crate::lanes::Stored;
+use crate::populations::{Link, Populations};
+use crate::quanta::{from_quanta, quanta};
+use base::history::History;
+use base::number::{real, to_u32};
+use decomposition::Communicator;
+
+/// Fill level outside from which on a gas cell at the face becomes an interface cell.
+const FEEDS: f64 = 0.5;
+
+/// Water or air beyond an opening, in lattice units.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outside {
+    /// Water with the velocity that the boundary imposes, where that points into the domain.
+    Stream,
+    /// Discharge over the wet area.
+    Discharge(History),
+    /// Water at rest up to a coordinate along the axis of gravity.
+    Level(History),
+    /// Air.
+    Air,
+}
+
+/// Axis of gravity in the domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Up {
+    /// The axis.
+    pub axis: usize,
+    /// `true` if up is towards larger coordinates.
+    pub rises: bool,
+    /// Acceleration along it, without sign.
+    pub gravity: f64,
+    /// Cells of the domain along it.
+    pub cells: usize,
+}
+
+impl Up {
+    /// Returns the row of a cell of the domain, from the lowest on.
+    fn row(&self, at: [usize; 3]) -> usize {
+        let n = at[self.axis];
+        if self.rises { n } else { self.cells - 1 - n }
+    }
+
+    /// Returns the height of a coordinate above the lowest face.
+    fn height(&self, coordinate: f64) -> f64 {
+        if self.rises {
+            coordinate
+        } else {
+            real(self.cells) - coordinate
+        }
+    }
+}
+
+/// Mass that has passed an opening since the start, in quanta of one rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Passed {
+    /// Mass that entered.
+    pub entered: i128,
+    /// Mass that left.
+    pub left: i128,
+}
+
+/// A cell at an opening.
+#[derive(Clone, Debug)]
+struct Face {
+    cell: usize,
+    row: f64,
+    /// First link and number of links.
+    first: usize,
+    count: usize,
+    /// Part of the face that its links stand for: the sum of 6 w_i (c_i·n).
+    area: f64,
+    /// Velocity that a stream imposes at full speed.
+    imposed: [f64; 3],
+    /// Velocity of the water before the pass.
+    velocity: [f64; 3],
+}
+
+/// A link through an opening.
+#[derive(Clone, Copy, Debug)]
+struct Crossed {
+    link: Link,
+    /// Link of the same cell that leaves through the face mirrored along it.
+    mirrored: Link,
+    c: [i8; 3],
+    weight: f64,
+}
+
+/// State of the outside in a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Now {
+    /// Height of the water outside above the lowest face; infinite for a stream, below zero for air.
+    level: f64,
+    /// Speed of a discharge into the domain, and factor of the velocity of a stream.
+    speed: f64,
+    /// Speed with which the discharge enters dry cells.
+    dry: f64,
+}
+
+/// One opening of a slab.
+#[derive(Debug)]
+pub(crate) struct Opening {
+    patch: usize,
+    outside: Outside,
+    axis: usize,
+    /// Direction out of the domain: 1 or -1.
+    outward: f64,
+    up: Up,
+    faces: Vec<Face>,
+    links: Vec<Crossed>,
+    /// Area of the open faces by row, of all ranks; found in the first step.
+    rows: Vec<f64>,
+    now: Now,
+    passed: Passed,
+    /// Mass that entered in the last step, in quanta.
+    last: i128,
+}
+
+/// Numbers of a link in a step: what left along it, what left along its mirror image, and what enters so far.
+struct Ends {
+    out: f64,
+    mirrored: f64,
+    enters: f64,
+}
+
+impl Opening {
+    /// Returns an opening without links. `face` is the axis of its face, and `true` at the upper end.
+    pub(crate) fn new(patch: usize, outside: Outside, face: (usize, bool), up: Up) -> Self {
+        Self {
+            patch,
+            outside,
+            axis: face.0,
+            outward: if face.1 { 1.0 } else { -1.0 },
+            up,
+            faces: Vec::new(),
+            links: Vec::new(),
+            rows: Vec::new(),
+            now: Now::default(),
+            passed: Passed::default(),
+            last: 0,
+        }
+    }
+
+    /// Adds links by rising cell: the link from a cell along a direction, with the cell in the domain. `imposed` gives
+    /// the velocity of a stream in the middle of the face of a cell.
+    pub(crate) fn cross<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        start: [usize; 3],
+        links: &[(usize, usize)],
+        imposed: impl Fn([f64; 3]) -> [f64; 3],
+    ) {
+        let velocities = populations.velocities();
+        for &(cell, direction) in links {
+            let c = velocities.c[direction];
+            let turned = std::array::from_fn(|a| if a == self.axis { c[a] } else { -c[a] });
+            let mirror = velocities.c.iter().position(|other| *other == turned);
+            let crossed = Crossed {
+                link: populations.link(cell, direction),
+                mirrored: populations.link(cell, mirror.unwrap_or(direction)),
+                c,
+                weight: velocities.w[direction],
+            };
+            if self.faces.last().is_none_or(|face| face.cell != cell) {
+                let local = populations.coordinates(cell);
+                let at: [usize; 3] = std::array::from_fn(|a| local[a].unsigned_abs() + start[a]);
+                let mut middle = at.map(|n| real(n) + 0.5);
+                middle[self.axis] += 0.5 * self.outward;
+                self.faces.push(Face {
+                    cell,
+                    row: real(self.up.row(at)),
+                    first: self.links.len(),
+                    count: 0,
+                    area: 0.0,
+                    imposed: imposed(middle),
+                    velocity: [0.0; 3],
+                });
+            }
+            if let Some(face) = self.faces.last_mut() {
+                face.count += 1;
+                face.area += 6.0 * crossed.weight * f64::from(c[self.axis]).abs();
+            }
+            self.links.push(crossed);
+        }
+    }
+
+    /// Returns the number of the patch.
+    pub(super) fn patch(&self) -> usize {
+        self.patch
+    }
+
+    /// Returns the mass that has passed on this rank.
+    pub(super) fn passed(&self) -> Passed {
+        self.passed
+    }
+
+    /// Sets the mass that has passed, on a restart.
+    pub(super) fn set_passed(&mut self, passed: Passed) {
+        self.passed = passed;
+    }
+
+    /// Returns the mass that entered in the last step on this rank, in quanta.
+    pub(super) fn last(&self) -> i128 {
+        self.last
+    }
+
+    /// Takes the velocities of the water before a pass.
+    pub(super) fn remember<S: Stored>(
+        &mut self,
+        cells: &Cells,
+        populations: &Populations<S>,
+        half_force: [f64; 3],
+    ) {
+        for face in &mut self.faces {
+            if is_wet(cells.kind[face.cell]) {
+                let (density, momentum) = populations.moments(face.cell);
+                face.velocity =
+                    std::array::from_fn(|a| (momentum[a] + half_force[a]) / (1.0 + density));
+            }
+        }
+    }
+
+    /// Finds the state of the outside at a step; `factor` is that of the velocity of a stream. Collective.
+    pub(super) fn measure(
+        &mut self,
+        cells: &Cells,
+        (step, factor): (f64, f64),
+        communicator: &Communicator,
+    ) {
+        self.now = match &self.outside {
+            Outside::Stream => Now {
+                level: f64::INFINITY,
+                speed: factor,
+                dry: 0.0,
+            },
+            Outside::Level(level) => Now {
+                level: self.up.height(level.value(step)),
+                ..Now::default()
+            },
+            Outside::Air => Now {
+                level: -1.0,
+                ..Now::default()
+            },
+            Outside::Discharge(discharge) => {
+                let discharge = discharge.value(step);
+                self.stream(cells, discharge, communicator)
+            }
+        };
+    }
+
+    /// Returns the level and the speed of a discharge. Collective.
+    fn stream(&mut self, cells: &Cells, discharge: f64, communicator: &Communicator) -> Now {
+        if self.rows.is_empty() {
+            self.rows = self.areas(cells, communicator);
+        }
+        let (level, least) = critical(&self.rows, discharge, self.up.gravity);
+        let mut wet = 0;
+        for face in &self.faces {
+            let outside = (level - face.row).clamp(0.0, 1.0);
+            let part = match cells.kind[face.cell] {
+                LIQUID => 1.0,
+                kind if is_surface(kind) => outside.max(cells.fill[face.cell].clamp(0.0, 1.0)),
+                _ => 0.0,
+            };
+            wet += i128::from(quanta(part * face.area));
+        }
+        let wet = communicator.all_reduce_sum_u128(wet.cast_unsigned());
+        let area = from_quanta(wet.cast_signed());
+        let through = |area: f64| if area > 0.0 { discharge / area } else { 0.0 };
+        Now {
+            level,
+            speed: through(area),
+            dry: through(if area > 0.0 { area } else { least }),
+        }
+    }
+
+    /// Returns the area of the open faces by row. Collective.
+    fn areas(&self, cells: &Cells, communicator: &Communicator) -> Vec<f64> {
+        let mut rows = vec![0_i128; self.up.cells];
+        for face in &self.faces {
+            if cells.kind[face.cell] != SOLID {
+                rows[base::number::whole(face.row)] += i128::from(quanta(face.area));
+            }
+        }
+        let mut rows: Vec<u128> = rows.into_iter().map(i128::cast_unsigned).collect();
+        communicator.all_reduce_sum_u128s(&mut rows);
+        let areas = rows.into_iter();
+        areas.map(|area| from_quanta(area.cast_signed())).collect()
+    }
+
+    /// Returns the fill level outside of the face of a cell.
+    fn fill(&self, face: &Face) -> f64 {
+        if self.outside == Outside::Stream {
+            let into = -self.outward * self.now.speed * face.imposed[self.axis];
+            return f64::from(u8::from(into > 0.0));
+        }
+        (self.now.level - face.row).clamp(0.0, 1.0)
+    }
+
+    /// Returns the velocity of water that enters a dry cell; `None` for that of its neighbours.
+    fn entering(&self, face: &Face) -> Option<[f64; 3]> {
+        match self.outside {
+            Outside::Stream => Some(face.imposed.map(|u| self.now.speed * u)),
+            Outside::Discharge(_) => {
+                let mut velocity = [0.0; 3];
+                velocity[self.axis] = -self.outward * self.now.dry;
+                Some(velocity)
+            }
+            Outside::Level(_) | Outside::Air => None,
+        }
+    }
+
+    /// Marks the cells that stand against water outside.
+    pub(super) fn mark(&self, cells: &mut Cells) {
+        for face in &self.faces {
+            if cells.kind[face.cell] != SOLID && self.fill(face) >= FEEDS {
+                cells.feed(face.cell);
+            }
+        }
+    }
+
+    /// Clears the marks of its cells.
+    pub(super) fn clear(&self, cells: &mut Cells) {
+        for face in &self.faces {
+            cells.starve(face.cell);
+        }
+    }
+
+    /// Gives the links of wet cells what enters, and interface cells their mass. Appends the dry cells that stand
+    /// against water to `fed`, each with its velocity, if the opening has one.
+    pub(super) fn pass<S: Stored>(
+        &mut self,
+        cells: &mut Cells,
+        populations: &mut Populations<S>,
+        fed: &mut Vec<Fed>,
+    ) {
+        self.last = 0;
+        let (axis, now, gravity) = (self.axis, self.now, self.up.gravity);
+        let mirrored = |own: f64, outside: f64, gain: f64| {
+            if gain > 0.0 { own.max(outside) } else { own }
+        };
+        match self.outside {
+            Outside::Stream => {
+                let full = |own: f64, outside: f64, _: f64| own.max(outside);
+                self.give(cells, populations, fed, |_, _, ends| ends.enters, full);
+            }
+            Outside::Discharge(_) => {
+                let larger = |own: f64, outside: f64, _: f64| own.max(outside);
+                let enters = |_: &Face, crossed: &Crossed, ends: &Ends| {
+                    let through = f64::from(crossed.c[axis]).abs();
+                    ends.out + 6.0 * crossed.weight * through * now.speed
+                };
+                self.give(cells, populations, fed, enters, larger);
+            }
+            Outside::Level(_) => {
+                let enters = |face: &Face, crossed: &Crossed, ends: &Ends| {
+                    let depth = now.level - face.row - 0.5;
+                    let density = if depth < -0.5 {
+                        0.0
+                    } else {
+                        3.0 * gravity * depth
+                    };
+                    let normal = face.velocity[axis];
+                    let even = density + (1.0 + density) * (3.0 * normal * normal);
+                    2.0 * crossed.weight * even - ends.mirrored
+                };
+                self.give(cells, populations, fed, enters, mirrored);
+            }
+            Outside::Air => {
+                let enters = |face: &Face, crossed: &Crossed, ends: &Ends| {
+                    2.0 * crossed.weight * inertia(crossed.c, 0.0, face.velocity) - ends.out
+                };
+                self.give(cells, populations, fed, enters, mirrored);
+            }
+        }
+    }
+
+    /// Does [`Self::pass`] with the law of the opening and the wet part of the face of an interface cell, which follows
+    /// from its own fill level, that outside and the gain of a full cell.
+    fn give<S: Stored>(
+        &mut self,
+        cells: &mut Cells,
+        populations: &mut Populations<S>,
+        fed: &mut Vec<Fed>,
+        enters: impl Fn(&Face, &Crossed, &Ends) -> f64,
+        part: impl Fn(f64, f64, f64) -> f64,
+    ) {
+        let parity = populations.parity();
+        let numbers = populations.numbers_mut();
+        let one_way = self.outside == Outside::Air;
+        for face in &self.faces {
+            let kind = cells.kind[face.cell];
+            if kind == SOLID {
+                continue;
+            }
+            let outside = self.fill(face);
+            let links = &self.links[face.first..][..face.count];
+            if kind == GAS {
+                for crossed in links {
+                    numbers[crossed.link.out(parity)] = S::from_f64(0.0);
+                    numbers[crossed.link.incoming(parity)] = S::from_f64(0.0);
+                }
+                if outside >= FEEDS {
+                    fed.push((to_u32(face.cell), self.entering(face)));
+                }
+                continue;
+            }
+            let mut gain = 0.0;
+            for crossed in links {
+                let incoming = crossed.link.incoming(parity);
+                let ends = Ends {
+                    out: numbers[crossed.link.out(parity)].to_f64(),
+                    mirrored: numbers[crossed.mirrored.out(parity)].to_f64(),
+                    enters: numbers[incoming].to_f64(),
+                };
+                let value = S::from_f64(enters(face, crossed, &ends));
+                numbers[incoming] = value;
+                gain += value.to_f64() - ends.out;
+            }
+            if one_way && gain > 0.0 {
+                for crossed in links {
+                    numbers[crossed.link.incoming(parity)] = numbers[crossed.link.out(parity)];
+                }
+                gain = 0.0;
+            }
+            if is_surface(kind) {
+                let own = cells.fill[face.cell].clamp(0.0, 1.0);
+                gain *= part(own, outside, gain);
+                cells.mass[face.cell] += gain;
+            }
+            let gain = i128::from(quanta(gain));
+            self.last += gain;
+            if gain > 0 {
+                self.passed.entered += gain;
+            } else {
+                self.passed.left -= gain;
+            }
+        }
+    }
+}
+
+/// Returns the height of the water at which a discharge through the open faces of these rows is critical, at least
+/// half a cell of the lowest of them, and the area below it; of no discharge -1 and 0.
+fn critical(rows: &[f64], discharge: f64, gravity: f64) -> (f64, f64) {
+    if discharge <= 0.0 {
+        return (-1.0, 0.0);
+    }
+    let mut below = 0.0;
+    let mut bed = None;
+    for (n, &area) in rows.iter().enumerate() {
+        if area <= 0.0 {
+            continue;
+        }
+        let lowest = *bed.get_or_insert(real(n) + 0.5);
+        let wanted = (discharge * discharge * area / gravity).cbrt();
+        if wanted < below + area {
+            let level = real(n) + ((wanted - below) / area).max(0.0);
+            let level = level.max(lowest);
+            return (level, (below + area * (level - real(n))).max(0.5 * area));
+        }
+        below += area;
+    }
+    (real(rows.len()), below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rectangular section has the critical depth (q²/g)^⅓ above its bed; a triangular one (2 Q²/(g m²))^⅕ with
+    /// sides of slope m.
+    #[test]
+    fn a_discharge_is_critical_at_the_depth_of_its_section() {
+        let gravity = 1e-4;
+        let mut rows = vec![0.0; 3];
+        rows.extend(vec![20.0; 40]);
+        for depth in [0.6, 4.0, 7.3, 21.9] {
+            let discharge = 20.0 * (gravity * f64::powi(depth, 3)).sqrt();
+            let (level, area) = critical(&rows, discharge, gravity);
+            assert!((level - 3.0 - depth).abs() < 1e-9, "{level} for {depth}");
+            assert!((area - 20.0 * depth).abs() < 1e-9);
+        }
+        assert_eq!(critical(&rows, 0.0, gravity), (-1.0, 0.0));
+        let (least, _) = critical(&rows, 1e-6, gravity);
+        assert_eq!(least, 3.5);
+        let triangle: Vec<f64> = (0..100_u64).map(|n| 2.0 * (real(n) + 0.5)).collect();
+        let depth = 30.0;
+        let discharge = (gravity * f64::powi(depth, 5) / 2.0).sqrt();
+        let (level, _) = critical(&triangle, discharge, gravity);
+        assert!((level - depth).abs() < 0.3, "{level}");
+    }
+}

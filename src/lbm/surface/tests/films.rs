@@ -1,0 +1,77 @@
+//! Films down a plane against the exact solution.
+
+use super::{Tank, step};
+use crate::fluid::Fluid;
+
+/// Returns the error of the discharge and the largest error of the velocity of a film of a thickness in cells, both over
+/// the exact mean velocity u = g_x h²/(3 ν) (W. Nusselt, Z. VDI 60 (1916) 541), after a time of several h²/ν.
+fn errors(thickness: f64, cells: [usize; 3], across: f64) -> [f64; 2] {
+    let mut tank = Tank::new(cells);
+    tank.tau = 0.8;
+    let viscosity = (tank.tau - 0.5) / 3.0;
+    // The same Reynolds number on every grid.
+    let mean = 0.01 / thickness;
+    let pull = 3.0 * viscosity * mean / (thickness * thickness);
+    let angle = f64::atan2(across, 1.0);
+    tank.slope = [pull * angle.cos(), pull * angle.sin()];
+    if cells[2] == 1 {
+        tank.slope = [pull, 0.0];
+    }
+    tank.gravity = 2.0 * pull;
+    tank.periodic = [true, false, true];
+    let mut fluid = tank.fill(|[_, y, _]| (thickness - y as f64).clamp(0.0, 1.0));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count"
+    )]
+    step(
+        &mut fluid,
+        (4.0 * thickness * thickness / viscosity) as usize,
+    );
+    let speed = |fluid: &Fluid<f64>, y: usize| {
+        let (_, u) = fluid.state(fluid.populations().interior_cell([1, y, 0]));
+        if cells[2] == 1 {
+            u[0]
+        } else {
+            u[0] * angle.cos() + u[2] * angle.sin()
+        }
+    };
+    let exact = |y: f64| 3.0 * mean * (y / thickness - 0.5 * (y / thickness).powi(2));
+    let (mut through, mut largest) = (0.0, 0.0_f64);
+    for y in 0..cells[1] {
+        let cell = fluid.populations().interior_cell([1, y, 0]);
+        let fill = fluid.surface().unwrap().fill(cell);
+        through += fill * speed(&fluid, y);
+        let middle = y as f64 + 0.5;
+        if middle < thickness {
+            largest = largest.max((speed(&fluid, y) - exact(middle)).abs() / mean);
+        }
+    }
+    [through / (mean * thickness) - 1.0, largest]
+}
+
+/// Along an axis of the lattice the film is exact to the order of the scheme: the error falls with the square of the
+/// cell, wherever the surface lies in its cell.
+#[test]
+fn a_film_down_a_plane_converges_in_the_second_order() {
+    for offset in [0.0, 0.3, 0.5, 0.8] {
+        let coarse = errors(8.0 + offset, [4, 12, 1], 0.0);
+        let fine = errors(16.0 + 2.0 * offset, [4, 20, 1], 0.0);
+        println!("{offset}: {coarse:?} {fine:?}");
+        for (coarse, fine) in coarse.into_iter().zip(fine) {
+            assert!(fine.abs() < 0.01, "{fine}");
+            assert!(fine.abs() < 0.4 * coarse.abs() + 1e-4, "{coarse} {fine}");
+        }
+    }
+}
+
+/// In three dimensions a film runs along the plane at any angle to the lattice.
+#[test]
+fn a_film_in_three_dimensions_runs_at_any_angle() {
+    for across in [0.0, 0.4, 1.0] {
+        let [discharge, velocity] = errors(8.3, [4, 12, 4], across);
+        println!("{across}: {discharge} {velocity}");
+        assert!(discharge.abs() < 0.02 && velocity < 0.03);
+    }
+}

@@ -1,0 +1,285 @@
+//! Openings of water with a free surface: what stands outside, and what does not work.
+
+use super::FreeSurface;
+use crate::scene::boundaries::Patch;
+use crate::scene::findings::{Findings, LATTICE_PATH, number};
+use crate::scene::grid::Grid;
+use base::error::Remedy;
+use lbm::boundary::{Condition, ImposedSpeed, Strength, Surface, WithSurface};
+use serde::Serialize;
+
+/// Cells over the depth of an inflow below which it is refused: the surface lies within a cell.
+const LEAST_CELLS: f64 = 2.0;
+/// Cells over the depth of an inflow below which the plan warns.
+const FEW_CELLS: f64 = 8.0;
+
+/// Water or air outside an opening.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Opening {
+    /// Name of the boundary.
+    pub name: String,
+    /// JSON path of the field that decides what is outside.
+    pub path: String,
+    /// Lower side of the opening above the lowest place of the domain \[m\].
+    pub floor: f64,
+    /// Lowest height above the lowest place of the domain to which water falls through it \[m\]; none where it enters.
+    pub lowest: Option<f64>,
+    /// Largest height of the energy line outside above the lowest place of the domain \[m\]; none without water.
+    pub head: Option<f64>,
+    /// Depth of the water that enters \[m\]: that of a stream, the critical depth of a discharge, or the largest below
+    /// a level.
+    pub depth: Option<f64>,
+    /// Froude number U/(g depth)^½ of what enters; none where it follows from the flow.
+    pub froude: Option<f64>,
+}
+
+impl Opening {
+    /// Returns a sentence about the opening, with the depth in cells of this size.
+    #[must_use]
+    pub fn describe(&self, spacing: f64) -> String {
+        let mut text = format!("`{}`: ", self.name);
+        match self.depth {
+            Some(depth) => {
+                let cells = (depth / spacing).round();
+                text += &format!("depth {} m, {} cells", number(depth), number(cells));
+            }
+            None => text += "air outside",
+        }
+        if let Some(froude) = self.froude {
+            text += &format!(", Froude number {}", number(froude));
+        }
+        text
+    }
+}
+
+/// Refuses openings that need a free surface where there is none.
+pub(super) fn refuse_without_surface(patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+    for patch in patches.iter().flatten() {
+        let only = patch.condition.model().with_surface() == WithSurface::Only;
+        if let (Some(n), true) = (patch.index, only) {
+            findings.error(
+                &format!("{LATTICE_PATH}.boundaries[{n}].condition"),
+                format!(
+                    "{} is an opening of water with a free surface, and there is none in this case",
+                    patch.condition.name()
+                ),
+                "add `surface`, or use velocity, pressure or outflow",
+            );
+        }
+    }
+}
+
+/// Refuses boundaries that do not work with a surface.
+pub(super) fn refuse(
+    patches: &[Vec<Patch>; 6],
+    is_whole: impl Fn(usize) -> bool,
+    findings: &mut Findings,
+) {
+    for patch in patches.iter().flatten() {
+        let model = patch.condition.model();
+        let Some(n) = patch.index else { continue };
+        let path = format!("{LATTICE_PATH}.boundaries[{n}]");
+        if model.with_surface() == WithSurface::Never {
+            let (reason, remedy) = if let Condition::Velocity(_) = patch.condition {
+                (
+                    "an opening that absorbs sound does not work with a free surface: the surface itself lets the \
+                     pressure out",
+                    "leave `sound` out",
+                )
+            } else if model.passes_water() {
+                (
+                    "this opening does not know where the water ends and does not work with a free surface",
+                    "use level, discharge, outfall or velocity",
+                )
+            } else {
+                (
+                    "a wall that moves does not work with a free surface yet",
+                    "use no_slip or free_slip",
+                )
+            };
+            findings.error(&format!("{path}.condition"), reason, remedy);
+        } else if !is_whole(n) && model.nature().surface == Surface::Symmetry {
+            findings.error(
+                &format!("{path}.patch"),
+                "free slip on a part of a face does not work with a free surface yet",
+                Remedy::take_out(
+                    "leave the part out: the whole face slips",
+                    &format!("{path}.patch"),
+                ),
+            );
+        }
+    }
+}
+
+/// Returns the openings of a surface; what does not work goes to the findings.
+pub(super) fn resolve(
+    surface: &FreeSurface,
+    grid: &Grid,
+    (patches, gravity): (&[Vec<Patch>; 6], [f64; 3]),
+    findings: &mut Findings,
+) -> Vec<Opening> {
+    let open = patches.iter().flatten().filter(|patch| {
+        let model = patch.condition.model();
+        model.passes_water() && model.with_surface() != WithSurface::Never
+    });
+    let found = open.map(|patch| one(surface, grid, (patch, gravity), findings));
+    found.collect()
+}
+
+/// Returns an opening.
+fn one(
+    surface: &FreeSurface,
+    grid: &Grid,
+    (patch, gravity): (&Patch, [f64; 3]),
+    findings: &mut Findings,
+) -> Opening {
+    let up = surface.axis;
+    let height = |coordinate: f64| surface.above(coordinate);
+    let ends = patch.ends[up].map(|cell| height(cell * grid.spacing));
+    let mut floor = ends[0].min(ends[1]);
+    let mut top = ends[0].max(ends[1]);
+    if patch.face.axis() == up {
+        let face = if patch.face.is_max() {
+            grid.size[up]
+        } else {
+            0.0
+        };
+        (floor, top) = (height(face), height(face));
+    }
+    let model = patch.condition.model();
+    let mut opening = Opening {
+        name: patch.name.clone(),
+        path: patch.path("value").unwrap_or_default(),
+        floor,
+        lowest: Some(floor),
+        head: None,
+        depth: None,
+        froude: None,
+    };
+    let sideways = patch.face.axis() != up;
+    if let Some((levels, field)) = model.levels() {
+        opening.path = patch.path(field).unwrap_or_default();
+        check_level(
+            surface,
+            grid,
+            (patch, gravity),
+            (levels, &opening.path),
+            findings,
+        );
+        let levels = levels.map(height);
+        opening.lowest = Some(levels[0].min(levels[1]).max(floor));
+        let highest = levels[0].max(levels[1]);
+        opening.head = Some(highest);
+        opening.depth = Some((highest - floor).max(0.0));
+    } else if let Some(discharge) = model.discharge() {
+        opening.lowest = None;
+        check_side(surface, patch, &opening.path, findings);
+        if discharge > 0.0 && surface.gravity > 0.0 {
+            let width = (0..grid.dimension)
+                .filter(|a| *a != up && *a != patch.face.axis())
+                .map(|a| (patch.ends[a][1] - patch.ends[a][0]) * grid.spacing)
+                .product::<f64>();
+            let unit = discharge / width;
+            let depth = (unit * unit / surface.gravity).cbrt();
+            opening.depth = Some(depth);
+            opening.froude = Some(1.0);
+            opening.head = Some(floor + 1.5 * depth);
+            check_depth(grid, (&opening, depth), findings);
+        }
+    } else if let (Some(ImposedSpeed { field, value, .. }), Strength::Velocity) =
+        (model.speed(), model.nature().strength)
+    {
+        opening.path = patch.path(field).unwrap_or_default();
+        opening.lowest = None;
+        let velocity_head = if surface.gravity > 0.0 {
+            value * value / (2.0 * surface.gravity)
+        } else {
+            0.0
+        };
+        opening.head = Some(top + velocity_head);
+        if sideways && top > floor {
+            opening.depth = Some(top - floor);
+            if surface.gravity > 0.0 {
+                opening.froude = Some(value / (surface.gravity * (top - floor)).sqrt());
+            }
+            check_depth(grid, (&opening, top - floor), findings);
+        }
+    }
+    opening
+}
+
+/// Checks that an opening with a level of its own is on a side, and that there is gravity.
+fn check_side(surface: &FreeSurface, patch: &Patch, path: &str, findings: &mut Findings) {
+    if surface.gravity <= 0.0 {
+        findings.error(
+            path,
+            format!("without gravity {} has no depth", patch.condition.name()),
+            "add `gravity`, or impose a velocity",
+        );
+    } else if patch.face.axis() == surface.axis {
+        findings.error(
+            path,
+            format!(
+                "{} is for a side: the face {} lies across gravity",
+                patch.condition.name(),
+                patch.face.name()
+            ),
+            "use a face at the side, or velocity or outfall on this one",
+        );
+    }
+}
+
+/// Checks the levels of an opening.
+fn check_level(
+    surface: &FreeSurface,
+    grid: &Grid,
+    (patch, gravity): (&Patch, [f64; 3]),
+    (levels, path): ([f64; 2], &str),
+    findings: &mut Findings,
+) {
+    check_side(surface, patch, path, findings);
+    let size = grid.size[surface.axis];
+    if !(levels[0] >= 0.0 && levels[1] <= size) {
+        findings.error(
+            path,
+            format!(
+                "a level lies outside the domain, which goes from 0 to {} m along {}",
+                number(size),
+                ["x", "y", "z"][surface.axis]
+            ),
+            format!("use 0 to {} m", number(size)),
+        );
+    }
+    let across = (0..grid.dimension).find(|a| *a != surface.axis && *a != patch.face.axis());
+    if let Some(across) = across.filter(|a| gravity[*a] != 0.0) {
+        findings.error(
+            path,
+            format!(
+                "gravity has a part along {}, across this opening: the water outside would not stand level",
+                ["x", "y", "z"][across]
+            ),
+            "turn the domain so that gravity has no part across the opening",
+        );
+    }
+}
+
+/// Refuses an inflow of too few cells, and warns of one of few.
+fn check_depth(grid: &Grid, (opening, depth): (&Opening, f64), findings: &mut Findings) {
+    let cells = depth / grid.spacing;
+    let reason = format!(
+        "the water that enters through `{}` is {} m deep, {} cells",
+        opening.name,
+        number(depth),
+        number(cells)
+    );
+    if cells < LEAST_CELLS {
+        let most = number(depth / LEAST_CELLS);
+        let remedy = format!("use a spacing of at most {most} m, or more water");
+        findings.error(&opening.path, reason, remedy);
+    } else if cells < FEW_CELLS {
+        let most = number(depth / FEW_CELLS);
+        let reason = format!("{reason}: the surface is no sharper than a cell");
+        let remedy = format!("use a spacing of at most {most} m, or more water");
+        findings.warn(&opening.path, reason, remedy);
+    }
+}
