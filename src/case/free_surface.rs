@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of
 /// all pressures; air that water encloses is not compressed but lost, and counted. Walls, faces of free slip
-/// and structures bound the water; bodies and openings do not work with it yet.
+/// and structures bound the water; bodies float, sink and move in it by partially saturated cells; openings do not
+/// work with it yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeSurface {

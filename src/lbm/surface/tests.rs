@@ -1,3 +1,4 @@
+mod bodies;
 mod waves;
 
 use super::kind::{GAS, LIQUID};
@@ -7,6 +8,7 @@ use crate::fluid::{Fluid, Force, Setup};
 use crate::gpu::Device;
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
+use crate::saturation::Method;
 use decomposition::{Axis, Domain};
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
@@ -21,6 +23,7 @@ pub(super) struct Tank {
     split: usize,
     pub(super) slip_at: Vec<(usize, bool)>,
     pub(super) periodic: [bool; 3],
+    saturation: Option<Method>,
 }
 
 impl Tank {
@@ -38,6 +41,7 @@ impl Tank {
             split: 0,
             slip_at: Vec::new(),
             periodic: [false, false, cells[2] == 1],
+            saturation: None,
         }
     }
 
@@ -60,7 +64,7 @@ impl Tank {
                     rule: Box::<free_slip::Links>::default(),
                 })
                 .collect(),
-            saturation: None,
+            saturation: self.saturation,
             device: Device::Cpu,
             terms: Vec::new(),
         };

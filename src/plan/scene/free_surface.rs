@@ -10,6 +10,7 @@ use super::structures;
 use base::error::Remedy;
 use base::number::real;
 use case::Case;
+use case::coupling::Coupling;
 use case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
 use case::free_surface::{Water, Wave};
 use lbm::boundary::Surface;
@@ -323,20 +324,14 @@ fn wave_form(
 
 /// Refuses what does not work with a free surface yet.
 fn refuse(case: &Case, lbm: &LatticeBoltzmann, patches: &[Vec<Patch>; 6], findings: &mut Findings) {
-    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
-         (a rigid lid)";
-    for (there, path) in [
-        (!case.bodies.is_empty(), "bodies"),
-        (case.blocks.is_some(), "blocks"),
-        (case.grains.is_some(), "grains"),
-    ] {
-        if there {
-            findings.error(
-                path,
-                "bodies in water with a free surface are not computed yet",
-                alternative,
-            );
-        }
+    if let Some(Coupling::BounceBack(_)) = &case.coupling {
+        findings.error(
+            "coupling.bounce_back",
+            "links of bodies do not work with a free surface: a body that moves through it would change the mass of \
+             the water",
+            Remedy::from("use partially saturated cells")
+                .set("coupling", serde_json::json!({"partially_saturated": {}})),
+        );
     }
     for patch in patches.iter().flatten() {
         let nature = patch.condition.model().nature().surface;
