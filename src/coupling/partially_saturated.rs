@@ -245,7 +245,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
     }
 
     /// Sums the shares of the bodies of a fluid with a free surface over the ranks. Collective.
-    fn share_out(&mut self, particles: &Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+    fn share_out(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         let Some(surface) = self.fluid.surface() else {
             return Ok(());
         };

@@ -10,10 +10,7 @@ use crate::saturation::cover::Solid;
 use crate::saturation::{Method, SolidOperator, Weighting};
 use base::number::single;
 
-const OPERATORS: [SolidOperator; 2] = [
-    SolidOperator::NonEquilibriumBounceBack,
-    SolidOperator::ViscosityMatched,
-];
+const OPERATOR: SolidOperator = SolidOperator::NonEquilibriumBounceBack;
 
 /// A box that moves: lower corner, edges and velocity in cells.
 struct Box {
@@ -101,14 +98,14 @@ impl Box {
     }
 }
 
-fn tank(cells: [usize; 3], operator: SolidOperator, weighting: Weighting) -> Tank {
+fn tank(cells: [usize; 3], weighting: Weighting) -> Tank {
     let mut tank = Tank::new(cells);
     tank.slip_at = vec![(0, false), (0, true), (1, false)];
     if cells[2] > 1 {
         tank.slip_at.extend([(2, false), (2, true)]);
     }
     tank.saturation = Some(Method {
-        operator,
+        operator: OPERATOR,
         weighting,
     });
     tank
@@ -121,71 +118,70 @@ fn level(height: f64) -> impl Fn([usize; 3]) -> f64 + Sync {
 #[test]
 fn a_box_at_rest_carries_its_buoyancy() {
     let cells = [40, 30, 1];
-    for operator in OPERATORS {
-        for weighting in [Weighting::Fraction, Weighting::Viscous] {
-            // Through the surface, below it, and with faces between the centres of cells.
-            for (low, edges) in [
-                ([14.0, 9.0], [12.0, 12.0]),
-                ([14.3, 9.4], [11.8, 12.1]),
-                ([14.3, 4.4], [11.8, 6.3]),
-                ([13.5, 12.5], [12.0, 5.5]),
-            ] {
-                let tank = tank(cells, operator, weighting);
-                let height = 16.3;
-                let mut fluid = tank.fill(level(height));
-                let mut body = Box::new(low, edges, cells);
-                body.cover(&mut fluid);
-                let mut sum = [0.0; 3];
-                for n in 0..6000 {
-                    let load = body.step(&mut fluid);
-                    if n >= 4000 {
-                        for (sum, load) in sum.iter_mut().zip(load) {
-                            *sum += load / 2000.0;
-                        }
+    for weighting in [Weighting::Fraction, Weighting::Viscous] {
+        // Through the surface, below it, and with faces between the centres of cells. The surface in a cell at a body is
+        // known to some hundredths of a cell.
+        for (low, edges, within) in [
+            ([14.0, 9.0], [12.0, 12.0], 0.05),
+            ([14.3, 9.4], [11.8, 12.1], 0.05),
+            ([14.3, 4.4], [11.8, 6.3], 1e-3),
+            ([13.5, 12.5], [12.0, 5.5], 0.05),
+        ] {
+            let tank = tank(cells, weighting);
+            let height = 16.3;
+            let mut fluid = tank.fill(level(height));
+            let mut body = Box::new(low, edges, cells);
+            body.cover(&mut fluid);
+            let mut sum = [0.0; 3];
+            for n in 0..4000 {
+                let load = body.step(&mut fluid);
+                if n >= 3000 {
+                    for (sum, load) in sum.iter_mut().zip(load) {
+                        *sum += load / 1000.0;
                     }
                 }
-                let under = (low[1] + edges[1]).min(height) - low[1];
-                let exact = tank.gravity * edges[0] * under;
-                println!(
-                    "{operator:?} {weighting:?} {low:?} {edges:?}: {} {}",
-                    sum[1] / exact,
-                    sum[0] / exact
-                );
             }
+            let under = (low[1] + edges[1]).min(height) - low[1];
+            let draught = sum[1] / (tank.gravity * edges[0]);
+            assert!((draught - under).abs() < within, "{draught} of {under}");
+            let aside = sum[0] / (tank.gravity * edges[1] * edges[1]);
+            assert!(aside.abs() < 1e-3, "{aside}");
         }
     }
 }
 
 #[test]
 fn a_box_that_goes_in_and_out_keeps_the_mass_of_the_water() {
-    for (cells, steps) in [([40, 30, 1], 2400), ([24, 24, 6], 600)] {
-        for operator in OPERATORS {
-            let tank = tank(cells, operator, Weighting::Viscous);
-            let mut fluid = tank.fill(level(12.3));
-            let middle = 0.5 * cells[0] as f64;
-            let mut body = Box::new([middle - 5.3, 14.0], [9.7, 7.4], cells);
-            body.cover(&mut fluid);
-            let before = mass(&fluid);
-            for n in 0..steps {
-                let phase = std::f64::consts::TAU * f64::from(n) / 600.0;
-                body.velocity = [0.01 * phase.cos(), -0.06 * phase.sin(), 0.0];
-                let load = body.step(&mut fluid);
-                assert!(load[1].is_finite());
-                let kept = mass(&fluid) + fluid.surface().unwrap().lost_mass();
-                assert!(
-                    (kept / before - 1.0).abs() < 1e-12,
-                    "{n}: {kept} of {before}"
-                );
-            }
-            println!("lost {}", fluid.surface().unwrap().lost_mass() / before);
+    for (cells, steps) in [([40, 30, 1], 1800), ([24, 24, 6], 600)] {
+        let tank = tank(cells, Weighting::Viscous);
+        let mut fluid = tank.fill(level(12.3));
+        let middle = 0.5 * cells[0] as f64;
+        let mut body = Box::new([middle - 5.3, 14.0], [9.7, 7.4], cells);
+        body.cover(&mut fluid);
+        let before = mass(&fluid);
+        let mut deepest = f64::INFINITY;
+        for n in 0..steps {
+            let phase = std::f64::consts::TAU * f64::from(n) / 600.0;
+            body.velocity = [0.01 * phase.cos(), -0.05 * phase.sin(), 0.0];
+            let load = body.step(&mut fluid);
+            deepest = deepest.min(body.low[1]);
+            assert!(load[1].is_finite());
+            let kept = mass(&fluid) + fluid.surface().unwrap().lost_mass();
+            assert!(
+                (kept / before - 1.0).abs() < 1e-12,
+                "{n}: {kept} of {before}"
+            );
         }
+        assert!(deepest < 5.0);
+        let lost = fluid.surface().unwrap().lost_mass() / before;
+        assert!(lost.abs() < 1e-2, "{lost}");
     }
 }
 
 #[test]
 fn a_box_in_the_air_has_no_load() {
     let cells = [40, 30, 1];
-    let tank = tank(cells, OPERATORS[0], Weighting::Viscous);
+    let tank = tank(cells, Weighting::Viscous);
     let mut fluid = tank.fill(level(8.3));
     let mut body = Box::new([14.3, 14.0], [9.7, 7.4], cells);
     body.velocity = [0.003, 0.004, 0.0];
