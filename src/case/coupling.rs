@@ -83,7 +83,8 @@ pub enum Scheme {
 #[serde(default, deny_unknown_fields)]
 pub struct PartiallySaturated {
     /// Solid collision operator. Default: `viscosity_matched` in slow flow (BGK or TRT, relaxation time of at least
-    /// 0.52, no turbulence model), else `non_equilibrium_bounce_back`, which stays stable at high Reynolds numbers.
+    /// 0.52, no turbulence model, no free surface), else `non_equilibrium_bounce_back`, which stays stable at high
+    /// Reynolds numbers.
     pub solid_operator: Option<SolidOperator>,
     /// Weighting of the solid fraction.
     pub weighting: Weighting,

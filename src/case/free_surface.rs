@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of
 /// all pressures; air that water encloses is not compressed but lost, and counted. Walls, faces of free slip
 /// and structures bound the water; it enters and leaves through faces with `velocity`, `discharge`, `level` and
-/// `outfall`. Bodies do not work with it yet.
+/// `outfall`. Bodies float, sink and move in it by partially saturated cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeSurface {

@@ -189,6 +189,14 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
+    /// Positions of all cells and ghost cells that bodies fill in part or whole; those of several bodies more than once.
+    pub fn filled_cells(&self) -> impl Iterator<Item = usize> {
+        let cells = self.bodies.iter().flat_map(|body| body.cells.share(0, 1));
+        cells
+            .filter(|(_, part)| *part != 0.0)
+            .map(|(position, _)| position)
+    }
+
     /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells
     /// follow with [`Self::cover_cells`].
     pub fn place_bodies<Sp: Space>(

@@ -33,6 +33,7 @@ use lbm::boundary::Flux;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Load;
+use lbm::quanta::from_quanta;
 use lbm::saturation::Cover;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -59,6 +60,8 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     units: LatticeUnits,
     settings: Settings,
     loads: Vec<Load>,
+    /// Sums for [`shares_in_flow`] of each entry.
+    shares: Vec<Load>,
     owned: usize,
     /// `true` if the covered cells still hold the initial state of the fluid.
     fresh: bool,
@@ -85,6 +88,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             units,
             settings,
             loads: Vec::new(),
+            shares: Vec::new(),
             owned: 0,
             fresh: true,
             space: PhantomData,
@@ -129,7 +133,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         let mut cells = Vec::new();
         for (at, position) in self.fluid.populations().interior() {
             let part = cover.fraction(position);
-            if part > 0.0 {
+            if part > 0.0 && self.fluid.holds_water(position) {
                 let (drho, u) = self.fluid.state(position);
                 let at = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
                 let us = if Sp::DIMENSION == 2 {
@@ -187,6 +191,78 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
     }
 }
 
+/// Shares of a body in a fluid with a free surface: of its volume and of its moment of inertia, the parts whose cells
+/// take part in the flow.
+fn shares_in_flow(sums: &Load) -> [f64; 2] {
+    let ratio = |part: i128, all: i128| {
+        if all > 0 {
+            from_quanta(part) / from_quanta(all)
+        } else {
+            0.0
+        }
+    };
+    [ratio(sums[0], sums[1]), ratio(sums[2], sums[3])]
+}
+
+impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
+    /// Does [`Self::average`] for a body of whose cells only a part takes part in the flow.
+    ///
+    /// `extra` holds F_n/2 (0 … 2), the same of the moment (3 … 5), the velocity (6 … 8), and the spin or the angular
+    /// momentum of a block (9 … 11); nothing but 0 if they are not known.
+    fn average_in_part(&self, particles: &mut Particles<Sp>, k: usize) {
+        let (motion, body) = (particles.motion[k], particles.body[k]);
+        let shares = shares_in_flow(&self.shares[k]);
+        let water = if self.settings.without_inner_water {
+            self.units.density * particles.volume(k) / self.units.time_step
+        } else {
+            0.0
+        };
+        let block = particles.polyhedron(k).map(|(_, a)| a.angular_momentum);
+        let turning = match block {
+            Some(_) => water / body.mass,
+            None => water * Sp::inertia(1.0, body.radius),
+        };
+        let extra = &mut particles.extra[k];
+        let load = &mut particles.fluid[k];
+        let known = extra.iter().any(|x| *x != 0.0);
+        for a in 0..Sp::DIMENSION {
+            let (half, now) = (0.5 * load.force.get(a), motion.velocity.get(a));
+            if known {
+                let inside = shares[0] * water * (now - extra[6 + a]);
+                load.force.set(a, (half + extra[a]) + inside);
+            }
+            (extra[a], extra[6 + a]) = (half, now);
+        }
+        for a in 0..Sp::Spin::COUNT {
+            let half = 0.5 * load.torque.get(a);
+            let now = block.map_or_else(|| motion.spin.get(a), |momentum| momentum[a]);
+            if known {
+                let inside = shares[1] * turning * (now - extra[9 + a]);
+                load.torque.set(a, (half + extra[3 + a]) + inside);
+            }
+            (extra[3 + a], extra[9 + a]) = (half, now);
+        }
+    }
+
+    /// Sums the shares of the bodies of a fluid with a free surface over the ranks. Collective.
+    fn share_out(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+        let Some(surface) = self.fluid.surface() else {
+            return Ok(());
+        };
+        self.shares.clear();
+        self.shares.resize(particles.len(), [0; 6]);
+        for (slot, shares) in (0..).zip(surface.shares_of_bodies()) {
+            let entry = self.map.entry(slot);
+            if let Some(sums) = entry.and_then(|entry| self.shares.get_mut(entry)) {
+                for (sum, share) in sums.iter_mut().zip(shares) {
+                    *sum += share;
+                }
+            }
+        }
+        particles.reduce_to_owners(&mut self.shares, domain)
+    }
+}
+
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         self.fluid.advance_many(1).map_err(Error::Internal)?;
@@ -194,6 +270,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             self.fluid.fetch().map_err(Error::Internal)?;
             structures.bounce(self.fluid.populations_mut());
         }
+        self.fluid.move_surface();
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
@@ -210,13 +287,18 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             });
         }
         particles.reduce_to_owners(&mut self.loads, domain)?;
+        self.share_out(particles, domain)?;
         self.owned = particles.owned();
         let (velocity, spin) = self.scales();
         for k in 0..particles.owned() {
             let centre = rigid(particles, k, &self.grid, velocity, spin).position;
             let load = about_centre(centre, &self.loads[k]);
             particles.fluid[k] = to_grain(&self.units, &load, [0.0; 3], 0.0);
-            self.average(particles, k);
+            if self.fluid.surface().is_some() {
+                self.average_in_part(particles, k);
+            } else {
+                self.average(particles, k);
+            }
             let volume = particles.volume(k);
             let force = &mut particles.fluid[k].force;
             for (a, buoyancy) in self.settings.buoyancy.into_iter().enumerate() {
@@ -237,6 +319,10 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         }
         if !self.fluid.covers_on_gpu() {
             self.cover_cells();
+        }
+        if self.fluid.surface().is_some() {
+            let filled = self.map.filled_cells();
+            self.fluid.meet_bodies(filled);
         }
         self.fluid.give_cover().map_err(Error::Internal)?;
         let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);

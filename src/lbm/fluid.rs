@@ -413,6 +413,7 @@ impl<S: Stored> Fluid<S> {
             let viscosity = (self.relaxation_time - 0.5) / 3.0;
             surface.prepare(&mut self.populations, half, viscosity);
         }
+        self.hide_dry(true);
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
@@ -438,6 +439,7 @@ impl<S: Stored> Fluid<S> {
         let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
         let interior = between(planes);
         self.run_followed(&shared, force, interior.clone(), early.then_some(time));
+        self.hide_dry(false);
         self.halo.finish(&mut self.populations);
         if reversed && round_middle {
             wrap(&mut self.populations, 1..last);

@@ -52,12 +52,14 @@
 //! | `moments` | density, velocity and stress of a cell |
 //! | `cut` | plane that cuts a part from a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
+//! | `bodies` | bodies that fill cells in part or whole |
 //! | `carrier` | part of a facet that the links of other cells need |
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
 //! | `opening` | openings: what enters and leaves through them |
 
+pub(crate) mod bodies;
 mod carried;
 mod carrier;
 pub(crate) mod cells;
@@ -79,10 +81,11 @@ use super::lanes::Stored;
 use super::lattice::Velocities;
 use super::populations::Populations;
 use super::quanta::{from_quanta, quanta};
+use bodies::Bodies;
 use cells::Cells;
 use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
-use kind::{ENCLOSED, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
+use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
 
 /// Fill levels this near to empty or full are empty or full at the start.
@@ -99,6 +102,10 @@ pub struct Surface {
     work: conversion::Work,
     /// Cells and directions of links that a plane of symmetry reflects into a solid: they bounce back.
     corners: Vec<(u32, u8)>,
+    /// Bodies over the cells; none in water alone.
+    bodies: Option<Box<Bodies>>,
+    /// `true` after a restart, until bodies are known.
+    restored: bool,
     /// Carried ghost cells of a step; the list keeps its memory.
     beyond: Vec<(usize, carrier::Carrier)>,
     /// Mass that could not be shared, on this rank, in quanta.
@@ -126,6 +133,8 @@ impl Surface {
             ghosts,
             work: conversion::Work::default(),
             corners: Vec::new(),
+            bodies: None,
+            restored: false,
             beyond: Vec::new(),
             lost: 0,
             openings: Vec::new(),
@@ -201,6 +210,7 @@ impl Surface {
                 self.work.note_share(cell);
             }
         }
+        self.restored = true;
         self.settle(populations);
         self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
@@ -210,6 +220,7 @@ impl Surface {
     pub fn saved(&self, cell: usize) -> Saved {
         let kind = match self.cells.kind[cell] {
             ENCLOSED | STRAY => SURFACE,
+            HELD => LIQUID,
             kind => kind,
         };
         let mass = self.cells.mass[cell];
@@ -269,10 +280,14 @@ impl Surface {
         openings.map(|opening| (opening.patch(), opening.last()))
     }
 
-    /// Returns the fill level of a cell: 0 of gas and solids, 1 of liquid.
+    /// Returns the fill level of the free part of a cell: 0 of gas and solids, 1 of liquid.
     #[must_use]
     pub fn fill(&self, cell: usize) -> f64 {
-        self.cells.fill[cell]
+        if self.cells.kind[cell] == HELD {
+            0.0
+        } else {
+            self.cells.fill[cell]
+        }
     }
 
     /// Returns `true` if a cell holds water.
@@ -294,16 +309,18 @@ impl Surface {
         self.planes.iter().map(|plane| plane.surface.len()).sum()
     }
 
-    /// Returns the mass of the water of this rank in quanta.
+    /// Returns the mass of the water of this rank in quanta; bodies take the place of water of density 1.
     #[must_use]
     pub fn mass<S: Stored>(&self, populations: &Populations<S>) -> i128 {
         let mut sum = 0;
         for (_, cell) in populations.interior() {
             let kind = self.cells.kind[cell];
-            if kind == LIQUID {
+            if kind == LIQUID || kind == HELD {
                 sum += i128::from(quanta(1.0 + populations.moments(cell).0));
+                sum -= i128::from(quanta(self.cells.solid(cell)));
             } else if is_surface(kind) {
                 sum += i128::from(quanta(self.cells.mass[cell]));
+                sum -= i128::from(quanta(self.cells.solid(cell)));
                 sum += i128::from(quanta(self.cells.shares_taken(cell)));
             }
         }
@@ -319,7 +336,7 @@ impl Surface {
     /// Returns the bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.cells.bytes()
+        self.cells.bytes() + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
     }
 
     /// Returns the cells that the surface entered in the last step, with their velocities.

@@ -53,7 +53,7 @@ pub fn flow<Sp: Space, S: Stored>(
                 buoyancy: buoyancy(plan),
             };
             let flow = PartiallySaturated::new(fluid, units, origin, settings)
-                .with_structures(structures(plan), true);
+                .with_structures(structures(plan), plan.scene.surface.is_none());
             Water::Saturated(Box::new(flow))
         }
         Some(Coupling::BounceBack(written)) => {

@@ -23,6 +23,7 @@ mod dice;
 mod estimate;
 mod excavations;
 mod extremes;
+mod floating;
 mod folders;
 mod free_surface;
 mod gates;

@@ -106,12 +106,46 @@ impl<S: Stored> Fluid<S> {
     /// are in place. Collective.
     pub fn move_surface(&mut self) {
         self.measure_outside();
+        let half = self.last_force().map(|force| 0.5 * force);
         if let Some(surface) = &mut self.surface
             && !self.populations.cells().contains(&0)
         {
+            if let Some(cover) = &mut self.cover {
+                surface.act_on_bodies(&mut self.populations, cover, half);
+            }
             surface.finish(&mut self.populations);
             self.enter_velocities();
             self.continue_velocities();
+        }
+    }
+
+    /// Takes over the cells that bodies fill, given by position in any order, after the cover. Collective.
+    pub fn meet_bodies(&mut self, filled: impl Iterator<Item = usize>) {
+        let (Some(surface), Some(cover)) = (&mut self.surface, &self.cover) else {
+            return;
+        };
+        surface.meet_bodies(&mut self.populations, cover, filled, &self.communicator);
+        if self.populations.cells().contains(&0) {
+            return;
+        }
+        if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
+            for (cell, u) in surface.begun() {
+                #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
+                field.set_velocity(cell, u.map(|u| u as f32));
+            }
+            self.spread_velocities();
+        }
+        self.continue_velocities();
+    }
+
+    /// Hides the parts of bodies in the air from the pass, or shows them again.
+    pub(super) fn hide_dry(&mut self, hidden: bool) {
+        if let (Some(surface), Some(cover)) = (&self.surface, &mut self.cover)
+            && surface.has_bodies()
+        {
+            for cell in surface.dry() {
+                cover.hide(cell, hidden);
+            }
         }
     }
 

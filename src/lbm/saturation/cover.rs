@@ -374,6 +374,42 @@ impl Cover {
         }
     }
 
+    /// Hides a cell from the pass, or shows it again: a hidden fraction is negative like that of a ghost cell.
+    pub(crate) fn hide(&mut self, position: usize, hidden: bool) {
+        let part = self.fraction[position].abs();
+        self.fraction[position] = if hidden { 0.0 - part } else { part };
+    }
+
+    /// Calls `give` with the slot of each body of a cell, the body, the fraction that it fills and its part of the sum.
+    pub(crate) fn each_body(&self, position: usize, mut give: impl FnMut(u32, &Solid, f64, f64)) {
+        let owner = self.owner[position];
+        let mut of = |slot: u32, fraction: f64, part: f64| {
+            if let Some(solid) = self.solids.get(slot as usize) {
+                give(slot, solid, fraction, part);
+            }
+        };
+        if owner == NONE || owner == STILL {
+            return;
+        }
+        if owner & SHARED == 0 {
+            return of(owner, self.fraction(position), 1.0);
+        }
+        self.at_shares(owner, |shares| {
+            let all = total(shares);
+            for share in shares {
+                let fraction = f64::from(share.fraction);
+                // Bodies that overlap fill a cell once.
+                of(share.slot, fraction / all.max(1.0), fraction / all);
+            }
+        });
+    }
+
+    /// Returns the number of slots of bodies.
+    #[must_use]
+    pub fn slots(&self) -> usize {
+        self.solids.len()
+    }
+
     /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw
     /// frame.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {

@@ -1,21 +1,26 @@
 //! Kind, mass and fill level of the cells of a slab and of its ghost cells, by position ([`Populations::cell`]).
 
-use super::kind::SOLID;
+use super::kind::{HELD, SOLID};
 use crate::lanes::Stored;
 use crate::populations::Populations;
+
+/// Least part without body by which the mass of water in a cell is divided.
+const LEAST_FREE: f64 = 1e-3;
 
 /// State of the cells.
 #[derive(Debug)]
 pub(crate) struct Cells {
     pub(super) kind: Vec<u8>,
-    /// Mass of interface cells; 0 of others.
+    /// Mass of interface cells, with that of water in the place of bodies; 0 of others.
     pub(super) mass: Vec<f64>,
-    /// Fill level: m/ρ of interface cells, 1 of liquid, 0 of others.
+    /// Fill level of the part that no body fills: m/ρ of interface cells without bodies, 1 of liquid, 0 of gas.
     pub(super) fill: Vec<f64>,
     /// Excess mass for each interface cell next to a cell that has changed kind; 0 of most.
     pub(super) share: Vec<f64>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
+    /// Part that bodies fill; empty in a fluid without bodies.
+    pub(super) solid: Vec<f64>,
     /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at an
     /// opening with water outside. Empty where there are neither sheets nor openings.
     closed: Vec<u32>,
@@ -39,6 +44,7 @@ impl Cells {
             fill: vec![0.0; count],
             share: vec![0.0; count],
             carried: vec![false; count],
+            solid: Vec::new(),
             closed: Vec::new(),
             offsets: (0..q).map(|i| populations.offset(i)).collect(),
             strides: std::array::from_fn(|axis| {
@@ -75,6 +81,40 @@ impl Cells {
         !self.closed.is_empty() && self.closed[cell] & 1 != 0
     }
 
+    /// Returns the part of a cell that bodies fill.
+    #[inline(always)]
+    pub(super) fn solid(&self, cell: usize) -> f64 {
+        if self.solid.is_empty() {
+            0.0
+        } else {
+            self.solid[cell]
+        }
+    }
+
+    /// Returns the part of a cell that is no gas, between 0 and 1.
+    #[inline(always)]
+    pub(super) fn content(&self, cell: usize) -> f64 {
+        let fill = self.fill[cell].clamp(0.0, 1.0);
+        fill + (1.0 - fill) * self.solid(cell)
+    }
+
+    /// Returns the fill level of an interface cell from its density.
+    #[inline(always)]
+    pub(super) fn fill_from(&self, cell: usize, mass: f64, density: f64) -> f64 {
+        let solid = self.solid(cell);
+        if solid > 0.0 {
+            (mass - solid) / (density * (1.0 - solid).max(LEAST_FREE))
+        } else {
+            mass / density
+        }
+    }
+
+    /// Returns `true` if a body fills a part of a cell or a cell next to it.
+    pub(super) fn meets_body(&self, cell: usize) -> bool {
+        !self.solid.is_empty()
+            && (self.solid[cell] > 0.0 || self.count_neighbours(cell, |kind| kind == HELD) > 0)
+    }
+
     /// Returns the positions of the neighbours of a cell along the axes.
     pub(super) fn along_axes(&self, cell: usize, dimension: usize) -> impl Iterator<Item = usize> {
         let strides = self.strides;
@@ -109,11 +149,11 @@ impl Cells {
     #[inline(always)]
     pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
         let mut at = self.neighbour(cell, i);
-        if self.kind_along(cell, i) == SOLID {
+        if matches!(self.kind_along(cell, i), SOLID | HELD) {
             at = cell;
             for (c, stride) in c.into_iter().zip(self.strides) {
                 let next = at.wrapping_add_signed(isize::from(c) * stride);
-                if self.kind[next] != SOLID {
+                if !matches!(self.kind[next], SOLID | HELD) {
                     at = next;
                 }
             }
@@ -144,7 +184,7 @@ impl Cells {
     /// Returns the bytes held.
     pub(super) fn bytes(&self) -> usize {
         2 * self.kind.len()
-            + 8 * (self.mass.len() + self.fill.len() + self.share.len())
+            + 8 * (self.mass.len() + self.fill.len() + self.share.len() + self.solid.len())
             + 4 * self.closed.len()
     }
 }

@@ -164,7 +164,7 @@ impl Work {
             let cell = cell as usize;
             enter(populations, cell, born);
             cells.kind[cell] = SURFACE;
-            cells.mass[cell] = 0.0;
+            cells.mass[cell] = cells.solid(cell);
         }
         for n in 0..self.fills.len() {
             let cell = self.fills[n] as usize;
@@ -173,7 +173,7 @@ impl Work {
         }
         for n in 0..self.empties.len() {
             let cell = self.empties[n] as usize;
-            let excess = cells.mass[cell];
+            let excess = cells.mass[cell] - cells.solid(cell);
             self.change(cells, cell, (GAS, 0.0), excess);
             leave(cells, populations, cell);
         }
@@ -182,7 +182,13 @@ impl Work {
 
 impl Work {
     /// Gives a cell its new kind and fill level, and notes its excess mass.
-    fn change(&mut self, cells: &mut Cells, cell: usize, (kind, fill): (u8, f64), excess: f64) {
+    pub(super) fn change(
+        &mut self,
+        cells: &mut Cells,
+        cell: usize,
+        (kind, fill): (u8, f64),
+        excess: f64,
+    ) {
         cells.kind[cell] = kind;
         cells.fill[cell] = fill;
         cells.mass[cell] = 0.0;
@@ -215,7 +221,6 @@ fn mean_of_neighbours<S: Stored>(
     around: &Around,
     cell: usize,
 ) -> Moments {
-    let at = populations.coordinates(cell);
     let mut sum = [0.0; 10];
     let mut count = 0_usize;
     for i in 1..cells.directions() {
@@ -223,11 +228,8 @@ fn mean_of_neighbours<S: Stored>(
         if !is_surface(kind) || matches!(kind, EMPTIES | ENTERED) {
             continue;
         }
-        let c = populations.velocities().c[i];
-        let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
-        let position = |at: [isize; 3]| populations.cell(at);
         let of_cell = |cell: usize| moments(populations, cell);
-        let found = around.moments(next, position, of_cell);
+        let found = around.moments_along(populations, (cell, i), of_cell);
         for (sum, found) in sum.iter_mut().zip(found) {
             *sum += found;
         }
@@ -237,7 +239,7 @@ fn mean_of_neighbours<S: Stored>(
 }
 
 /// Gives a new interface cell its populations.
-fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moments) {
+pub(super) fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moments) {
     let [drho, x, y, z, ..] = *born;
     for i in 0..populations.velocities().q() {
         let v = populations.velocities();
@@ -249,7 +251,7 @@ fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moment
 
 /// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells
 /// without water.
-fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
+pub(super) fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
     let parity = populations.parity();
     for i in 0..cells.directions() {
         let incoming = populations.incoming(cell, i);

@@ -9,9 +9,9 @@
 //! animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
-use super::facet::{find, moments_along};
+use super::facet::find;
 use super::ghosts::Around;
-use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, LIQUID, SOLID, STRAY, SURFACE, is_surface};
+use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::Plane;
 use super::moments::{Moments, moments};
 use crate::lanes::Stored;
@@ -188,11 +188,11 @@ pub(super) fn exchange<S: Stored>(
                     moments[0] = density(numbers, populations, cell);
                     moments
                 };
-                let [now, ..] = moments_along(around, populations, inward, of_cell);
+                let [now, ..] = around.moments_along(populations, inward, of_cell);
                 inside += 0.5 * (now - facet.density_inside);
             }
             let own = known.kind[cell];
-            let level = known.fill[cell].clamp(0.0, 1.0);
+            let level = known.content(cell);
             let mut gain = 0.0;
             let (mut alone, mut gas, mut liquid) = (true, false, known.is_fed(cell));
             for i in super::directions(velocities) {
@@ -218,12 +218,12 @@ pub(super) fn exchange<S: Stored>(
                 }
                 // SAFETY: as above.
                 let came = unsafe { numbers.0.add(incoming).read().to_f64() };
-                if kind == LIQUID {
-                    liquid = true;
+                if kind == LIQUID || kind == HELD {
+                    liquid |= kind == LIQUID;
                     gain += came - sent;
                 } else {
                     alone = false;
-                    let other = known.fill[known.neighbour(cell, i)].clamp(0.0, 1.0);
+                    let other = known.content(known.neighbour(cell, i));
                     gain += between([own, kind], 0.5 * (level + other), sent + w, came + w);
                 }
             }
@@ -235,14 +235,22 @@ pub(super) fn exchange<S: Stored>(
                 mass.read()
             };
             let density = 1.0 + density(numbers, populations, cell);
-            plane.fill[n] = mass / density;
+            plane.fill[n] = known.fill_from(cell, mass, density);
+            // Of a cell that bodies share, the water alone, for the part that is free.
+            let solid = known.solid(cell);
+            let (water, free) = (mass - solid, (1.0 - solid) * density);
+            let most = if solid > 0.0 {
+                free + PASSED * density
+            } else {
+                (1.0 + PASSED) * density
+            };
             plane.kind[n] = match (own, alone) {
                 (ENCLOSED, true) => FILLS,
                 (STRAY, true) => EMPTIES,
-                _ if mass > (1.0 + PASSED) * density => FILLS,
-                _ if mass < -PASSED * density => EMPTIES,
-                (SURFACE, _) if !gas && mass > (1.0 - NEARLY) * density => FILLS,
-                (SURFACE, _) if gas && !liquid && mass < NEARLY * density => EMPTIES,
+                _ if water > most => FILLS,
+                _ if water < -PASSED * density => EMPTIES,
+                (SURFACE, _) if !gas && water > (1.0 - NEARLY) * free => FILLS,
+                (SURFACE, _) if gas && !liquid && water < NEARLY * free => EMPTIES,
                 _ => own,
             };
         }
@@ -268,7 +276,8 @@ pub(super) fn classify<S: Stored>(
                     _ => {}
                 }
             }
-            let fill = cells.mass[cell] / (1.0 + populations.moments(cell).0);
+            let density = 1.0 + populations.moments(cell).0;
+            let fill = cells.fill_from(cell, cells.mass[cell], density);
             plane.fill[n] = fill;
             plane.kind[n] = match (gas, liquid) {
                 (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,

@@ -114,20 +114,6 @@ impl Facet {
     }
 }
 
-/// Returns the moments of the neighbour of a cell along a direction; `of_cell` gives those of a cell of the slab.
-pub(super) fn moments_along<S: Stored>(
-    around: &Around,
-    populations: &Populations<S>,
-    (cell, direction): (usize, usize),
-    of_cell: impl Fn(usize) -> Moments,
-) -> Moments {
-    let at = populations.coordinates(cell);
-    let c = populations.velocities().c[direction];
-    let next = std::array::from_fn(|a| at[a] + isize::from(c[a]));
-    let position = |at: [isize; 3]| populations.cell(at);
-    around.moments(next, position, of_cell)
-}
-
 /// Returns the normal of the fill levels round a cell, weighted as the velocity set weights its directions.
 fn normal<S: Stored>(cells: &Cells, populations: &Populations<S>, cell: usize) -> Option<[f64; 3]> {
     let velocities = populations.velocities();
@@ -192,7 +178,7 @@ pub(super) fn find<S: Stored>(
     let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
     facet.most = MOST_ACCELERATION * weight * (0.5 + facet.inner);
     let of_cell = |cell: usize| moments(populations, cell);
-    let found = moments_along(around, populations, (cell, i), of_cell);
+    let found = around.moments_along(populations, (cell, i), of_cell);
     facet.inward = u8::try_from(i).unwrap_or(0);
     // Π = -σ = (1 - 1/(2τ)) times the second moment beyond equilibrium.
     let relaxation_time = 3.0 * viscosity + 0.5;
@@ -208,6 +194,8 @@ pub(super) fn find<S: Stored>(
         c,
         relaxation_time,
     );
+    // A body takes part in the flow of its cells by their own populations.
+    facet.carried &= !cells.meets_body(cell);
     facet
 }
 

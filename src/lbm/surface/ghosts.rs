@@ -42,6 +42,8 @@ pub(super) struct Around {
     cells: [usize; 3],
     order: [usize; 3],
     dimension: usize,
+    /// `true` for ghost cells that may hold water, by position.
+    ghost: Vec<bool>,
     /// Moments in the planes of both neighbours.
     moments: [Vec<Moments>; 2],
     /// Numbers of the carried cells in these planes.
@@ -98,6 +100,7 @@ impl Ghosts {
                 cells,
                 order,
                 dimension,
+                ghost: vec![false; populations.cell_positions()],
                 moments,
                 carriers,
             },
@@ -168,6 +171,21 @@ impl Ghosts {
         }
         self.all.sort_unstable();
         self.all.dedup();
+        for &cell in &self.all {
+            self.around.ghost[cell as usize] = true;
+        }
+    }
+
+    /// Copies a value of the cells of the slab to the ghost cells beyond periodic axes and planes of symmetry.
+    pub(super) fn copy(&self, values: &mut [f64]) {
+        for &[ghost, inside] in &self.copies {
+            values[ghost as usize] = values[inside as usize];
+        }
+    }
+
+    /// Returns `true` if a position is that of a ghost cell that may hold water.
+    pub(super) fn holds(&self, cell: usize) -> bool {
+        self.around.ghost[cell]
     }
 
     /// Returns the positions of all ghost cells that may hold water.
@@ -303,7 +321,7 @@ impl Around {
     }
 
     /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives the position of a cell of the slab.
-    pub(super) fn moments(
+    fn moments(
         &self,
         at: [isize; 3],
         inside: impl Fn([isize; 3]) -> usize,
@@ -315,6 +333,22 @@ impl Around {
             Source::Beyond(side, place) => self.moments[side][place],
         };
         mirrored(moments, sign)
+    }
+
+    /// Returns the moments of the neighbour of a cell along a direction; `of_cell` gives those of a cell of the slab.
+    #[inline(always)]
+    pub(super) fn moments_along<S: Stored>(
+        &self,
+        populations: &Populations<S>,
+        (cell, direction): (usize, usize),
+        of_cell: impl Fn(usize) -> Moments,
+    ) -> Moments {
+        let neighbour = cell.wrapping_add_signed(populations.offset(direction));
+        if !self.ghost[neighbour] {
+            return of_cell(neighbour);
+        }
+        let at = populations.coordinates(neighbour);
+        self.moments(at, |at| populations.cell(at), of_cell)
     }
 
     /// Returns what the links of a carried ghost cell need; `of_cell` gives that of a cell of the slab.

@@ -18,8 +18,10 @@ pub const FILLS: u8 = 6;
 pub const EMPTIES: u8 = 7;
 /// A cell of gas that the surface enters in this step.
 pub const ENTERED: u8 = 8;
+/// A cell that a body fills, next to water: it holds water that moves with the body and counts as none.
+pub const HELD: u8 = 9;
 
-/// Returns `true` for a cell that holds water.
+/// Returns `true` for a cell whose populations take part in the flow.
 #[inline(always)]
 #[must_use]
 pub fn is_wet(kind: u8) -> bool {
@@ -30,5 +32,5 @@ pub fn is_wet(kind: u8) -> bool {
 #[inline(always)]
 #[must_use]
 pub fn is_surface(kind: u8) -> bool {
-    kind >= SURFACE
+    (SURFACE..HELD).contains(&kind)
 }

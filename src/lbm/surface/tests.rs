@@ -1,3 +1,4 @@
+mod bodies;
 mod films;
 mod openings;
 mod waves;
@@ -10,6 +11,7 @@ use crate::fluid::{Fluid, Force, Setup};
 use crate::gpu::Device;
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
+use crate::saturation::Method;
 use decomposition::{Axis, Domain};
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
@@ -31,6 +33,7 @@ pub(super) struct Tank {
     /// Streams through parts of faces: face, range along y, velocity.
     pub(super) streams: Vec<((usize, bool), [f64; 2], [f64; 3])>,
     pub(super) solids: Vec<[usize; 3]>,
+    saturation: Option<Method>,
 }
 
 impl Tank {
@@ -52,6 +55,7 @@ impl Tank {
             open_at: Vec::new(),
             streams: Vec::new(),
             solids: Vec::new(),
+            saturation: None,
         }
     }
 
@@ -101,7 +105,7 @@ impl Tank {
             cells: self.cells,
             periodic: self.periodic,
             patches: self.patches(),
-            saturation: None,
+            saturation: self.saturation,
             device: Device::Cpu,
             terms: Vec::new(),
         };

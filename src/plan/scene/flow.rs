@@ -58,6 +58,8 @@ pub struct Flow {
     pub faces: [Vec<Patch>; 6],
     /// Speed and pressure of a run on coarse cells.
     pub pilot: Option<Pilot>,
+    /// `true` below a free surface.
+    pub free_surface: bool,
 }
 
 impl Flow {
@@ -66,6 +68,7 @@ impl Flow {
     pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
         let slow = self.collision.model().antisymmetric_rate().is_some()
             && self.turbulence.is_none()
+            && !self.free_surface
             && self.relaxation_time >= SLOW;
         written.solid_operator.unwrap_or(if slow {
             SolidOperator::ViscosityMatched
@@ -139,6 +142,7 @@ impl Flow {
             gravity_acts: acts,
             initial,
             faces,
+            free_surface: lbm.surface.is_some(),
             pilot: lbm.pilot.as_deref().cloned(),
         })
     }

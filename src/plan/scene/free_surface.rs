@@ -14,6 +14,7 @@ use super::structures;
 use base::error::Remedy;
 use base::number::real;
 use case::Case;
+use case::coupling::{Coupling, SolidOperator};
 use case::fluid::{Device, Fluid, Initial, LatticeBoltzmann};
 use case::free_surface::{Water, Wave};
 use serde::Serialize;
@@ -343,20 +344,30 @@ fn wave_form(
 
 /// Refuses what does not work with a free surface yet.
 fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
-    let alternative = "use structures for solids at rest, or leave out `surface` and make its face free_slip \
-         (a rigid lid)";
-    for (there, path) in [
-        (!case.bodies.is_empty(), "bodies"),
-        (case.blocks.is_some(), "blocks"),
-        (case.grains.is_some(), "grains"),
-    ] {
-        if there {
-            findings.error(
-                path,
-                "bodies in water with a free surface are not computed yet",
-                alternative,
-            );
-        }
+    if let Some(Coupling::BounceBack(_)) = &case.coupling {
+        findings.error(
+            "coupling.bounce_back",
+            "links of bodies do not work with a free surface: a body that moves through it would change the mass of \
+             the water",
+            Remedy::from("use partially saturated cells")
+                .set("coupling", serde_json::json!({"partially_saturated": {}})),
+        );
+    }
+    if let Some(Coupling::PartiallySaturated(cells)) = &case.coupling
+        && let Some(operator) = cells.solid_operator
+        && operator != SolidOperator::NonEquilibriumBounceBack
+    {
+        let path = "coupling.partially_saturated.solid_operator";
+        findings.error(
+            path,
+            format!(
+                "{} is not verified with a free surface: a box at rest had up to 4 % too little buoyancy, and one that \
+                 plunged into the water became unstable, with viscosity_matched",
+                operator.name()
+            ),
+            Remedy::from("use non_equilibrium_bounce_back, which is the default there")
+                .set(path, "non_equilibrium_bounce_back"),
+        );
     }
     if !lbm.porous_zones.is_empty() {
         let path = format!("{LATTICE_PATH}.porous_zones");

@@ -24,6 +24,13 @@ const RESTITUTION: f64 = 0.5;
 
 /// Returns the coupling for the shapes of a case, and the reason.
 pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
+    if super::features::lattice(case).is_some_and(|lbm| lbm.surface.is_some()) {
+        let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
+        return (
+            cells,
+            "water with a free surface: links of moving bodies do not work with it",
+        );
+    }
     if case.blocks.is_some() || case.bodies.iter().any(|body| !body.shape.round()) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (

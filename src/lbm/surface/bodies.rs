@@ -1,0 +1,595 @@
+//! Bodies that fill cells of water with a free surface, in part or whole ([`crate::saturation`]).
+//!
+//! ε is the part of a cell that bodies fill. A cell has room for water in its free part 1 - ε, and its fill level is
+//! that of the free part. The lattice keeps populations of whole cells: a cell of density ρ beside a body holds the
+//! mass ρ, of which ε, water of density 1, stands in the place of the body and moves with it. The water of a cell is
+//!
+//! | kind | mass of the water |
+//! |---|---|
+//! | liquid | ρ - ε |
+//! | interface | m - ε, with m the mass that the links exchange |
+//! | held: ε = 1 next to water | ρ - 1 |
+//! | gas, with a body in it or not | 0 |
+//!
+//! **Held cells** are those that bodies fill and that touch water. They take part in the flow as any cell that a body
+//! covers. Bodies have no populations further inside and in the air: the links of held cells that lead there bounce
+//! back at the velocity of the body, and what they bounce is a part of its load. A body in the air thus has no load at
+//! all, and the pressure of the air is the datum of all loads.
+//!
+//! **Weight of the water.** The pass lets the fluid of a covered cell feel the body force by 1 - B. In water at rest a
+//! body then receives the pressure round its cells less (1 - B) F for each. The force of the water on the body is that
+//! pressure less the weight of the water, so that B is replaced by the part that is body under water: ε in liquid and
+//! held cells, ε times the fill level in interface cells. A body in water at rest has its buoyancy for every weighting.
+//!
+//! **Mass.** A body that moves sweeps over cells: ε changes, links that lead into bodies give and take, cells become
+//! held and stop being so. Each of these steps changes the sum of the masses of the table by a known amount, which is
+//! counted in quanta, summed over all ranks, and taken back from the interface cells at the bodies in the same step;
+//! where there are none, from all interface cells, and else it counts as lost. The mass of the water is kept to
+//! rounding, and the water that a body displaces raises the surface by its volume. Along the line where the surface
+//! meets a body the part of the body that comes out of the air with its velocity is added cell by cell.
+//!
+//! **Inertia.** Only the cells with populations resist an acceleration of the body as fluid inside it does, so that
+//! the compensation of [`crate::saturation`] needs their share of the volume and of the moment of inertia
+//! ([`Surface::shares_of_bodies`]).
+
+use super::cells::Cells;
+use super::conversion::{enter, leave};
+use super::ghosts::Ghosts;
+use super::kind::{GAS, HELD, LIQUID, SURFACE, is_surface, is_wet};
+use super::moments::moments;
+use super::{Surface, directions};
+use crate::lanes::Stored;
+use crate::links::{Load, add_force};
+use crate::populations::Populations;
+use crate::quanta::{from_quanta, quanta};
+use crate::saturation::Cover;
+use base::number::{real, to_u32};
+use decomposition::Communicator;
+
+/// Part from which on a body fills a cell: parts of several, each rounded to f32, add up to this.
+const FULL: f64 = 1.0 - 1e-6;
+
+/// Part of a cell that no body leaves in a step by moving: one that has left it was taken away.
+const TAKEN_AWAY: f64 = 0.5;
+
+/// A cell of the slab and its coordinates.
+type Place = (u32, [i32; 3]);
+
+/// Change of the kind of a cell.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    cell: u32,
+    kind: u8,
+    /// `true` if the water that follows a body stays in a cell that it leaves.
+    keeps: bool,
+    /// Mass that an interface cell takes from neighbours that share their excess.
+    taken: f64,
+}
+
+/// Bodies over the cells of a slab.
+#[derive(Debug, Default)]
+pub(crate) struct Bodies {
+    /// Cells and ghost cells that bodies fill, and those that they filled before, by rising position.
+    cells: Vec<u32>,
+    /// Those of the slab, with their coordinates.
+    own: Vec<Place>,
+    /// Those of the slab that take part in the flow.
+    wet: Vec<Place>,
+    /// Links of held cells that lead into bodies or air: cell and direction.
+    inner: Vec<(Place, u8)>,
+    /// Cells that change their kind in a step.
+    changes: Vec<Change>,
+    /// Cells that became held in the last step.
+    begun: Vec<(u32, [f64; 3])>,
+    /// Loads of the last step in addition to those of the pass, by slot.
+    loads: Vec<Load>,
+    /// By slot: volume of the cells with populations and of all, and sums of r² over both, in quanta.
+    shares: Vec<[i128; 4]>,
+    /// Change of the mass of the water that has not been taken back, in quanta.
+    owed: i128,
+    known: bool,
+}
+
+impl Bodies {
+    /// Returns the bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        4 * self.cells.len() + 16 * (self.own.len() + self.wet.len()) + 20 * self.inner.len()
+    }
+
+    /// Takes the cells that bodies fill from a cover, and counts the change of those in the flow.
+    fn measure<S: Stored>(
+        &mut self,
+        cells: &mut Cells,
+        populations: &Populations<S>,
+        cover: &Cover,
+        filled: impl Iterator<Item = usize>,
+    ) -> Vec<u32> {
+        let solid = &cells.solid;
+        self.cells.retain(|&cell| solid[cell as usize] > 0.0);
+        self.cells.extend(filled.map(to_u32));
+        self.cells.sort_unstable();
+        self.cells.dedup();
+        self.own.clear();
+        let count = populations.cells().map(usize::cast_signed);
+        let mut taken_away = Vec::new();
+        for &cell in &self.cells {
+            let position = cell as usize;
+            let (old, new) = (cells.solid[position], cover.part(position));
+            cells.solid[position] = new;
+            let at = populations.coordinates(position);
+            if !(0..3).all(|a| (0..count[a]).contains(&at[a])) {
+                continue;
+            }
+            let at = at.map(|x| i32::try_from(x).unwrap_or(i32::MAX));
+            self.own.push((cell, at));
+            if self.known && is_wet(cells.kind[position]) {
+                self.owed -= i128::from(quanta(new)) - i128::from(quanta(old));
+            }
+            if old - new > TAKEN_AWAY {
+                taken_away.push(cell);
+            }
+        }
+        taken_away
+    }
+
+    /// Finds the cells of the slab that bodies begin or cease to fill, with their new kinds.
+    fn find_filled(&mut self, cells: &Cells, taken_away: &[u32]) {
+        self.changes.clear();
+        for &(cell, _) in &self.own {
+            let position = cell as usize;
+            let kind = cells.kind[position];
+            let full = cells.solid[position] >= FULL;
+            let fills = full && (kind == LIQUID || is_surface(kind));
+            if !fills && (full || kind != HELD) {
+                continue;
+            }
+            let at_water = cells.count_neighbours(position, |kind| kind == LIQUID) > 0;
+            let kept = taken_away.binary_search(&cell).is_err();
+            let kind = if fills {
+                HELD
+            } else if at_water && kept && !void_beside(cells, position) {
+                LIQUID
+            } else if at_water || cells.count_neighbours(position, is_surface) > 0 {
+                SURFACE
+            } else {
+                GAS
+            };
+            self.changes.push(Change {
+                cell,
+                kind,
+                keeps: at_water && kept,
+                taken: cells.shares_taken(position),
+            });
+        }
+    }
+
+    /// Adds the part of bodies that comes from the air into interface cells with the velocity of the body.
+    fn push<S: Stored>(&mut self, cells: &mut Cells, populations: &Populations<S>, cover: &Cover) {
+        let velocities = populations.velocities();
+        for &(cell, at) in &self.own {
+            let position = cell as usize;
+            if !is_surface(cells.kind[position]) || cells.solid[position] <= 0.0 {
+                continue;
+            }
+            let mut gain = 0.0;
+            for i in directions(velocities) {
+                let beside = cells.neighbour(position, i);
+                if cells.kind_along(position, i) != GAS || cells.solid[beside] <= 0.0 {
+                    continue;
+                }
+                let c = velocities.c[i];
+                let u = velocity(cover, populations, (position, at));
+                let along: f64 = (0..3).map(|a| f64::from(c[a]) * u[a]).sum();
+                let part = cells.solid[position].min(cells.solid[beside]);
+                gain -= 6.0 * velocities.w[i] * along * part;
+            }
+            if gain != 0.0 {
+                let before = cells.mass[position];
+                cells.mass[position] += gain;
+                self.owed += i128::from(quanta(cells.mass[position])) - i128::from(quanta(before));
+            }
+        }
+    }
+
+    /// Lists the cells that take part in the flow and the links that lead out of it, and sums the shares of the bodies.
+    fn list<S: Stored>(&mut self, cells: &Cells, populations: &Populations<S>, cover: &Cover) {
+        let velocities = populations.velocities();
+        self.wet.clear();
+        self.inner.clear();
+        self.shares.clear();
+        self.shares.resize(cover.slots(), [0; 4]);
+        let shares = &mut self.shares;
+        for &(cell, at) in &self.own {
+            let position = cell as usize;
+            let kind = cells.kind[position];
+            if cells.solid[position] <= 0.0 {
+                continue;
+            }
+            let wet = is_wet(kind);
+            if wet {
+                self.wet.push((cell, at));
+            }
+            cover.each_body(position, |slot, solid, fraction, _| {
+                let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
+                let arm = (0..velocities.dimension)
+                    .map(|a| f64::from(raw[a]) + 0.5 - solid.motion.position[a]);
+                let square: f64 = arm.map(|r| r * r).sum();
+                let [volume, moment] = [fraction, fraction * square].map(|x| i128::from(quanta(x)));
+                let share = &mut shares[slot as usize];
+                share[1] += volume;
+                share[3] += moment;
+                if wet {
+                    share[0] += volume;
+                    share[2] += moment;
+                }
+            });
+            if kind != HELD {
+                continue;
+            }
+            for i in directions(velocities) {
+                if cells.kind_along(position, i) == GAS {
+                    self.inner.push(((cell, at), u8::try_from(i).unwrap_or(0)));
+                }
+            }
+        }
+    }
+
+    /// Bounces the links that lead out of the flow, behind a pass, and adds the loads that the pass leaves out.
+    /// `half_force` is F/2.
+    fn act<S: Stored>(
+        &mut self,
+        cells: &Cells,
+        populations: &mut Populations<S>,
+        cover: &mut Cover,
+        half_force: [f64; 3],
+    ) {
+        self.loads.clear();
+        self.loads.resize(cover.slots(), [0; 6]);
+        let parity = populations.parity();
+        let flat = populations.velocities().dimension == 2;
+        let loads = &mut self.loads;
+        let mut give = |slot: u32, force: [f64; 3], middle: [i32; 3]| {
+            let force = force.map(quanta);
+            let load = &mut loads[slot as usize];
+            if flat {
+                add_force::<2>(load, force, middle);
+            } else {
+                add_force::<3>(load, force, middle);
+            }
+        };
+        for &((cell, at), i) in &self.inner {
+            let i = usize::from(i);
+            let velocities = populations.velocities();
+            let (c, w) = (velocities.c[i], velocities.w[i]);
+            let u = velocity(cover, populations, (cell as usize, at));
+            let along: f64 = (0..3).map(|a| f64::from(c[a]) * u[a]).sum();
+            let link = populations.link(cell as usize, i);
+            let (out, incoming) = (link.out(parity), link.incoming(parity));
+            let numbers = populations.numbers_mut();
+            let sent = numbers[out].to_f64();
+            numbers[incoming] = S::from_f64(sent - 6.0 * w * along);
+            numbers[out] = S::from_f64(0.0);
+            let came = numbers[incoming].to_f64();
+            self.owed += i128::from(quanta(came)) - i128::from(quanta(sent));
+            cover.each_body(cell as usize, |slot, solid, _, part| {
+                let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
+                let middle = std::array::from_fn(|a| 2 * raw[a] + 1 + i32::from(c[a]));
+                give(slot, c.map(|c| part * f64::from(c) * (sent + came)), middle);
+            });
+        }
+        for &(cell, at) in &self.wet {
+            let position = cell as usize;
+            let kind = cells.kind[position];
+            let under = if is_surface(kind) {
+                cells.solid[position] * cells.fill[position].clamp(0.0, 1.0)
+            } else {
+                cells.solid[position]
+            };
+            let part = from_quanta(i128::from(cover.weight(position))) - under;
+            cover.each_body(position, |slot, solid, _, share| {
+                let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
+                let force = half_force.map(|half| share * 2.0 * half * part);
+                give(slot, force, raw.map(|x| 2 * x + 1));
+            });
+        }
+        for (slot, load) in self.loads.iter().enumerate() {
+            if *load != [0; 6] {
+                cover.receive(to_u32(slot), load);
+            }
+        }
+    }
+}
+
+/// Returns the velocity of the bodies in a cell.
+fn velocity<S: Stored>(
+    cover: &Cover,
+    populations: &Populations<S>,
+    (position, at): (usize, [i32; 3]),
+) -> [f64; 3] {
+    if populations.velocities().dimension == 2 {
+        cover.velocity::<2>(position, at)
+    } else {
+        cover.velocity::<3>(position, at)
+    }
+}
+
+/// Returns `true` if a cell has air next to it.
+fn void_beside(cells: &Cells, position: usize) -> bool {
+    (1..cells.directions()).any(|i| {
+        cells.kind_along(position, i) == GAS && cells.solid[cells.neighbour(position, i)] < FULL
+    })
+}
+
+impl Surface {
+    /// Returns `true` once bodies are known.
+    pub(crate) fn has_bodies(&self) -> bool {
+        self.bodies.is_some()
+    }
+
+    /// Returns the cells of gas that the pass collides with cells of water.
+    pub(crate) fn dry(&self) -> impl Iterator<Item = usize> + '_ {
+        let dry = self.planes.iter().flat_map(|plane| &plane.dry);
+        dry.map(|&cell| cell as usize)
+    }
+
+    /// Returns by slot the volume and the sum of r² of the cells that take part in the flow and of all cells of a body,
+    /// in quanta: flow, all, flow, all.
+    #[must_use]
+    pub fn shares_of_bodies(&self) -> &[[i128; 4]] {
+        self.bodies.as_ref().map_or(&[], |bodies| &bodies.shares)
+    }
+
+    /// Returns the cells that became held in the last step, with the velocities of their bodies.
+    pub(crate) fn begun(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let begun = self.bodies.iter().flat_map(|bodies| &bodies.begun);
+        begun.map(|&(cell, u)| (cell as usize, u))
+    }
+
+    /// Lets the bodies bounce and gives them the loads that a pass leaves out.
+    pub(crate) fn act_on_bodies<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        cover: &mut Cover,
+        half_force: [f64; 3],
+    ) {
+        if let Some(bodies) = &mut self.bodies {
+            bodies.act(&self.cells, populations, cover, half_force);
+        }
+    }
+
+    /// Takes over the cells that bodies fill, given by position in any order. Collective.
+    pub(crate) fn meet_bodies<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        cover: &Cover,
+        filled: impl Iterator<Item = usize>,
+        communicator: &Communicator,
+    ) {
+        let mut bodies = self.bodies.take().unwrap_or_default();
+        let slab = !populations.cells().contains(&0);
+        if self.cells.solid.is_empty() {
+            self.cells.solid = vec![0.0; self.cells.kind.len()];
+        }
+        if slab {
+            let taken_away = bodies.measure(&mut self.cells, populations, cover, filled);
+            self.ghosts.copy(&mut self.cells.solid);
+            if !bodies.known && !self.restored {
+                self.share_cells(populations, &bodies);
+            }
+            bodies.find_filled(&self.cells, &taken_away);
+            self.fill_cells(populations, &mut bodies);
+            self.ghosts.spread_kinds(&mut self.cells.kind);
+            self.open_cells(populations, &mut bodies);
+            self.ghosts.spread_kinds(&mut self.cells.kind);
+            self.hold_cells(populations, cover, &mut bodies);
+            self.ghosts.spread_kinds(&mut self.cells.kind);
+            if bodies.known {
+                bodies.push(&mut self.cells, populations, cover);
+            } else {
+                bodies.owed = 0;
+            }
+        }
+        bodies.known = true;
+        self.take_back(&mut bodies, communicator);
+        if slab {
+            self.settle(populations);
+            bodies.list(&self.cells, populations, cover);
+        }
+        self.bodies = Some(bodies);
+    }
+
+    /// Leaves water only in the free part of interface cells at the start.
+    fn share_cells<S: Stored>(&mut self, populations: &Populations<S>, bodies: &Bodies) {
+        for &(cell, _) in &bodies.own {
+            let position = cell as usize;
+            if is_surface(self.cells.kind[position]) {
+                let density = 1.0 + populations.moments(position).0;
+                let solid = self.cells.solid[position];
+                let fill = self.cells.mass[position] / density;
+                self.cells.mass[position] = solid + (1.0 - solid) * fill * density;
+            }
+        }
+    }
+
+    /// Notes that a cell has changed its kind.
+    fn touch<S: Stored>(&mut self, populations: &Populations<S>, cell: usize) {
+        let at = populations.coordinates(cell);
+        self.planes[at[populations.order()[0]].unsigned_abs()].changed = true;
+    }
+
+    /// Changes the kinds of cells that bodies begin or cease to fill.
+    fn fill_cells<S: Stored>(&mut self, populations: &mut Populations<S>, bodies: &mut Bodies) {
+        for change in &bodies.changes {
+            let position = change.cell as usize;
+            let density = 1.0 + populations.moments(position).0;
+            let whole = i128::from(quanta(density));
+            let solid = self.cells.solid[position];
+            let part = i128::from(quanta(solid));
+            match change.kind {
+                HELD if is_surface(self.cells.kind[position]) => {
+                    let mass = i128::from(quanta(self.cells.mass[position]));
+                    bodies.owed += whole - mass - i128::from(quanta(change.taken));
+                    self.cells.mass[position] = 0.0;
+                    self.cells.fill[position] = 1.0;
+                }
+                SURFACE => {
+                    // Water follows the body where it stands next to it.
+                    let (mass, lost) = if change.keeps {
+                        (density, 0)
+                    } else {
+                        (solid, whole - part)
+                    };
+                    bodies.owed -= lost;
+                    self.cells.mass[position] = mass - change.taken;
+                }
+                GAS => {
+                    bodies.owed -= whole - part;
+                    self.cells.fill[position] = 0.0;
+                    leave(&self.cells, populations, position);
+                }
+                _ => {}
+            }
+            self.cells.kind[position] = change.kind;
+            self.touch(populations, position);
+        }
+    }
+
+    /// Makes interface cells of liquid that a body has left in the air.
+    fn open_cells<S: Stored>(&mut self, populations: &Populations<S>, bodies: &mut Bodies) {
+        bodies.changes.clear();
+        let cells = &self.cells;
+        for &(cell, _) in &bodies.own {
+            let position = cell as usize;
+            if cells.kind[position] == LIQUID && void_beside(cells, position) {
+                bodies.changes.push(Change {
+                    cell,
+                    kind: SURFACE,
+                    keeps: true,
+                    taken: cells.shares_taken(position),
+                });
+            }
+        }
+        for change in &bodies.changes {
+            let position = change.cell as usize;
+            let density = 1.0 + populations.moments(position).0;
+            self.cells.kind[position] = SURFACE;
+            self.cells.mass[position] = density - change.taken;
+            self.touch(populations, position);
+        }
+    }
+
+    /// Lets the filled cells next to water take part in the flow, and no others.
+    fn hold_cells<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        cover: &Cover,
+        bodies: &mut Bodies,
+    ) {
+        let kinds = &self.cells.kind;
+        let of_flow = |cell: usize| match kinds[cell] {
+            kind if is_wet(kind) => moments(populations, cell),
+            _ => [0.0; 10],
+        };
+        self.ghosts.exchange_moments(of_flow);
+        let mut changes = Vec::new();
+        bodies.begun.clear();
+        let water = |kind: u8| kind == LIQUID || is_surface(kind);
+        let mut born = Vec::new();
+        for &(cell, at) in &bodies.own {
+            let position = cell as usize;
+            let kind = self.cells.kind[position];
+            if self.cells.solid[position] < FULL || !matches!(kind, GAS | HELD) {
+                continue;
+            }
+            let wet = self.cells.count_neighbours(position, water) > 0;
+            if wet && kind == GAS {
+                let density = mean_density(&self.cells, &self.ghosts, populations, position);
+                let [x, y, z] = velocity(cover, populations, (position, at));
+                born.push([density, x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                changes.push((cell, HELD));
+                bodies.begun.push((cell, [x, y, z]));
+            } else if !wet && kind == HELD {
+                changes.push((cell, GAS));
+            }
+        }
+        let mut born = born.iter();
+        for (cell, kind) in changes {
+            let position = cell as usize;
+            self.cells.kind[position] = kind;
+            self.cells.fill[position] = f64::from(u8::from(kind == HELD));
+            let solid = i128::from(quanta(self.cells.solid[position]));
+            if kind == HELD {
+                if let Some(born) = born.next() {
+                    enter(populations, position, born);
+                }
+                let density = 1.0 + populations.moments(position).0;
+                bodies.owed += i128::from(quanta(density)) - solid;
+            } else {
+                let density = 1.0 + populations.moments(position).0;
+                bodies.owed -= i128::from(quanta(density)) - solid;
+                leave(&self.cells, populations, position);
+            }
+            self.touch(populations, position);
+        }
+    }
+
+    /// Takes what bodies have added to the mass of the water back from the interface cells. Collective.
+    fn take_back(&mut self, bodies: &mut Bodies, communicator: &Communicator) {
+        let sum = |part: i128| {
+            let all = communicator.all_reduce_sum_u128(part.cast_unsigned());
+            all.cast_signed()
+        };
+        let cells = &self.cells;
+        let at_body = |cell: usize| is_surface(cells.kind[cell]);
+        let takers = bodies.own.iter().map(|(cell, _)| *cell as usize);
+        let takers: Vec<usize> = takers
+            .filter(|&cell| at_body(cell) && cells.solid[cell] > 0.0)
+            .collect();
+        let owed = sum(bodies.owed);
+        bodies.owed = 0;
+        if owed == 0 {
+            return;
+        }
+        let mut count = sum(takers.len() as i128);
+        let mut takers = takers;
+        if count == 0 {
+            takers = (0..cells.kind.len())
+                .filter(|&cell| at_body(cell))
+                .collect();
+            takers.retain(|cell| !self.ghosts.holds(*cell));
+            count = sum(takers.len() as i128);
+        }
+        if count == 0 {
+            if communicator.rank() == 0 {
+                self.lost -= owed;
+            }
+            return;
+        }
+        let each = from_quanta(owed) / real(i64::try_from(count).unwrap_or(i64::MAX));
+        for cell in takers {
+            self.cells.mass[cell] -= each;
+        }
+    }
+}
+
+/// Returns the mean density of the cells of water next to a cell.
+fn mean_density<S: Stored>(
+    cells: &Cells,
+    ghosts: &Ghosts,
+    populations: &Populations<S>,
+    cell: usize,
+) -> f64 {
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for i in directions(populations.velocities()) {
+        let kind = cells.kind_along(cell, i);
+        if kind != LIQUID && !is_surface(kind) {
+            continue;
+        }
+        let of_cell = |cell: usize| moments(populations, cell);
+        let around = ghosts.around();
+        let [density, ..] = around.moments_along(populations, (cell, i), of_cell);
+        sum += density;
+        count += 1;
+    }
+    sum / real(count.max(1))
+}

@@ -1,0 +1,107 @@
+//! Bodies in water with a free surface: the same bits on any ranks, threads and slabs and over restarts, and the mass of
+//! the water.
+
+use super::ranks::{Study, beside_others};
+use serde_json::Value;
+
+/// A light and a heavy disc fall into water between two walls.
+const DISCS: [(&str, &str); 9] = [
+    ("domain", r#"{"size": [0.08, 0.06], "spacing": 0.002}"#),
+    ("fluid.lattice_boltzmann.time_step", "1e-4"),
+    (
+        "fluid.lattice_boltzmann.surface.water",
+        r#"[{"level": 0.0231}]"#,
+    ),
+    (
+        "materials",
+        r#"{"wood": {"density": 700}, "rock": {"density": 2600}, "wall": {}}"#,
+    ),
+    (
+        "contact",
+        r#"{"linear": {"friction_angle_degrees": 20, "normal_stiffness": {"absolute": 50000},
+            "normal_damping_ratio": 0.2}}"#,
+    ),
+    ("box_walls", r#"["x_min", "x_max", "y_min"]"#),
+    ("box_wall_material", "wall"),
+    (
+        "bodies",
+        r#"[{"name": "log", "shape": {"disc": {"radius": 0.0083}}, "position": [0.0211, 0.0351],
+             "motion": {"free": {}}, "material": "wood"},
+            {"name": "boulder", "shape": {"disc": {"radius": 0.0061}}, "position": [0.0532, 0.0401],
+             "motion": {"free": {"velocity": [-0.4, -0.5], "angular_velocity": [10]}}, "material": "rock"}]"#,
+    ),
+    (
+        "probes",
+        r#"[{"name": "log", "every": 0.005, "at": {"body": {"name": "log"}}}]"#,
+    ),
+];
+
+/// Checks that the water has kept its mass.
+fn keeps_water(water: &Value, within: f64) {
+    let error = water["mass_error"].as_f64().unwrap();
+    assert!(error.abs() < within, "{water}");
+    assert!(water["lost"].as_f64().unwrap().abs() < 0.01 * water["mass"].as_f64().unwrap());
+}
+
+#[test]
+fn discs_that_fall_into_water_on_any_ranks_and_over_restarts() {
+    let _beside = beside_others();
+    let mut set = DISCS.to_vec();
+    set.extend([("checkpoint.every", "0.03"), ("time.end", "0.12")]);
+    let study = Study::of("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=y"),
+        ("two", 2, 1, "domain.split=x"),
+        ("three", 3, 1, "domain.split=y"),
+        ("narrow", 3, 2, "domain.slab_bounds=[1, 21]"),
+        ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0417"]);
+    study.restart("parts", 1, &["time.end=0.08"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.12"]).expect(0);
+    study.same("straight", "parts");
+    keeps_water(&study.summary("straight")["water"], 1e-12);
+}
+
+#[test]
+fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
+    let _beside = beside_others();
+    let mut set = DISCS.to_vec();
+    set.extend([
+        (
+            "domain",
+            r#"{"size": [0.05, 0.045, 0.04], "spacing": 0.0025, "periodic": ["z"]}"#,
+        ),
+        ("gravity", "[0, -9.81, 0]"),
+        ("fluid.lattice_boltzmann.collision", r#"{"cumulant": {}}"#),
+        ("fluid.lattice_boltzmann.turbulence", r#"{"wale": {}}"#),
+        ("fluid.lattice_boltzmann.kinematic_viscosity", "1e-5"),
+        ("contact", r#"{"blocks": {"normal_stiffness": {"per_contact": 1e5}, "friction_angle_degrees": 20,
+            "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3}}"#),
+        ("probes", "[]"),
+        (
+            "bodies",
+            r#"[{"name": "sphere", "shape": {"sphere": {"radius": 0.0083}}, "position": [0.0151, 0.0331, 0.039],
+                 "motion": {"free": {}}, "material": "wood"},
+                {"name": "block", "shape": {"cuboid": {"edges": [0.012, 0.009, 0.015]}},
+                 "position": [0.0352, 0.0321, 0.02], "orientation": {"axis": [1, 2, 3], "angle_degrees": 31},
+                 "motion": {"free": {"velocity": [-0.1, -0.5, 0.1], "angular_velocity": [5, 0, 10]}},
+                 "material": "rock"}]"#,
+        ),
+        ("time.end", "0.04"),
+    ]);
+    let study = Study::of("dam-break", &set);
+    study.run("straight", 1, 2, &[]);
+    for (name, ranks, set) in [("x", 2, "x"), ("y", 3, "y"), ("z", 2, "z")] {
+        study.run(name, ranks, 1, &[&format!("domain.split={set}")]);
+        assert_eq!(study.hash("straight"), study.hash(name), "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=0.0123"]);
+    study.restart("parts", 3, &["time.end=0.04"]).expect(0);
+    assert_eq!(study.hash("straight"), study.hash("parts"));
+    keeps_water(&study.summary("straight")["water"], 1e-12);
+}
