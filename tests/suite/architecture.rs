@@ -19,6 +19,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
     ("dem", &["base", "decomposition"]),
     ("darcy", &["base", "decomposition", "structure"]),
     ("lbm", &["base", "decomposition"]),
+    ("joints", &["base", "decomposition", "dem"]),
     (
         "coupling",
         &["base", "darcy", "decomposition", "dem", "lbm", "structure"],

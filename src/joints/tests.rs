@@ -1,0 +1,5 @@
+//! Networks against closed solutions.
+
+mod closed;
+mod squeeze;
+mod steady;
