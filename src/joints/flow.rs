@@ -23,13 +23,16 @@
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
+use crate::motion::{FREEDOMS, Mover, Touch, gap, touches};
 use crate::network::{End, Network};
 use crate::polygon::Plane;
 use crate::slot::{MODES, Modes};
 use crate::water::Water;
 use decomposition::ExactSum;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
+/// Pairs of the rotation rates of a block.
+const TURNS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Maximum number of Newton's steps.
@@ -138,6 +141,11 @@ pub struct Flow {
     held: Vec<usize>,
     factors: Factors,
     work: Work,
+    /// Blocks that move, and the cells at them.
+    movers: Vec<Mover>,
+    touches: Vec<Touch>,
+    /// Gaps without their displacements \[m\].
+    base_gaps: Vec<Plane>,
 }
 
 /// Buffers of a stage.
@@ -154,14 +162,24 @@ struct Work {
     pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
+    /// Displacements and velocities of the moving blocks at the base of a stage.
+    starts: Vec<[Vector6<f64>; 2]>,
 }
 
 impl Flow {
     /// Returns the water of a network at the pressure 0 and without motion.
     #[must_use]
     pub fn new(network: Network, settings: Settings) -> Self {
+        Self::with_movers(network, settings, Vec::new())
+    }
+
+    /// Returns the water of a network with blocks that move ([`crate::motion`]), at the pressure 0 and without motion.
+    #[must_use]
+    pub fn with_movers(network: Network, settings: Settings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
-        let pairs: Vec<[usize; 2]> = network
+        let touches = touches(&network, &movers);
+        let unknowns = nodes + FREEDOMS * movers.len();
+        let mut pairs: Vec<[usize; 2]> = network
             .links
             .iter()
             .filter_map(|link| match link.to {
@@ -169,30 +187,42 @@ impl Flow {
                 End::Open(_) => None,
             })
             .collect();
+        for touch in &touches {
+            let first = nodes + FREEDOMS * touch.mover;
+            pairs.extend((first..first + FREEDOMS).map(|freedom| [touch.cell, freedom]));
+        }
+        for mover in 0..movers.len() {
+            let first = nodes + FREEDOMS * mover;
+            pairs.extend(TURNS.map(|[a, b]| [first + a, first + b]));
+        }
         let modes = if settings.inertia { links * MODES } else { 0 };
         let mut flow = Self {
             settings,
             modes: Modes::new(),
             channels: Vec::with_capacity(links),
             gaps: network.joints.iter().map(|joint| joint.gap).collect(),
+            base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             volumes: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
             discharge: vec![0.0; links],
             held: Vec::new(),
-            factors: Factors::new(nodes, &pairs),
+            factors: Factors::new(unknowns, &pairs),
             work: Work {
                 answers: vec![Answer::default(); links],
                 fronts: vec![None; network.open.len()],
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
                 mode_base: vec![0.0; modes],
-                imbalance: vec![0.0; nodes],
-                diagonal: vec![0.0; nodes],
+                imbalance: vec![0.0; unknowns],
+                diagonal: vec![0.0; unknowns],
                 pairs: vec![0.0; pairs.len()],
-                trial: vec![0.0; nodes],
-                net: vec![0.0; nodes],
+                trial: vec![0.0; unknowns],
+                net: vec![0.0; unknowns],
+                starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
+            movers,
+            touches,
             network,
         };
         log::debug!("joints: {} entries in the factors", flow.factors.entries());
@@ -319,17 +349,85 @@ impl Flow {
             *front = drive.pressure(number, time);
         }
         let mut moved = false;
-        for (joint, gap) in self.gaps.iter_mut().enumerate() {
+        for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
             if let Some(new) = drive.gap(joint, time) {
                 moved |= new != *gap;
                 *gap = new;
             }
         }
         if moved {
-            for link in 0..self.channels.len() {
-                self.channels[link] = self.channel(link);
+            self.place_walls();
+        }
+    }
+
+    /// Takes gaps, volumes and channels from the present displacements of the blocks.
+    fn place_walls(&mut self) {
+        for (joint, base) in self.base_gaps.iter().enumerate() {
+            self.gaps[joint] = gap(&self.network, joint, base, &self.movers);
+        }
+        for link in 0..self.channels.len() {
+            self.channels[link] = self.channel(link);
+        }
+        self.measure_volumes();
+    }
+
+    /// Returns the blocks that move.
+    #[must_use]
+    pub fn movers(&self) -> &[Mover] {
+        &self.movers
+    }
+
+    /// Returns the blocks that move, to set their loads and velocities.
+    pub fn movers_mut(&mut self) -> &mut [Mover] {
+        &mut self.movers
+    }
+
+    /// Takes the velocities of an iterate, and with them the gaps at the end of a stage.
+    fn move_blocks(&mut self, unknowns: &[f64], interval: f64) {
+        if self.movers.is_empty() {
+            return;
+        }
+        let nodes = self.volumes.len();
+        let velocities = unknowns[nodes..].chunks_exact(FREEDOMS);
+        let starts = self.work.starts.iter().zip(velocities);
+        for (mover, ([start, _], velocity)) in self.movers.iter_mut().zip(starts) {
+            mover.velocity = Vector6::from_column_slice(velocity);
+            mover.displacement = start + mover.velocity * interval;
+        }
+        self.place_walls();
+        self.prepare_answers(interval);
+    }
+
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: first pair of the blocks.
+    fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
+        let nodes = self.volumes.len();
+        let [imbalance, diagonal, pairs] = to;
+        for (number, (mover, [_, start])) in self.movers.iter().zip(&self.work.starts).enumerate() {
+            let change = mover.momentum(&(mover.velocity - start)) - mover.load * interval;
+            for freedom in 0..FREEDOMS {
+                let at = nodes + FREEDOMS * number + freedom;
+                imbalance[at] = -change[freedom];
+                diagonal[at] = if freedom < 3 {
+                    -mover.mass
+                } else {
+                    -mover.inertia[(freedom - 3, freedom - 3)]
+                };
             }
-            self.measure_volumes();
+        }
+        let mut pair = pair;
+        for touch in &self.touches {
+            let first = nodes + FREEDOMS * touch.mover;
+            for freedom in 0..FREEDOMS {
+                imbalance[first + freedom] += interval * touch.arm[freedom] * unknowns[touch.cell];
+                pairs[pair] = interval * touch.arm[freedom];
+                pair += 1;
+            }
+        }
+        for mover in &self.movers {
+            for [a, b] in TURNS {
+                pairs[pair] = -mover.inertia[(a - 3, b - 3)];
+                pair += 1;
+            }
         }
     }
 
@@ -356,10 +454,14 @@ impl Flow {
     /// Returns the sum of the squares of the imbalances of the nodes at pressures, and keeps the imbalances with their
     /// derivatives. Without `stores` the flow is steady.
     fn imbalance(&mut self, pressure: &[f64], interval: f64, stores: bool) -> f64 {
+        if stores {
+            self.move_blocks(pressure, interval);
+        }
         let mut work = std::mem::take(&mut self.work.imbalance);
         let mut diagonal = std::mem::take(&mut self.work.diagonal);
         let mut pairs = std::mem::take(&mut self.work.pairs);
-        for (node, number) in work.iter_mut().enumerate() {
+        let nodes = self.volumes.len();
+        for (node, number) in work[..nodes].iter_mut().enumerate() {
             (*number, diagonal[node]) = (-self.work.base[node], 0.0);
             if stores {
                 let (more, slope) = self.settings.water.compression(pressure[node]);
@@ -389,7 +491,16 @@ impl Flow {
                 diagonal[node] *= 2.0;
             }
         }
-        let sum = work.iter().map(|number| number * number).sum();
+        if stores {
+            let blocks = [&mut work[..], &mut diagonal, &mut pairs];
+            self.balance_blocks(pressure, interval, pair, blocks);
+        } else {
+            // Blocks are held in a steady flow.
+            pairs[pair..].fill(0.0);
+            diagonal[nodes..].fill(-1.0);
+            work[nodes..].fill(0.0);
+        }
+        let sum = work[..nodes].iter().map(|number| number * number).sum();
         self.work.imbalance = work;
         (self.work.diagonal, self.work.pairs) = (diagonal, pairs);
         sum
@@ -397,9 +508,14 @@ impl Flow {
 
     /// Solves for the pressures of a stage; returns the number of Newton's steps.
     fn solve(&mut self, interval: f64, stores: bool) -> Result<usize, FlowError> {
-        let mut pressure = std::mem::take(&mut self.pressure);
-        let outcome = self.newton(&mut pressure, interval, stores);
-        self.pressure = pressure;
+        let mut unknowns = std::mem::take(&mut self.pressure);
+        let nodes = unknowns.len();
+        for mover in &self.movers {
+            unknowns.extend(mover.velocity.iter());
+        }
+        let outcome = self.newton(&mut unknowns, interval, stores);
+        unknowns.truncate(nodes);
+        self.pressure = unknowns;
         outcome
     }
 
@@ -417,10 +533,12 @@ impl Flow {
             let mut direction = std::mem::take(&mut self.work.net);
             direction.copy_from_slice(&self.work.imbalance);
             self.factors.solve(&mut direction);
-            let size = pressure.iter().fold(1.0_f64, |most, p| most.max(p.abs()));
-            let full = direction
-                .iter()
-                .fold(0.0_f64, |most, by| most.max(by.abs()));
+            let nodes = self.volumes.len();
+            let largest = |from: f64, of: &[f64]| of.iter().fold(from, |most, p| most.max(p.abs()));
+            let size = largest(1.0, &pressure[..nodes]);
+            let full = largest(0.0, &direction[..nodes]);
+            let slow = largest(0.0, &direction[nodes..])
+                <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..]);
             let mut trial = std::mem::take(&mut self.work.trial);
             let (mut part, mut new) = (1.0, 0.0);
             // Laminar flow needs no search: its imbalance is concave.
@@ -447,7 +565,7 @@ impl Flow {
             }
             change = part * full;
             let stagnant = change <= ROUNDING * size && new >= 0.25 * sum;
-            if change <= CHANGE * size || stagnant {
+            if (change <= CHANGE * size || stagnant) && slow {
                 return Ok(step);
             }
             sum = new;
@@ -610,6 +728,9 @@ impl Flow {
         }
         self.work.before.copy_from_slice(&self.volumes);
         self.work.mode_base.copy_from_slice(&self.mode);
+        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
+            *start = [mover.displacement, mover.velocity];
+        }
         self.follow(drive, time + stage);
         self.prepare_answers(stage);
         let mut newton = self.solve(stage, true)?;
@@ -623,6 +744,11 @@ impl Flow {
         }
         for (base, mode) in self.work.mode_base.iter_mut().zip(&self.mode) {
             *base += carried * (mode - *base);
+        }
+        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
+            let [place, velocity] = *start;
+            start[0] += carried * (mover.displacement - place);
+            start[1] += carried * (mover.velocity - velocity);
         }
         self.follow(drive, time + interval);
         self.prepare_answers(stage);

@@ -15,6 +15,9 @@
 //! | `water` | density of water with air, vapour pressure |
 //! | `ldl` | direct solution of sparse symmetric systems |
 //! | `flow` | pressures and discharges, steady and in time |
+//! | `history` | pressure in front of a mouth in time |
+//! | `motion` | motion of blocks together with the pressures |
+//! | `loads` | force and moment on the blocks |
 //!
 //! Every rank holds the whole network and does the same work in the same order, so that its bits depend neither on the
 //! number of ranks nor on that of threads.
@@ -39,7 +42,14 @@ pub mod cells;
 pub mod edges;
 pub mod flow;
 pub mod friction;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod history;
 mod ldl;
+pub mod loads;
+pub mod motion;
 pub mod network;
 pub mod pairs;
 pub mod polygon;

@@ -333,3 +333,23 @@ fn water_at_rest_has_its_hydrostatic_pressure() {
         .fold(0.0_f64, |m, q| m.max(q.abs()));
     assert!(most < 1e-17, "{most:e}");
 }
+
+#[test]
+fn a_block_in_still_water_has_its_buoyancy() {
+    let apertures = [[1e-3, 2e-3], [0.7e-3, 1.1e-3], [0.9e-3, 1.6e-3]];
+    let solids = hole(apertures);
+    let network = Network::new(&rocks(&solids), &settings(0.07));
+    let mut flow = Flow::new(network, water());
+    flow.set_pressures(|at| 9810.0 * (1.0 - at.z));
+    let centroids: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.position).collect();
+    let all = crate::loads::loads(flow.network(), flow.pressures(), &centroids);
+    // The pressures are those in the middle of the joints above and below.
+    let exact = 9810.0 * 0.5 * 0.3 * (0.2 + 0.5 * (0.9e-3 + 1.6e-3));
+    println!("buoyancy {:?}, exact {exact}", all[0].force);
+    assert!((all[0].force - Vector3::new(0.0, 0.0, exact)).norm() < 1e-9 * exact);
+    assert!(all[0].moment.norm() < 1e-9 * exact);
+    assert!((all[0].area - 2.0 * (0.15 + 0.1 + 0.06)).abs() < 1e-12);
+    // Both faces of a joint have opposite forces.
+    let sum: Vector3<f64> = all.iter().map(|load| load.force).sum();
+    assert!(sum.norm() < 1e-9 * exact);
+}
