@@ -7,6 +7,6 @@ pub use output::checkpoint;
 pub use plan::scene;
 pub use studies::{critical_gradient, sweep, uncertainty};
 pub use {
-    ::analysis, ::case, ::cli, ::coupling, ::darcy, ::dem, ::figures, ::lbm, ::output, ::plan,
-    ::preparation, ::simulation, ::structure,
+    ::analysis, ::case, ::cli, ::coupling, ::darcy, ::dem, ::figures, ::joints, ::lbm, ::output,
+    ::plan, ::preparation, ::simulation, ::structure,
 };

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 28] = [
+pub const EXAMPLES: [Example; 29] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -133,6 +133,11 @@ pub const EXAMPLES: [Example; 28] = [
         name: "stagnation",
         summary: "a stream over an open joint with a raised downstream side: stagnation point, eddy and uplift",
         text: include_str!("examples/stagnation.json"),
+    },
+    Example {
+        name: "joint-pulse",
+        summary: "a pressure pulsates in front of a closed joint at its resonance, with the exact amplification",
+        text: include_str!("examples/joint-pulse.json"),
     },
     Example {
         name: "incline",

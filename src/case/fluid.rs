@@ -4,6 +4,7 @@ use super::boundary::Boundary;
 use super::darcy::Darcy;
 pub use super::free_surface::FreeSurface;
 use super::geometry::Vector;
+use super::joints::JointNetwork;
 pub use lbm::collision::Operator as Collision;
 pub use lbm::gpu::Device;
 use lbm::synthetic::Fluctuations;
@@ -22,6 +23,8 @@ pub enum Fluid {
     LatticeBoltzmann(LatticeBoltzmann),
     /// Seepage averaged over many grains: Darcy's law on a coarse grid, with drag on the grains.
     Darcy(Darcy),
+    /// Water in the joints between fixed blocks: a network of thin layers under pressures at its mouths.
+    Joints(JointNetwork),
 }
 
 /// A weakly compressible fluid on a lattice. At most one of `relaxation_time`, `time_step` and `reference_velocity`

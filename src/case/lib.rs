@@ -45,6 +45,7 @@ pub mod examples;
 pub mod fluid;
 pub mod free_surface;
 pub mod grains;
+pub mod joints;
 pub mod observe;
 pub mod reference;
 pub mod restart;

@@ -158,6 +158,23 @@ pub enum ProbeAt {
         /// The point [m]; its coordinate along the axis of gravity has no effect.
         position: Vector,
     },
+    /// Pressure [Pa], aperture [m] and position [m] of the cell of a joint that is nearest to a point. Needs
+    /// `fluid.joints`.
+    Joint {
+        /// The point [m].
+        position: Vector,
+    },
+    /// Discharge of a mouth into the joints [m3/s] and mean pressure in front of it [Pa]. Needs `fluid.joints`.
+    Mouth {
+        /// Name of the mouth.
+        name: String,
+    },
+    /// Force [N] and torque about the centroid [N m] of the water in the joints on a block, smallest and largest
+    /// pressure on it [Pa], and the area of its faces in joints [m2]. Needs `fluid.joints`.
+    Block {
+        /// A point in the block [m].
+        position: Vector,
+    },
     /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step,
     /// and `time` is the middle of this step.
     Wall {

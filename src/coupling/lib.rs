@@ -26,6 +26,7 @@ pub mod bounce_back;
 pub mod cover_map;
 pub mod fluid_view;
 pub mod instances;
+pub mod joint_water;
 pub mod lattice;
 pub mod loads;
 pub mod partially_saturated;

@@ -2,6 +2,7 @@
 
 use super::Flow;
 use super::bounce_back::BounceBack;
+use super::joint_water::JointWater;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
 use super::seepage::Seepage;
@@ -19,6 +20,8 @@ pub enum Water<Sp: Space, S: Stored> {
     Saturated(Box<PartiallySaturated<Sp, S>>),
     /// Darcy seepage with drag.
     Seepage(Box<Seepage<Sp>>),
+    /// Water in the joints between blocks.
+    Joints(Box<JointWater>),
 }
 
 impl<Sp: Space, S: Stored> Water<Sp, S> {
@@ -29,7 +32,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         match self {
             Self::BounceBack(flow) => Some(flow.as_ref()),
             Self::Saturated(flow) => Some(flow.as_ref()),
-            Self::Seepage(_) => None,
+            Self::Seepage(_) | Self::Joints(_) => None,
         }
     }
 
@@ -39,7 +42,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         match self {
             Self::BounceBack(flow) => Some(flow.as_mut()),
             Self::Saturated(flow) => Some(flow.as_mut()),
-            Self::Seepage(_) => None,
+            Self::Seepage(_) | Self::Joints(_) => None,
         }
     }
 
@@ -49,7 +52,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     pub fn at_once(&self) -> u64 {
         match self {
             Self::BounceBack(flow) => flow.at_once(),
-            Self::Saturated(_) | Self::Seepage(_) => 1,
+            Self::Saturated(_) | Self::Seepage(_) | Self::Joints(_) => 1,
         }
     }
 
@@ -85,7 +88,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[inline(never)]
     pub fn seepage(&self) -> Option<&Seepage<Sp>> {
         match self {
-            Self::BounceBack(_) | Self::Saturated(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) => None,
             Self::Seepage(flow) => Some(flow),
         }
     }
@@ -94,8 +97,25 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[inline(never)]
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {
-            Self::BounceBack(_) | Self::Saturated(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) => None,
             Self::Seepage(flow) => Some(flow),
+        }
+    }
+
+    /// Returns the water of the joints, if it is that.
+    #[must_use]
+    pub fn joints(&self) -> Option<&JointWater> {
+        match self {
+            Self::Joints(flow) => Some(flow),
+            _ => None,
+        }
+    }
+
+    /// Returns the water of the joints, to set its state.
+    pub fn joints_mut(&mut self) -> Option<&mut JointWater> {
+        match self {
+            Self::Joints(flow) => Some(flow),
+            _ => None,
         }
     }
 }
@@ -107,6 +127,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
             Self::BounceBack(flow) => flow.advance(particles, domain),
             Self::Saturated(flow) => flow.advance(particles, domain),
             Self::Seepage(flow) => flow.advance(particles, domain),
+            Self::Joints(flow) => flow.advance(particles, domain),
         }
     }
 
@@ -120,6 +141,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
             Self::BounceBack(flow) => flow.update_bodies(particles, domain),
             Self::Saturated(flow) => flow.update_bodies(particles, domain),
             Self::Seepage(flow) => flow.update_bodies(particles, domain),
+            Self::Joints(flow) => flow.update_bodies(particles, domain),
         }
     }
 }

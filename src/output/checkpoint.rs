@@ -207,7 +207,7 @@ pub struct State<'a, Sp: Space, S: Stored> {
     pub fluid: Option<&'a Fluid<S>>,
     /// Sums over time, if any.
     pub averages: Option<&'a Averages>,
-    /// Numbers of the seepage, the same on every rank; none without one.
+    /// Numbers of the seepage or of the water in joints, the same on every rank; none without these.
     pub seepage: Vec<f64>,
     /// Grains and bodies.
     pub particles: &'a Particles<Sp>,

@@ -16,6 +16,9 @@
 //! | section | of seepage: discharge, open area, mean heads before and behind |
 //! | water table | of seepage: position of zero pressure; one row per column of cells and time |
 //! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
+//! | joint | of water in joints: pressure, aperture and position of the cell nearest to a point |
+//! | mouth | of water in joints: discharge into the joints and mean pressure in front of the mouth |
+//! | block | of water in joints: force and torque on a block, smallest and largest pressure, area |
 //! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
@@ -29,6 +32,7 @@
 mod bed;
 mod fabric;
 mod gauge;
+mod joints;
 mod points;
 mod seepage;
 mod wall;
@@ -90,6 +94,10 @@ enum At {
     WaterTable(Columns),
     WaterBalance,
     Uplift(Section, [f64; 3]),
+    /// A point in a joint \[m\].
+    Joint([f64; 3]),
+    Mouth(usize),
+    Block(usize),
     Gauge(Gauge),
     Wall(Box<Wall>),
     Bed(Box<Bed>),
@@ -273,6 +281,12 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
                 ("outflow", flow),
             ]);
         }
+        ProbeAt::Joint(_) => {
+            headings.extend([("pressure", "Pa"), ("aperture", "m")]);
+            headings.extend(POSITION);
+        }
+        ProbeAt::Mouth(_) => headings.extend([("inflow", "m3/s"), ("pressure", "Pa")]),
+        ProbeAt::Block(_) => headings.extend(joints::BLOCK),
         ProbeAt::Gauge(_) => headings.extend([("elevation", "m"), ("depth", "m")]),
         ProbeAt::Section { .. } => headings.extend([
             ("discharge", if flat { "m2/s" } else { "m3/s" }),
@@ -368,6 +382,9 @@ impl At {
                 Self::Section(Section::new(seepage, *axis, *position, part.as_ref()))
             }
             ProbeAt::WaterBalance => Self::WaterBalance,
+            ProbeAt::Joint(point) => Self::Joint(*point),
+            ProbeAt::Mouth(index) => Self::Mouth(*index),
+            ProbeAt::Block(index) => Self::Block(*index),
             ProbeAt::Uplift {
                 axis,
                 position,
@@ -489,6 +506,18 @@ impl At {
                 for (column, row) in rows.iter_mut().enumerate() {
                     row.extend(columns.sample(seepage, column));
                 }
+            }
+            Self::Joint(point) => {
+                let values = joints::nearest(view.joints.ok_or_else(no_fluid)?, *point);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Mouth(mouth) => {
+                let values = view.joints.ok_or_else(no_fluid)?.mouth(*mouth);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Block(block) => {
+                let values = joints::block(view.joints.ok_or_else(no_fluid)?, *block);
+                rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Gauge(gauge) => {
                 let values = gauge.sample(fluid(view)?, view.domain.communicator());

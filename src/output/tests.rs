@@ -164,6 +164,7 @@ impl Run {
             domain: &self.domain,
             fluid: Some(&self.fluid),
             seepage: None,
+            joints: None,
             averages: None,
             particles: &self.particles,
             dem: Some(&self.dem),

@@ -2,6 +2,7 @@
 
 use super::averages::Averages;
 use coupling::FluidView;
+use coupling::joint_water::JointWater;
 use coupling::seepage::Seepage;
 use decomposition::Domain;
 use dem::Dem;
@@ -21,6 +22,8 @@ pub struct View<'a, S: Space> {
     pub fluid: Option<&'a dyn FluidView>,
     /// The seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,
+    /// The water in the joints, if it is the fluid; the same on every rank.
+    pub joints: Option<&'a JointWater>,
     /// Sums over time of this rank's slab, if the scene has averages.
     pub averages: Option<&'a Averages>,
     /// Grains and bodies of this rank, ghosts up to date.

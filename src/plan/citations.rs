@@ -131,6 +131,22 @@ pub const MODELS: &[(&str, Models)] = &[
         ],
     ),
     (
+        "joints",
+        &[
+            (
+                "network",
+                &[
+                    "witherspoon1980",
+                    "eymard2000",
+                    "alexander1977",
+                    "elrod1981",
+                ],
+            ),
+            ("inertia", &["zielke1968"]),
+            ("turbulent", &["blasius1913", "colebrook1939"]),
+        ],
+    ),
+    (
         "retention",
         &[
             ("van_genuchten", &["vangenuchten1980", "mualem1976"]),
@@ -255,6 +271,15 @@ pub fn citations(plan: &Plan) -> Vec<Citation> {
         flow_models(scene, flow, &mut used);
     }
     seepage_models(scene, &mut used);
+    if let Some(joints) = &scene.joints {
+        used.push(("joints", "network".into()));
+        if joints.written.inertia {
+            used.push(("joints", "inertia".into()));
+        }
+        if joints.written.roughness.is_some() {
+            used.push(("joints", "turbulent".into()));
+        }
+    }
     grain_models(scene, &mut used);
     let case: Value = serde_json::from_str(&plan.case_text).unwrap_or_default();
     written_models(&case, &mut used);

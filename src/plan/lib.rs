@@ -353,6 +353,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
             }
         };
         (flow.time_step, steps)
+    } else if let Some(joints) = &scene.joints {
+        (joints.written.time_step, 1)
     } else {
         let dt = time
             .solid_time_step

@@ -6,6 +6,7 @@ use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
+use crate::scene::joints::JointScene;
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;
 use base::family::Description;
@@ -37,8 +38,11 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     if let Some(seepage) = &scene.seepage {
         choices.seepage(seepage);
     }
+    if let Some(joints) = &scene.joints {
+        choices.joints(joints);
+    }
     match &scene.flow {
-        None if scene.seepage.is_some() => {}
+        None if scene.seepage.is_some() || scene.joints.is_some() => {}
         None => choices.add(
             "fluid",
             "none",
@@ -167,6 +171,50 @@ impl Choices<'_> {
             );
             self.add(&format!("grains of zone {}", zone.name), material, reason);
         }
+    }
+
+    /// Adds the models of the water in joints.
+    fn joints(&mut self, joints: &JointScene) {
+        let (written, counts) = (&joints.written, joints.counts);
+        let [low, high] = joints.apertures.map(number);
+        self.add(
+            "fluid",
+            "water in joints",
+            format!(
+                "joints: {}, of {low} to {high} m, with {} cells and {} junctions",
+                counts.joints, counts.cells, counts.junctions
+            ),
+        );
+        let [open, closed] = joints.edges.map(number);
+        self.add(
+            "mouths",
+            format!("{open} m of open edges"),
+            format!("{closed} m of edges that meet no other joint lie in no box of a mouth and are closed"),
+        );
+        self.add(
+            "friction in joints",
+            match written.roughness {
+                Some(_) => "laminar, Blasius and rough walls",
+                None => "laminar",
+            },
+            "each discharge has the largest of these; losses at mouths and junctions are left out",
+        );
+        let settings = joints.settings(self.scene.gravity);
+        let speed = settings.water.wave_speed(0.0);
+        self.add(
+            "waves in joints",
+            if written.inertia {
+                "inertia with the friction of each frequency"
+            } else {
+                "storage alone"
+            },
+            format!(
+                "waves of {} m/s at atmospheric pressure; the longest joint, of {} m, closed at one end, resonates at {} Hz",
+                number(speed),
+                number(joints.longest),
+                number(0.25 * speed / joints.longest)
+            ),
+        );
     }
 
     /// Adds the models of seepage.

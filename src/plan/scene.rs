@@ -19,6 +19,7 @@ pub mod grains;
 pub(crate) mod gravity;
 pub mod grid;
 pub mod initial;
+pub mod joints;
 mod motion;
 pub mod observe;
 mod overlaps;
@@ -65,6 +66,8 @@ pub struct Scene {
     pub surface: Option<free_surface::FreeSurface>,
     /// The seepage, if any. A scene has at most one fluid.
     pub seepage: Option<seepage::Seepage>,
+    /// The water in the joints between blocks, if it is the fluid.
+    pub joints: Option<joints::JointScene>,
     /// The grains, if any.
     pub grains: Option<grains::Grains>,
     /// The blocks, if any.
@@ -307,6 +310,7 @@ impl Scene {
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
+        let joints = joints::JointScene::resolve(case, &grid, solids.blocks.as_ref(), findings);
         let porous_zones = porous::zones(case, &grid, findings);
         let regions = observe::regions(case, &grid, &names, findings);
         let measured = observe::Measured {
@@ -314,6 +318,7 @@ impl Scene {
             grid: &grid,
             bodies: &solids.bodies,
             structures,
+            blocks: solids.blocks.as_ref(),
         };
         let probes = observe::probes(&measured, findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, findings);
@@ -324,7 +329,7 @@ impl Scene {
         saved::names(case, findings);
         findings.drop_consequences();
         if findings.refused()
-            && (case.fluid.is_some() && flow.is_none() && seepage.is_none()
+            && (case.fluid.is_some() && flow.is_none() && seepage.is_none() && joints.is_none()
                 || case.grains.is_some() && solids.grains.is_none()
                 || case.blocks.is_some() && solids.blocks.is_none())
         {
@@ -338,6 +343,7 @@ impl Scene {
             flow,
             surface,
             seepage,
+            joints,
             grains: solids.grains,
             blocks: solids.blocks,
             contact: solids.contact,
@@ -540,10 +546,16 @@ fn of_times(case: &Case, findings: &mut Findings) {
     }
     if !lattice && matches!(case.time.solid_steps_per_fluid_step, SolidSteps::Number(_)) {
         let (reason, remedy) = if fluid {
-            (
-                "with seepage, `coupling_interval` determines it",
-                "use that one",
-            )
+            match case.fluid {
+                Some(Fluid::Joints(_)) => (
+                    "the water in the joints has a time step of its own, and the blocks are fixed",
+                    "remove it",
+                ),
+                _ => (
+                    "with seepage, `coupling_interval` determines it",
+                    "use that one",
+                ),
+            }
         } else {
             ("there is no fluid in this case", "remove it")
         };

@@ -64,6 +64,7 @@ pub mod watch;
 
 use base::error::Error;
 use collapse::CollapseRecorder;
+use coupling::joint_water::JointWater;
 use coupling::lattice::LatticeFlow;
 use coupling::seepage::Seepage;
 use coupling::water::Water;
@@ -107,6 +108,10 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         self.flow.as_ref().and_then(Water::seepage)
     }
 
+    fn joints(&self) -> Option<&JointWater> {
+        self.flow.as_ref().and_then(Water::joints)
+    }
+
     /// Returns the physical time [s].
     fn time(&self) -> f64 {
         base::number::real(self.step) * self.plan.clock.time_step
@@ -118,6 +123,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
             domain: &self.domain,
             fluid: self.lattice().map(|flow| flow as &dyn FluidView),
             seepage: self.seepage(),
+            joints: self.joints(),
             averages: self.averages.as_ref(),
             particles: &self.particles,
             dem: self.dem.as_ref(),
@@ -130,7 +136,10 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         State {
             fluid: self.lattice().map(LatticeFlow::fluid),
             averages: self.averages.as_ref(),
-            seepage: self.seepage().map(Seepage::state).unwrap_or_default(),
+            seepage: match self.joints() {
+                Some(joints) => joints.state(),
+                None => self.seepage().map(Seepage::state).unwrap_or_default(),
+            },
             particles: &self.particles,
             dem: self.dem.as_ref(),
             earlier: None,

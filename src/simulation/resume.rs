@@ -14,6 +14,7 @@ use base::provenance;
 use case::fluid::Precision;
 use case::set::covers;
 use case::{Case, Document, restart};
+use coupling::joint_water;
 use decomposition::{Communicator, Domain};
 use dem::Dem;
 use dem::particles::Particles;
@@ -211,7 +212,11 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
         seepage: scene
             .seepage
             .as_ref()
-            .map(|seepage| darcy::pressure::numbers(seepage.cell_count(), seepage.is_transient())),
+            .map(|seepage| darcy::pressure::numbers(seepage.cell_count(), seepage.is_transient()))
+            .or(scene.joints.as_ref().map(|joints| {
+                let inertia = joints.written.inertia;
+                joint_water::numbers(joints.nodes(), joints.counts.links, inertia)
+            })),
         grains: (scene.has_solids() || generates).then_some(grains),
         steps: plan.clock.steps,
         // The restart may have requested a shorter warm-up.

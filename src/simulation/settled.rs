@@ -81,6 +81,8 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
         | ProbeAt::WaterTable(_)
         | ProbeAt::WaterBalance
         | ProbeAt::Uplift { .. } => Vec::new(),
+        // The units are those of a lattice, and joints have none.
+        ProbeAt::Joint(_) | ProbeAt::Mouth(_) | ProbeAt::Block(_) => Vec::new(),
         // Grains fluctuate; the means over their own window are in the summary.
         ProbeAt::Bed(_) | ProbeAt::Grains { .. } => Vec::new(),
         ProbeAt::Body(_) | ProbeAt::Structure(_) => vec![(

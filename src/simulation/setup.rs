@@ -11,6 +11,7 @@ use base::number::{real, to_u32};
 use base::units::LatticeUnits;
 use case::darcy::{InitialState, TransientFlow};
 use coupling::body_map::GHOSTS;
+use coupling::joint_water::{self, JointWater};
 use coupling::seepage::{self, Seepage};
 use darcy;
 use decomposition::{Axis, Communicator};
@@ -296,6 +297,39 @@ fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings
         content_error: written.content_error,
         interval,
     }
+}
+
+/// Returns the water in the joints of a plan in its steady state at time 0, if the plan has it.
+///
+/// # Errors
+/// When there is no steady state.
+pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
+    let (Some(scene), Some(blocks)) = (&plan.scene.joints, &plan.scene.blocks) else {
+        return Ok(None);
+    };
+    let network = scene.network(blocks);
+    let settings = scene.settings(plan.scene.gravity);
+    let mouth = |mouth: &plan::scene::joints::Mouth| joint_water::Mouth {
+        pressure: mouth.pressure.clone(),
+        datum: mouth.centre(),
+    };
+    let mouths = joint_water::Mouths {
+        list: scene.mouths.iter().map(mouth).collect(),
+        of_piece: scene.mouth_of_pieces(&network),
+        weight: settings.gravity * settings.water.mixture_density(),
+        middles: network.open.iter().map(|piece| piece.middle).collect(),
+    };
+    let centroids = blocks.list.iter().map(|block| block.solid.position);
+    let flow = joints::Flow::new(network, settings);
+    let first = plan.scene.bodies.len() as u64;
+    JointWater::new(
+        flow,
+        mouths,
+        centroids.collect(),
+        first,
+        plan.clock.time_step,
+    )
+    .map(Some)
 }
 
 /// The seepage of a plan with its drag, if there is one. Collective.

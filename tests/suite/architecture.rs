@@ -19,18 +19,39 @@ const PACKAGES: &[(&str, &[&str])] = &[
     ("dem", &["base", "decomposition"]),
     ("darcy", &["base", "decomposition", "structure"]),
     ("lbm", &["base", "decomposition"]),
+    ("joints", &["base", "decomposition", "dem"]),
     (
         "coupling",
-        &["base", "darcy", "decomposition", "dem", "lbm", "structure"],
+        &[
+            "base",
+            "darcy",
+            "decomposition",
+            "dem",
+            "joints",
+            "lbm",
+            "structure",
+        ],
     ),
     // The parameters of a model stand with its formula.
-    ("case", &["base", "darcy", "dem", "lbm", "structure"]),
+    (
+        "case",
+        &["base", "darcy", "dem", "joints", "lbm", "structure"],
+    ),
     ("analysis", &["base", "io"]),
     ("figures", &["analysis", "base", "io"]),
     // The plan judges by the formulas of the models: stiffness of contacts, coefficients of drag, eigenvalues.
     (
         "plan",
-        &["base", "case", "darcy", "dem", "io", "lbm", "structure"],
+        &[
+            "base",
+            "case",
+            "darcy",
+            "dem",
+            "io",
+            "joints",
+            "lbm",
+            "structure",
+        ],
     ),
     (
         "output",
@@ -63,6 +84,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
             "dem",
             "figures",
             "io",
+            "joints",
             "lbm",
             "output",
             "plan",

@@ -30,6 +30,7 @@ mod gates;
 mod guards;
 mod hostile_checkpoints;
 mod input_files;
+mod joints;
 mod language;
 mod layers;
 mod mutants;

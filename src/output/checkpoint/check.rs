@@ -17,7 +17,7 @@ pub struct Expected {
     pub prepared: bool,
     /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
-    /// Numbers of the seepage in a saved run; none without seepage.
+    /// Numbers of the seepage or of the water in joints in a saved run; none without these.
     pub seepage: Option<usize>,
     /// Grains, blocks and bodies at most; none if nothing is solid.
     pub grains: Option<u64>,

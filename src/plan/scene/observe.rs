@@ -118,6 +118,12 @@ pub enum ProbeAt {
     },
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
+    /// Cell of a joint nearest to a point \[m\].
+    Joint([f64; 3]),
+    /// Mouth of the joints, by its index.
+    Mouth(usize),
+    /// Load on a block, by its index in [`super::blocks::Blocks`].
+    Block(usize),
     /// Force on a face.
     Wall(Face),
     /// A bed of grains.

@@ -213,6 +213,13 @@ fn flow<Sp: Space, S: Saved>(
         let read = checkpoint::read_seepage(reader);
         flow.restore(&agreement::agree(communicator, read)?)?;
     }
+    let step = now.step;
+    if origin.runs()
+        && let Some(flow) = now.flow.as_mut().and_then(Water::joints_mut)
+    {
+        let read = checkpoint::read_seepage(reader);
+        flow.restore(&agreement::agree(communicator, read)?, step)?;
+    }
     Ok(())
 }
 

@@ -285,6 +285,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             more = guards.line(&now.plan);
         }
         let simulation = &self.simulation;
+        if let Some(joints) = simulation.now.joints() {
+            let [low, high] = joints.balance().pressure;
+            more = format!(
+                "joints {low:.3e} to {high:.3e} Pa so far, {} Newton steps, mass error {:.1e}",
+                joints.report().newton,
+                joints.mass_error()
+            );
+        }
         if let Some(seepage) = simulation.now.seepage() {
             let (report, balance) = (seepage.report(), seepage.balance());
             more = format!(

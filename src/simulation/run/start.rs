@@ -191,6 +191,9 @@ fn build_flow<Sp: Space, S: Saved>(
     field: Option<Box<dyn Field>>,
 ) -> Result<Option<Water<Sp, S>>, Error> {
     let (Some(scene), Some(units)) = (&plan.scene.flow, plan.units) else {
+        if let Some(joints) = setup::joints(plan)? {
+            return Ok(Some(Water::Joints(Box::new(joints))));
+        }
         let seepage = setup::seepage::<Sp>(plan, domain.communicator())?;
         return Ok(seepage.map(|seepage| Water::Seepage(Box::new(seepage))));
     };

@@ -12,6 +12,7 @@ use super::super::versions::versions;
 use super::runner::Runner;
 use base::error::Error;
 use base::number::real;
+use coupling::joint_water::JointWater;
 use coupling::seepage::{Extremes, Seepage};
 use darcy::Pressure;
 use dem::space::Space;
@@ -66,6 +67,9 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         let mut values = self.values(outcome, &measures);
         if let Some(seepage) = self.simulation.now.seepage() {
             self.add_seepage(seepage, &measures.extremes, &mut values);
+        }
+        if let Some(joints) = self.simulation.now.joints() {
+            self.add_joints(joints, &mut values);
         }
         values["warnings"] = json!(warnings);
         let feeds = self.simulation.removal.feeds(&self.simulation.now.plan);
@@ -294,6 +298,28 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         }
     }
 
+    fn add_joints(&self, joints: &JointWater, values: &mut Value) {
+        let Some(scene) = &self.simulation.now.plan.scene.joints else {
+            return;
+        };
+        let balance = joints.balance();
+        let mouths = scene.mouths.iter().enumerate().map(|(n, mouth)| {
+            let [inflow, pressure] = joints.mouth(n);
+            json!({"name": mouth.name, "inflow": inflow, "pressure": pressure})
+        });
+        values["joints"] = json!({
+            "joints": scene.counts.joints,
+            "cells": scene.counts.cells,
+            "mouths": mouths.collect::<Vec<_>>(),
+            "stored_water": joints.flow().stored(),
+            "initial_water": balance.initial,
+            "water_in": balance.entered,
+            "mass_error": joints.mass_error(),
+            "smallest_pressure": balance.pressure[0],
+            "largest_pressure": balance.pressure[1],
+        });
+    }
+
     fn add_seepage(&self, seepage: &Seepage<Sp>, extremes: &Extremes, values: &mut Value) {
         let now = &self.simulation.now;
         let (report, balance) = (seepage.report(), seepage.balance());
@@ -416,6 +442,14 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else {
             "m3/s"
         };
+        if let Some(joints) = now.joints() {
+            let [low, high] = joints.balance().pressure;
+            self.progress.note(&format!(
+                "mass error {:.1e} of the water in the joints, pressures from {low:.4e} to {high:.4e} Pa; state {hash}",
+                joints.mass_error()
+            ));
+            return;
+        }
         if let Some(seepage) = now.seepage() {
             self.progress.note(&format!("state {hash}"));
             let report = seepage.report();

@@ -2,6 +2,7 @@
 
 use super::{Probe, ProbeAt, bed, due, means};
 use crate::scene::block::Block;
+use crate::scene::blocks::Blocks;
 use crate::scene::bodies::Body;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
@@ -20,6 +21,7 @@ pub(crate) struct Measured<'a> {
     pub grid: &'a Grid,
     pub bodies: &'a [Body],
     pub structures: &'a [Structure],
+    pub blocks: Option<&'a Blocks>,
 }
 
 /// Returns the probes of a case.
@@ -65,6 +67,27 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
             | Written::WaterBalance {}
             | Written::Uplift { .. }
     );
+    let of_joints = matches!(
+        at,
+        Written::Joint { .. } | Written::Mouth { .. } | Written::Block { .. }
+    );
+    let in_joints = matches!(case.fluid, Some(Fluid::Joints(_)));
+    if case.fluid.is_some() && of_joints != in_joints {
+        findings.error(
+            path,
+            if in_joints {
+                "this probe samples a fluid with cells of a grid; this is water in joints"
+            } else {
+                "this probe samples the water in joints (`fluid.joints`), and this is another fluid"
+            },
+            if in_joints {
+                "use `joint`, `mouth` or `block`"
+            } else {
+                "use a probe of this fluid"
+            },
+        );
+        return;
+    }
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
         findings.error(
             path,
@@ -109,6 +132,15 @@ impl Measured<'_> {
                 self.section(*axis, *position, part.as_ref(), &path, findings)
             }
             Written::WaterTable {} => self.water_table(&format!("{path}.water_table"), findings),
+            Written::Joint { position } => {
+                let path = format!("{path}.joint.position");
+                let point = Block::vector(self.grid, position, &path, findings);
+                ProbeAt::Joint(self.inside(point, &path, findings))
+            }
+            Written::Mouth { name } => self.mouth(name, &format!("{path}.mouth.name"), findings),
+            Written::Block { position } => {
+                self.block(position, &format!("{path}.block.position"), findings)
+            }
             Written::WaterBalance {} => {
                 let transient = match &self.case.fluid {
                     Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
@@ -280,6 +312,45 @@ impl Measured<'_> {
             findings.depends(&["structures"]);
         }
         ProbeAt::Structure(index.unwrap_or(0))
+    }
+
+    fn mouth(&self, name: &str, path: &str, findings: &mut Findings) -> ProbeAt {
+        let mouths = match &self.case.fluid {
+            Some(Fluid::Joints(written)) => written.mouths.as_slice(),
+            _ => &[],
+        };
+        let index = mouths.iter().position(|mouth| mouth.name == name);
+        if index.is_none() {
+            let known: Vec<&str> = mouths.iter().map(|mouth| mouth.name.as_str()).collect();
+            findings.error(
+                path,
+                "there is no mouth of this name",
+                format!("use one of: {}", known.join(", ")).as_str(),
+            );
+        }
+        ProbeAt::Mouth(index.unwrap_or(0))
+    }
+
+    /// Returns the block that holds a point.
+    fn block(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
+        let point = Block::vector(self.grid, position, path, findings);
+        let holds = |solid: &dem::polyhedron::Solid| {
+            let planes = solid.half_spaces();
+            planes
+                .iter()
+                .all(|plane| plane.height(&point.into()) <= 0.0)
+        };
+        let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
+        let mut blocks = blocks.map(|block| &block.solid);
+        let index = blocks.position(holds);
+        if index.is_none() && self.blocks.is_some() {
+            findings.error(
+                path,
+                "no block holds this point",
+                "use a point inside a block, such as its centroid",
+            );
+        }
+        ProbeAt::Block(index.unwrap_or(0))
     }
 
     fn section(

@@ -1,0 +1,106 @@
+//! Water in the joints between blocks, without a lattice.
+
+use super::geometry::Extent;
+use joints::history::History;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes. Pressures in
+/// front of mouths drive it. All blocks must be fixed: they do not move under the pressure, which probes measure. No
+/// `coupling` is needed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointNetwork {
+    /// Density of the water without air [kg/m3].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub density: f64,
+    /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub viscosity: f64,
+    /// Time step [s]. No step is unstable; a wave needs some twenty steps of its period.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_step: f64,
+    /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
+    /// thinnest block.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub largest_aperture: f64,
+    /// Aperture with which closed joints conduct and store water [m], because their walls are rough.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub residual_aperture: f64,
+    /// Largest size of a cell of a joint [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub cell: f64,
+    /// Largest angle between the two faces of a joint [degrees].
+    #[serde(default = "ten")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 30))]
+    pub largest_angle_degrees: f64,
+    /// Bulk modulus of the water without air [Pa].
+    #[serde(default = "bulk_modulus")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub bulk_modulus: f64,
+    /// Volume of air over that of water and air at atmospheric pressure [1].
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
+    pub air_content: f64,
+    /// Exponent of the compression of the air [1]: 1 isothermal, 1.4 adiabatic.
+    #[serde(default = "one")]
+    #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
+    pub air_exponent: f64,
+    /// Atmospheric pressure [Pa]. All other pressures count from it.
+    #[serde(default = "atmosphere")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub atmospheric_pressure: f64,
+    /// Absolute vapour pressure [Pa]: no pressure in a joint is lower by more than 100 Pa. It must be below the
+    /// atmospheric pressure. Default: water at 20 °C.
+    #[serde(default = "vapour")]
+    #[schemars(extend("minimum" = 0))]
+    pub vapour_pressure: f64,
+    /// Height of the roughness of the walls [m] for turbulent friction; 0 for smooth walls. Default: the flow stays
+    /// laminar.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
+    pub roughness: Option<f64>,
+    /// `true` if the inertia of the water counts, with the friction of a laminar layer at each frequency.
+    #[serde(default = "yes")]
+    pub inertia: bool,
+    /// Water in front of the joints. All other edges that meet no other joint are closed.
+    pub mouths: Vec<Mouth>,
+}
+
+/// Water in front of open edges of joints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mouth {
+    /// Name of the mouth.
+    pub name: String,
+    /// Box [m]: edges of joints whose middle lies in it are open.
+    #[serde(rename = "box")]
+    pub region: Extent,
+    /// Pressure above atmospheric pressure [Pa] at the centre of the box; with gravity hydrostatic from there. The run
+    /// begins with the steady flow under the pressures at time 0.
+    pub pressure: History,
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+fn bulk_modulus() -> f64 {
+    2.18e9
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn atmosphere() -> f64 {
+    101_325.0
+}
+
+fn vapour() -> f64 {
+    2339.0
+}
+
+fn yes() -> bool {
+    true
+}

@@ -1,0 +1,269 @@
+//! Edges of joints: where they meet other joints, and where they end.
+//!
+//! The edges of two joints meet where they run along each other and are no farther apart than the apertures of both: the
+//! four joints round the edge of four blocks end half an aperture from the line in which their planes meet. Edges that
+//! meet, directly or through others, share a line. The ends of their pieces divide the line into intervals, and each
+//! interval that two or more joints have in common is a junction, a point without volume whose discharges add up to
+//! zero. Pieces of edges that meet no other joint are open; water enters and leaves there if the scene has water in front
+//! of them. The loss of the corner itself, of the order of an aperture over the size of a cell, is left out.
+
+use crate::cells::{Cell, Side};
+use crate::pairs::{Joint, Limits};
+use base::number::real;
+use nalgebra::{Vector2, Vector3};
+
+/// Edges that touch are this far apart at most, over their length.
+const TOUCHING: f64 = 1e-6;
+/// Intervals shorter than this over the length of their line are left out.
+const SHORT: f64 = 1e-9;
+
+/// Half a link: from the point of a cell to a piece of an edge of its joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// The joint.
+    pub joint: usize,
+    /// The cell, by its number in the network.
+    pub cell: usize,
+    /// Beginning and end of the way of the water, in the plane of the joint \[m\].
+    pub path: [Vector2<f64>; 2],
+    /// Width of the piece \[m\].
+    pub width: f64,
+    /// Direction out of the joint, in space.
+    pub outward: Vector3<f64>,
+    /// Middle of the piece \[m\].
+    pub middle: Vector3<f64>,
+}
+
+/// A junction of two or more joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Junction {
+    /// Position \[m\].
+    pub position: Vector3<f64>,
+    /// The pieces of edges that meet.
+    pub pieces: Vec<Piece>,
+}
+
+/// Junctions and open pieces of edges.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ends {
+    /// Junctions.
+    pub junctions: Vec<Junction>,
+    /// Pieces that meet no other joint.
+    pub open: Vec<Piece>,
+}
+
+/// An edge of a joint in space, with its pieces.
+struct Edge {
+    joint: usize,
+    ends: [Vector3<f64>; 2],
+    direction: Vector3<f64>,
+    length: f64,
+    /// Apertures at both ends \[m\].
+    apertures: [f64; 2],
+    outward: Vector2<f64>,
+    /// Cell, beginning and end along the edge \[m\], and distance of the point of the cell \[m\].
+    parts: Vec<(usize, [f64; 2], f64)>,
+}
+
+impl Edge {
+    /// Returns the aperture at a position along the edge \[m\].
+    fn aperture(&self, along: f64) -> f64 {
+        let part = (along / self.length).clamp(0.0, 1.0);
+        self.apertures[0] + (self.apertures[1] - self.apertures[0]) * part
+    }
+
+    fn position(&self, along: f64) -> Vector3<f64> {
+        self.ends[0] + self.direction * along
+    }
+
+    /// Returns the position of a point along the edge \[m\].
+    fn along(&self, point: &Vector3<f64>) -> f64 {
+        self.direction.dot(&(point - self.ends[0]))
+    }
+
+    /// Returns `true` if another edge runs along this one within the apertures of both.
+    fn meets(&self, other: &Self, parallel: f64) -> bool {
+        if self.direction.dot(&other.direction).abs() < parallel {
+            return false;
+        }
+        let ends = other.ends.map(|end| self.along(&end));
+        let from = ends[0].min(ends[1]).max(0.0);
+        let to = ends[0].max(ends[1]).min(self.length);
+        if to - from <= SHORT * self.length.max(other.length) {
+            return false;
+        }
+        let along = 0.5 * (from + to);
+        let middle = self.position(along);
+        let there = other.along(&middle);
+        let near =
+            self.aperture(along) + other.aperture(there) + TOUCHING * self.length.max(other.length);
+        (other.position(there) - middle).norm() <= near
+    }
+
+    /// Returns the half link of a part of the edge between two positions along it \[m\].
+    fn piece(&self, joint: &Joint, cells: &[Cell], part: usize, [from, to]: [f64; 2]) -> Piece {
+        let (cell, _, distance) = self.parts[part];
+        let middle = self.position(0.5 * (from + to));
+        let offset = middle - joint.origin;
+        let flat = Vector2::new(joint.axes[0].dot(&offset), joint.axes[1].dot(&offset));
+        debug_assert!(cells[cell].area > 0.0, "a cell without area");
+        Piece {
+            joint: self.joint,
+            cell,
+            path: [flat - self.outward * distance, flat],
+            width: to - from,
+            outward: joint.direction(&self.outward),
+            middle,
+        }
+    }
+}
+
+/// Finds junctions and open pieces of the edges of all joints. `cells` are the cells of the joints one after the other,
+/// with the first cell of each joint in `firsts`; `residual`: smallest aperture \[m\].
+#[must_use]
+pub fn ends(
+    joints: &[Joint],
+    cells: &[Cell],
+    firsts: &[usize],
+    limits: &Limits,
+    residual: f64,
+) -> Ends {
+    let edges = edges(joints, cells, firsts, residual);
+    let groups = groups(&edges, limits.angle.cos());
+    let mut found = Ends::default();
+    for group in groups {
+        divide(&group, &edges, (joints, cells), &mut found);
+    }
+    found
+}
+
+/// Returns the edges of all joints that have pieces, in the order of joints and edges.
+fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> Vec<Edge> {
+    let mut edges = Vec::new();
+    for (number, joint) in joints.iter().enumerate() {
+        let own = firsts[number]..firsts[number + 1];
+        for (from, to, edge) in joint.overlap.edges() {
+            let length = (to - from).norm();
+            let along = (to - from) / length;
+            let outward = Vector2::new(along.y, -along.x);
+            let mut parts = Vec::new();
+            for cell in own.clone() {
+                for (start, end, side) in cells[cell].outline.edges() {
+                    if side == Side::Edge(edge) {
+                        let span = [along.dot(&(start - from)), along.dot(&(end - from))];
+                        let distance = outward.dot(&(from - cells[cell].point));
+                        parts.push((cell, span, distance));
+                    }
+                }
+            }
+            parts.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+            edges.push(Edge {
+                joint: number,
+                ends: [joint.point(&from), joint.point(&to)],
+                direction: joint.direction(&along),
+                length,
+                apertures: [from, to].map(|end| joint.gap.value(&end).max(residual)),
+                outward,
+                parts,
+            });
+        }
+    }
+    edges
+}
+
+/// Returns groups of edges that share a line, each in the order of the edges, in the order of their first edges.
+fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
+    let mut parents: Vec<usize> = (0..edges.len()).collect();
+    fn root(parents: &mut [usize], mut edge: usize) -> usize {
+        while parents[edge] != edge {
+            parents[edge] = parents[parents[edge]];
+            edge = parents[edge];
+        }
+        edge
+    }
+    let widest = |edge: &Edge| edge.apertures[0].max(edge.apertures[1]);
+    let most = edges.iter().map(widest).fold(0.0, f64::max);
+    let longest = edges.iter().map(|edge| edge.length).fold(0.0, f64::max);
+    let margin = 2.0 * most + TOUCHING * longest;
+    let low = |edge: &Edge| edge.ends[0].inf(&edge.ends[1]);
+    let high = |edge: &Edge| edge.ends[0].sup(&edge.ends[1]);
+    let mut order: Vec<usize> = (0..edges.len()).collect();
+    order.sort_by(|&a, &b| {
+        let (one, other) = (low(&edges[a]).x, low(&edges[b]).x);
+        one.total_cmp(&other).then(a.cmp(&b))
+    });
+    for (at, &a) in order.iter().enumerate() {
+        let reach = high(&edges[a]).add_scalar(margin);
+        let from = low(&edges[a]).add_scalar(-margin);
+        for &b in &order[at + 1..] {
+            if low(&edges[b]).x > reach.x {
+                break;
+            }
+            let apart =
+                (1..3).any(|k| low(&edges[b])[k] > reach[k] || high(&edges[b])[k] < from[k]);
+            if apart || edges[a].joint == edges[b].joint || !edges[a].meets(&edges[b], parallel) {
+                continue;
+            }
+            let (one, other) = (root(&mut parents, a), root(&mut parents, b));
+            parents[one.max(other)] = one.min(other);
+        }
+    }
+    let mut groups: Vec<Vec<usize>> = vec![Vec::new(); edges.len()];
+    for edge in 0..edges.len() {
+        let first = root(&mut parents, edge);
+        groups[first].push(edge);
+    }
+    groups.retain(|group| !group.is_empty());
+    groups
+}
+
+/// Divides the line of a group of edges into intervals, and adds their junctions and open pieces.
+fn divide(group: &[usize], edges: &[Edge], (joints, cells): (&[Joint], &[Cell]), to: &mut Ends) {
+    let piece = |edge: usize, part: usize, span: [f64; 2]| {
+        let edge = &edges[edge];
+        edge.piece(&joints[edge.joint], cells, part, span)
+    };
+    if let &[alone] = group {
+        let parts = edges[alone].parts.iter().enumerate();
+        to.open
+            .extend(parts.map(|(part, (_, span, _))| piece(alone, part, *span)));
+        return;
+    }
+    // Positions along the line are those along its first edge.
+    let line = &edges[group[0]];
+    let mut spans = Vec::new();
+    for &edge in group {
+        let own = &edges[edge];
+        for (part, (_, span, _)) in own.parts.iter().enumerate() {
+            let ends = span.map(|along| line.along(&own.position(along)));
+            spans.push((ends[0].min(ends[1]), ends[0].max(ends[1]), edge, part));
+        }
+    }
+    let mut breaks: Vec<f64> = spans.iter().flat_map(|span| [span.0, span.1]).collect();
+    breaks.sort_by(f64::total_cmp);
+    let least = SHORT * (breaks.last().unwrap_or(&0.0) - breaks.first().unwrap_or(&0.0));
+    breaks.dedup_by(|next, kept| *next - *kept <= least);
+    for ends in breaks.windows(2) {
+        let middle = 0.5 * (ends[0] + ends[1]);
+        let covering = spans
+            .iter()
+            .filter(|span| span.0 < middle && middle < span.1);
+        let pieces: Vec<Piece> = covering
+            .map(|&(.., edge, part)| {
+                let own = &edges[edge];
+                let along = [ends[0], ends[1]].map(|at| own.along(&line.position(at)));
+                let along = [along[0].min(along[1]), along[0].max(along[1])];
+                piece(edge, part, along)
+            })
+            .collect();
+        if pieces.len() < 2 {
+            to.open.extend(pieces);
+            continue;
+        }
+        let middles: Vector3<f64> = pieces.iter().map(|piece| piece.middle).sum();
+        to.junctions.push(Junction {
+            position: middles / real(pieces.len()),
+            pieces,
+        });
+    }
+}

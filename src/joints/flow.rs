@@ -1,0 +1,765 @@
+//! Pressures and discharges of a network: steady, and implicit in time.
+//!
+//! The water of a node is kept: with the volume `V`, the density `r` over that at atmospheric pressure
+//! ([`crate::water`]) and the discharges `Q` of its links,
+//!
+//! ```text
+//! d(V r(p))/dt = sum of Q into the node,     V = integral of the aperture over the cell
+//! ```
+//!
+//! A junction has no volume. The discharge of a link follows from its drive `P = p_from - p_to + rho g.(x_to - x_from)`,
+//! less the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar resistance
+//! `R = 12 mu L/(w a³)`, or with the modes of [`crate::slot`] where inertia counts. Density in friction, inertia and weight is
+//! that at atmospheric pressure.
+//!
+//! **In time** a step has two implicit stages with the diagonal `g = 1 - 1/√2` (Alexander, SIAM J. Numer. Anal. 14, 1006
+//! (1977)): second order, L-stable, the last stage is the end of the step. The factor of an oscillation of the
+//! frequency `w` falls by `0.0037 (w dt)⁴` in a step, so that a sharp resonance keeps its width. No length of a step is
+//! unstable. A stage is a nonlinear system for the pressures alone: the modes are eliminated link by link. Newton's
+//! method solves it with direct factors ([`crate::ldl`]); with turbulent friction it halves a step that does not reduce the
+//! imbalance.
+//!
+//! **The state** is the pressure of each node and the modes of each link, equal on every rank.
+
+use crate::friction::{Turbulence, cube, inertial, rough};
+use crate::ldl::{Factors, Singular};
+use crate::motion::{FREEDOMS, Mover, Touch, gap, touches};
+use crate::network::{End, Network};
+use crate::polygon::Plane;
+use crate::slot::{MODES, Modes};
+use crate::water::Water;
+use decomposition::ExactSum;
+use nalgebra::{Vector3, Vector6};
+
+/// Pairs of the rotation rates of a block.
+const TURNS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
+/// Diagonal of the two stages.
+const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// Maximum number of Newton's steps.
+const MOST: usize = 60;
+/// Change of the pressures at which Newton's method ends, over the largest pressure.
+const CHANGE: f64 = 1e-12;
+/// Change of the pressures, over the largest one, below which a step that does not reduce the imbalance ends the search.
+const ROUNDING: f64 = 1e-8;
+/// Number of halvings of a step.
+const HALVINGS: usize = 12;
+
+/// Choices of a flow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The water.
+    pub water: Water,
+    /// Height of the roughness of the walls for turbulent friction \[m\]; none: the flow is laminar.
+    pub roughness: Option<f64>,
+    /// `true` if the inertia of the water counts.
+    pub inertia: bool,
+    /// Acceleration of gravity [m/s²].
+    pub gravity: Vector3<f64>,
+}
+
+/// A failed solution.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum FlowError {
+    /// The system has no unique solution at a node.
+    #[error("the pressure of node {0} of the joints follows from no equation")]
+    Singular(usize),
+    /// Newton's method did not end.
+    #[error(
+        "the pressures in the joints did not converge: they still change by {change:e} Pa after {steps} steps"
+    )]
+    NotConverged {
+        /// Steps made.
+        steps: usize,
+        /// Last change \[Pa\].
+        change: f64,
+    },
+    /// The pressures are not finite.
+    #[error("the pressures in the joints are not finite")]
+    NotFinite,
+}
+
+/// A link as the equations see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Channel {
+    /// Weight of the water between its ends, in the direction of the link \[Pa\].
+    lift: f64,
+    /// Laminar resistance \[Pa s/m³\].
+    resistance: f64,
+    /// `w a/(rho L)`, the gain of all modes together [m³/(Pa s²)].
+    gain: f64,
+    /// `4 nu/a²` of the modes [1/s].
+    rate: f64,
+    turbulence: Turbulence,
+}
+
+/// Answer of a link in a stage.
+#[derive(Clone, Copy, Debug, Default)]
+struct Answer {
+    /// Discharge without a drive \[m³/s\].
+    free: f64,
+    /// Change of the laminar discharge for a unit of the drive \[m³/(Pa s)\].
+    slope: f64,
+}
+
+/// Changes of the network that a step follows.
+pub trait Drive {
+    /// Returns the pressure in front of an open piece of an edge at a time \[Pa\]; none where the piece is closed. A piece
+    /// stays open or closed.
+    fn pressure(&self, open: usize, time: f64) -> Option<f64>;
+
+    /// Returns the gap of a joint at a time \[m\]; none if it is that of the network.
+    fn gap(&self, _joint: usize, _time: f64) -> Option<Plane> {
+        None
+    }
+}
+
+/// Numbers of a step or a steady solution.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Newton's steps.
+    pub newton: usize,
+    /// Volume of water that entered through open edges, at the density of atmospheric pressure \[m³\].
+    pub entered: f64,
+    /// Change of the water in the network that follows from no discharge \[m³\].
+    pub imbalance: f64,
+}
+
+/// Pressures and discharges of a network.
+#[derive(Clone, Debug)]
+pub struct Flow {
+    settings: Settings,
+    network: Network,
+    modes: Modes,
+    channels: Vec<Channel>,
+    gaps: Vec<Plane>,
+    volumes: Vec<f64>,
+    pressure: Vec<f64>,
+    /// Discharges of the modes, link after link; none without inertia.
+    mode: Vec<f64>,
+    discharge: Vec<f64>,
+    /// Node whose pressure is held in each part of the network that is closed; found by the first solution.
+    held: Vec<usize>,
+    factors: Factors,
+    work: Work,
+    /// Blocks that move, and the cells at them.
+    movers: Vec<Mover>,
+    touches: Vec<Touch>,
+    /// Gaps without their displacements \[m\].
+    base_gaps: Vec<Plane>,
+}
+
+/// Buffers of a stage.
+#[derive(Clone, Debug, Default)]
+struct Work {
+    answers: Vec<Answer>,
+    fronts: Vec<Option<f64>>,
+    base: Vec<f64>,
+    /// Volumes at the beginning of the step \[m³\].
+    before: Vec<f64>,
+    mode_base: Vec<f64>,
+    imbalance: Vec<f64>,
+    diagonal: Vec<f64>,
+    pairs: Vec<f64>,
+    trial: Vec<f64>,
+    net: Vec<f64>,
+    /// Displacements and velocities of the moving blocks at the base of a stage.
+    starts: Vec<[Vector6<f64>; 2]>,
+}
+
+impl Flow {
+    /// Returns the water of a network at the pressure 0 and without motion.
+    #[must_use]
+    pub fn new(network: Network, settings: Settings) -> Self {
+        Self::with_movers(network, settings, Vec::new())
+    }
+
+    /// Returns the water of a network with blocks that move ([`crate::motion`]), at the pressure 0 and without motion.
+    #[must_use]
+    pub fn with_movers(network: Network, settings: Settings, movers: Vec<Mover>) -> Self {
+        let (nodes, links) = (network.nodes(), network.links.len());
+        let touches = touches(&network, &movers);
+        let unknowns = nodes + FREEDOMS * movers.len();
+        let mut pairs: Vec<[usize; 2]> = network
+            .links
+            .iter()
+            .filter_map(|link| match link.to {
+                End::Node(to) => Some([link.from, to]),
+                End::Open(_) => None,
+            })
+            .collect();
+        for touch in &touches {
+            let first = nodes + FREEDOMS * touch.mover;
+            pairs.extend((first..first + FREEDOMS).map(|freedom| [touch.cell, freedom]));
+        }
+        for mover in 0..movers.len() {
+            let first = nodes + FREEDOMS * mover;
+            pairs.extend(TURNS.map(|[a, b]| [first + a, first + b]));
+        }
+        let modes = if settings.inertia { links * MODES } else { 0 };
+        let mut flow = Self {
+            settings,
+            modes: Modes::new(),
+            channels: Vec::with_capacity(links),
+            gaps: network.joints.iter().map(|joint| joint.gap).collect(),
+            base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
+            volumes: vec![0.0; nodes],
+            pressure: vec![0.0; nodes],
+            mode: vec![0.0; modes],
+            discharge: vec![0.0; links],
+            held: Vec::new(),
+            factors: Factors::new(unknowns, &pairs),
+            work: Work {
+                answers: vec![Answer::default(); links],
+                fronts: vec![None; network.open.len()],
+                base: vec![0.0; nodes],
+                before: vec![0.0; nodes],
+                mode_base: vec![0.0; modes],
+                imbalance: vec![0.0; unknowns],
+                diagonal: vec![0.0; unknowns],
+                pairs: vec![0.0; pairs.len()],
+                trial: vec![0.0; unknowns],
+                net: vec![0.0; unknowns],
+                starts: vec![[Vector6::zeros(); 2]; movers.len()],
+            },
+            movers,
+            touches,
+            network,
+        };
+        log::debug!("joints: {} entries in the factors", flow.factors.entries());
+        flow.channels = (0..links).map(|link| flow.channel(link)).collect();
+        flow.measure_volumes();
+        flow
+    }
+
+    /// Returns the network.
+    #[must_use]
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Returns the settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Returns the gauge pressures of the nodes \[Pa\].
+    #[must_use]
+    pub fn pressures(&self) -> &[f64] {
+        &self.pressure
+    }
+
+    /// Returns the discharges of the links at the end of the last step, in their directions \[m³/s\].
+    #[must_use]
+    pub fn discharges(&self) -> &[f64] {
+        &self.discharge
+    }
+
+    /// Returns the present gaps of the joints \[m\].
+    #[must_use]
+    pub fn gaps(&self) -> &[Plane] {
+        &self.gaps
+    }
+
+    /// Returns the volume of water in the network at the density of atmospheric pressure \[m³\].
+    #[must_use]
+    pub fn stored(&self) -> f64 {
+        let mut sum = ExactSum::new();
+        for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
+            sum.add(*volume);
+            sum.add(volume * self.settings.water.compression(*pressure).0);
+        }
+        sum.value()
+    }
+
+    /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes \[m³/s\].
+    #[must_use]
+    pub fn state(&self) -> Vec<f64> {
+        [&self.pressure[..], &self.discharge, &self.mode].concat()
+    }
+
+    /// Restores a state. Returns `false` if its length is that of another network.
+    #[must_use]
+    pub fn restore(&mut self, state: &[f64]) -> bool {
+        let (nodes, links) = (self.pressure.len(), self.discharge.len());
+        if state.len() != nodes + links + self.mode.len() {
+            return false;
+        }
+        self.pressure.copy_from_slice(&state[..nodes]);
+        self.discharge.copy_from_slice(&state[nodes..nodes + links]);
+        self.mode.copy_from_slice(&state[nodes + links..]);
+        true
+    }
+
+    /// Sets the pressures of all nodes \[Pa\].
+    pub fn set_pressures(&mut self, pressure: impl Fn(&Vector3<f64>) -> f64) {
+        for (number, position) in self.pressure.iter_mut().zip(&self.network.positions) {
+            *number = pressure(position);
+        }
+    }
+
+    /// Returns the numbers of a link at the present gaps.
+    fn channel(&self, link: usize) -> Channel {
+        let network = &self.network;
+        let link = &network.links[link];
+        let (water, gap) = (&self.settings.water, &self.gaps[link.joint]);
+        let apertures = link
+            .path
+            .map(|at| gap.value(&at).max(network.settings.residual));
+        let (cube, inertial) = (cube(apertures), inertial(apertures));
+        let density = water.mixture_density();
+        let per_width = 12.0 * water.viscosity * link.length / cube;
+        let turbulence = match self.settings.roughness {
+            Some(roughness) => Turbulence {
+                reynolds: 2.0 * density / (water.viscosity * link.width),
+                scale: density * link.length / (4.0 * link.width * link.width * cube),
+                rough: rough(roughness, cube.cbrt()),
+            },
+            None => Turbulence::default(),
+        };
+        let end = match link.to {
+            End::Node(node) => network.positions[node],
+            End::Open(piece) => network.open[piece].middle,
+        };
+        let rise = self
+            .settings
+            .gravity
+            .dot(&(end - network.positions[link.from]));
+        Channel {
+            lift: density * rise,
+            resistance: per_width / link.width,
+            gain: link.width * inertial / (density * link.length),
+            rate: 4.0 * water.viscosity / density * inertial / cube,
+            turbulence,
+        }
+    }
+
+    /// Measures the volumes of the cells at the present gaps.
+    fn measure_volumes(&mut self) {
+        let residual = self.network.settings.residual;
+        let cells = self.network.cells.iter().zip(&self.network.joint_of);
+        for (volume, (cell, &joint)) in self.volumes.iter_mut().zip(cells) {
+            *volume = cell.outline.integral_above(&self.gaps[joint], residual);
+        }
+    }
+
+    /// Takes the gaps and the pressures in front of the network at a time.
+    fn follow(&mut self, drive: &dyn Drive, time: f64) {
+        for (number, front) in self.work.fronts.iter_mut().enumerate() {
+            *front = drive.pressure(number, time);
+        }
+        let mut moved = false;
+        for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
+            if let Some(new) = drive.gap(joint, time) {
+                moved |= new != *gap;
+                *gap = new;
+            }
+        }
+        if moved {
+            self.place_walls();
+        }
+    }
+
+    /// Takes gaps, volumes and channels from the present displacements of the blocks.
+    fn place_walls(&mut self) {
+        for (joint, base) in self.base_gaps.iter().enumerate() {
+            self.gaps[joint] = gap(&self.network, joint, base, &self.movers);
+        }
+        for link in 0..self.channels.len() {
+            self.channels[link] = self.channel(link);
+        }
+        self.measure_volumes();
+    }
+
+    /// Returns the blocks that move.
+    #[must_use]
+    pub fn movers(&self) -> &[Mover] {
+        &self.movers
+    }
+
+    /// Returns the blocks that move, to set their loads and velocities.
+    pub fn movers_mut(&mut self) -> &mut [Mover] {
+        &mut self.movers
+    }
+
+    /// Takes the velocities of an iterate, and with them the gaps at the end of a stage.
+    fn move_blocks(&mut self, unknowns: &[f64], interval: f64) {
+        if self.movers.is_empty() {
+            return;
+        }
+        let nodes = self.volumes.len();
+        let velocities = unknowns[nodes..].chunks_exact(FREEDOMS);
+        let starts = self.work.starts.iter().zip(velocities);
+        for (mover, ([start, _], velocity)) in self.movers.iter_mut().zip(starts) {
+            mover.velocity = Vector6::from_column_slice(velocity);
+            mover.displacement = start + mover.velocity * interval;
+        }
+        self.place_walls();
+        self.prepare_answers(interval);
+    }
+
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: first pair of the blocks.
+    fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
+        let nodes = self.volumes.len();
+        let [imbalance, diagonal, pairs] = to;
+        for (number, (mover, [_, start])) in self.movers.iter().zip(&self.work.starts).enumerate() {
+            let change = mover.momentum(&(mover.velocity - start)) - mover.load * interval;
+            for freedom in 0..FREEDOMS {
+                let at = nodes + FREEDOMS * number + freedom;
+                imbalance[at] = -change[freedom];
+                diagonal[at] = if freedom < 3 {
+                    -mover.mass
+                } else {
+                    -mover.inertia[(freedom - 3, freedom - 3)]
+                };
+            }
+        }
+        let mut pair = pair;
+        for touch in &self.touches {
+            let first = nodes + FREEDOMS * touch.mover;
+            for freedom in 0..FREEDOMS {
+                imbalance[first + freedom] += interval * touch.arm[freedom] * unknowns[touch.cell];
+                pairs[pair] = interval * touch.arm[freedom];
+                pair += 1;
+            }
+        }
+        for mover in &self.movers {
+            for [a, b] in TURNS {
+                pairs[pair] = -mover.inertia[(a - 3, b - 3)];
+                pair += 1;
+            }
+        }
+    }
+
+    /// Returns the drive of a link at pressures \[Pa\]; none if its end is closed.
+    fn drive(&self, link: usize, pressure: &[f64]) -> Option<f64> {
+        let ends = &self.network.links[link];
+        let front = match ends.to {
+            End::Node(to) => pressure[to],
+            End::Open(piece) => self.work.fronts[piece]?,
+        };
+        Some(pressure[ends.from] - front + self.channels[link].lift)
+    }
+
+    /// Returns the discharge of a link at pressures and its derivative by the drive; none if its end is closed.
+    fn discharge_of(&self, link: usize, pressure: &[f64]) -> Option<(f64, f64)> {
+        let drive = self.drive(link, pressure)?;
+        let (answer, channel) = (self.work.answers[link], &self.channels[link]);
+        let laminar = answer.free + answer.slope * drive;
+        let law = &channel.turbulence;
+        let (discharge, part) = law.discharge(laminar, answer.slope, channel.resistance);
+        Some((discharge, part * answer.slope))
+    }
+
+    /// Returns the sum of the squares of the imbalances of the nodes at pressures, and keeps the imbalances with their
+    /// derivatives. Without `stores` the flow is steady.
+    fn imbalance(&mut self, pressure: &[f64], interval: f64, stores: bool) -> f64 {
+        if stores {
+            self.move_blocks(pressure, interval);
+        }
+        let mut work = std::mem::take(&mut self.work.imbalance);
+        let mut diagonal = std::mem::take(&mut self.work.diagonal);
+        let mut pairs = std::mem::take(&mut self.work.pairs);
+        let nodes = self.volumes.len();
+        for (node, number) in work[..nodes].iter_mut().enumerate() {
+            (*number, diagonal[node]) = (-self.work.base[node], 0.0);
+            if stores {
+                let (more, slope) = self.settings.water.compression(pressure[node]);
+                let volume = self.volumes[node];
+                // Still walls add no rounding of the volume itself.
+                *number += volume * more + (volume - self.work.before[node]);
+                diagonal[node] = volume * slope;
+            }
+        }
+        let mut pair = 0;
+        for link in 0..self.channels.len() {
+            let found = self.discharge_of(link, pressure);
+            let (discharge, slope) = found.unwrap_or_default();
+            let ends = &self.network.links[link];
+            work[ends.from] += interval * discharge;
+            diagonal[ends.from] += interval * slope;
+            if let End::Node(to) = ends.to {
+                work[to] -= interval * discharge;
+                diagonal[to] += interval * slope;
+                pairs[pair] = -interval * slope;
+                pair += 1;
+            }
+        }
+        if !stores {
+            for &node in &self.held {
+                work[node] = 0.0;
+                diagonal[node] *= 2.0;
+            }
+        }
+        if stores {
+            let blocks = [&mut work[..], &mut diagonal, &mut pairs];
+            self.balance_blocks(pressure, interval, pair, blocks);
+        } else {
+            // Blocks are held in a steady flow.
+            pairs[pair..].fill(0.0);
+            diagonal[nodes..].fill(-1.0);
+            work[nodes..].fill(0.0);
+        }
+        let sum = work[..nodes].iter().map(|number| number * number).sum();
+        self.work.imbalance = work;
+        (self.work.diagonal, self.work.pairs) = (diagonal, pairs);
+        sum
+    }
+
+    /// Solves for the pressures of a stage; returns the number of Newton's steps.
+    fn solve(&mut self, interval: f64, stores: bool) -> Result<usize, FlowError> {
+        let mut unknowns = std::mem::take(&mut self.pressure);
+        let nodes = unknowns.len();
+        for mover in &self.movers {
+            unknowns.extend(mover.velocity.iter());
+        }
+        let outcome = self.newton(&mut unknowns, interval, stores);
+        unknowns.truncate(nodes);
+        self.pressure = unknowns;
+        outcome
+    }
+
+    fn newton(
+        &mut self,
+        pressure: &mut [f64],
+        interval: f64,
+        stores: bool,
+    ) -> Result<usize, FlowError> {
+        let mut change = f64::INFINITY;
+        let mut sum = self.imbalance(pressure, interval, stores);
+        for step in 1..=MOST {
+            let factors = (self.factors).factorise(&self.work.diagonal, &self.work.pairs);
+            factors.map_err(|Singular(node)| FlowError::Singular(node))?;
+            let mut direction = std::mem::take(&mut self.work.net);
+            direction.copy_from_slice(&self.work.imbalance);
+            self.factors.solve(&mut direction);
+            let nodes = self.volumes.len();
+            let largest = |from: f64, of: &[f64]| of.iter().fold(from, |most, p| most.max(p.abs()));
+            let size = largest(1.0, &pressure[..nodes]);
+            let full = largest(0.0, &direction[..nodes]);
+            let slow = largest(0.0, &direction[nodes..])
+                <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..]);
+            let mut trial = std::mem::take(&mut self.work.trial);
+            let (mut part, mut new) = (1.0, 0.0);
+            // Laminar flow needs no search: its imbalance is concave.
+            let halvings = self.settings.roughness.map_or(0, |_| HALVINGS);
+            for halving in 0..=halvings {
+                // Where no part helps, the full step does.
+                if halving == halvings {
+                    part = 1.0;
+                }
+                for ((new, old), by) in trial.iter_mut().zip(&*pressure).zip(&direction) {
+                    *new = old - part * by;
+                }
+                new = self.imbalance(&trial, interval, stores);
+                // Below this change only rounding is left.
+                if new < sum || full <= ROUNDING * size {
+                    break;
+                }
+                part *= 0.5;
+            }
+            pressure.copy_from_slice(&trial);
+            (self.work.trial, self.work.net) = (trial, direction);
+            if !(new.is_finite() && full.is_finite()) {
+                return Err(FlowError::NotFinite);
+            }
+            change = part * full;
+            let stagnant = change <= ROUNDING * size && new >= 0.25 * sum;
+            if (change <= CHANGE * size || stagnant) && slow {
+                return Ok(step);
+            }
+            sum = new;
+        }
+        Err(FlowError::NotConverged {
+            steps: MOST,
+            change,
+        })
+    }
+
+    /// Finds the parts of the network without an open end: each has a node whose pressure is held.
+    fn find_held(&mut self) {
+        let parts = self.network.parts();
+        let mut held = vec![true; self.pressure.len()];
+        for link in &self.network.links {
+            if let End::Open(piece) = link.to
+                && self.work.fronts[piece].is_some()
+            {
+                held[parts[link.from]] = false;
+            }
+        }
+        let roots = parts.iter().enumerate();
+        self.held = roots
+            .filter(|&(node, &root)| node == root && held[node])
+            .map(|(node, _)| node)
+            .collect();
+    }
+
+    /// Finds the steady flow under the pressures at a time. Parts of the network without an open end keep the pressure of
+    /// their first cell and are still.
+    ///
+    /// # Errors
+    /// Where there is no solution.
+    pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<Report, FlowError> {
+        self.follow(drive, time);
+        self.find_held();
+        self.work.base.fill(0.0);
+        for (answer, channel) in self.work.answers.iter_mut().zip(&self.channels) {
+            *answer = Answer {
+                free: 0.0,
+                slope: 1.0 / channel.resistance,
+            };
+        }
+        let newton = self.solve(1.0, false)?;
+        let pressure = std::mem::take(&mut self.pressure);
+        for link in 0..self.channels.len() {
+            let (discharge, _) = self.discharge_of(link, &pressure).unwrap_or_default();
+            self.discharge[link] = discharge;
+            if self.settings.inertia {
+                let channel = &self.channels[link];
+                // Steady modes share the discharge by their conductances.
+                let modes = &mut self.mode[link * MODES..(link + 1) * MODES];
+                let groups = self.modes.weights.iter().zip(&self.modes.rates);
+                for (mode, (weight, rate)) in modes.iter_mut().zip(groups) {
+                    let conductance = channel.gain * weight / (channel.rate * rate);
+                    *mode = discharge * channel.resistance * conductance;
+                }
+            }
+        }
+        self.pressure = pressure;
+        Ok(Report {
+            newton,
+            ..Report::default()
+        })
+    }
+
+    /// Prepares the answers of the links in a stage of this interval \[s\] from the base of their modes.
+    fn prepare_answers(&mut self, interval: f64) {
+        for (link, channel) in self.channels.iter().enumerate() {
+            let mut answer = Answer {
+                free: 0.0,
+                slope: 1.0 / channel.resistance,
+            };
+            if self.settings.inertia {
+                answer.slope = 0.0;
+                let base = &self.work.mode_base[link * MODES..(link + 1) * MODES];
+                let groups = self.modes.weights.iter().zip(&self.modes.rates);
+                for (base, (weight, rate)) in base.iter().zip(groups) {
+                    let left = 1.0 / (1.0 + interval * channel.rate * rate);
+                    answer.free += base * left;
+                    answer.slope += interval * channel.gain * weight * left;
+                }
+            }
+            self.work.answers[link] = answer;
+        }
+    }
+
+    /// Takes discharges and modes from the pressures at the end of a stage.
+    fn finish_stage(&mut self, interval: f64) {
+        let pressure = std::mem::take(&mut self.pressure);
+        for link in 0..self.channels.len() {
+            let channel = self.channels[link];
+            let (discharge, _) = self.discharge_of(link, &pressure).unwrap_or_default();
+            self.discharge[link] = discharge;
+            if !self.settings.inertia {
+                continue;
+            }
+            let (excess, _) = channel
+                .turbulence
+                .excess(discharge.abs(), channel.resistance);
+            let drive = self.drive(link, &pressure);
+            let drive = drive.map_or(0.0, |drive| drive - excess.copysign(discharge));
+            let span = link * MODES..(link + 1) * MODES;
+            let base = &self.work.mode_base[span.clone()];
+            let groups = self.modes.weights.iter().zip(&self.modes.rates);
+            for ((mode, base), (weight, rate)) in self.mode[span].iter_mut().zip(base).zip(groups) {
+                let gained = base + interval * channel.gain * weight * drive;
+                *mode = gained / (1.0 + interval * channel.rate * rate);
+            }
+        }
+        self.pressure = pressure;
+    }
+
+    /// Sums the discharges into each node \[m³/s\].
+    fn sum_discharges(&mut self) {
+        self.work.net.fill(0.0);
+        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
+            self.work.net[link.from] -= discharge;
+            if let End::Node(to) = link.to {
+                self.work.net[to] += discharge;
+            }
+        }
+    }
+
+    /// Returns the discharge out of each open piece of an edge at the end of the last step \[m³/s\].
+    #[must_use]
+    pub fn outflows(&self) -> Vec<f64> {
+        let mut outflows = vec![0.0; self.network.open.len()];
+        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
+            if let End::Open(piece) = link.to {
+                outflows[piece] += discharge;
+            }
+        }
+        outflows
+    }
+
+    /// Returns the discharge into the network through all open edges \[m³/s\].
+    fn inflow(&self) -> f64 {
+        let mut sum = ExactSum::new();
+        for outflow in self.outflows() {
+            sum.add(-outflow);
+        }
+        sum.value()
+    }
+
+    /// Makes a step from `time` to `time + interval` \[s\].
+    ///
+    /// # Errors
+    /// Where the pressures do not converge or are not finite; the state is then lost.
+    pub fn advance(
+        &mut self,
+        drive: &dyn Drive,
+        time: f64,
+        interval: f64,
+    ) -> Result<Report, FlowError> {
+        let stage = DIAGONAL * interval;
+        let before = self.stored();
+        for (node, base) in self.work.base.iter_mut().enumerate() {
+            *base = self.volumes[node] * self.settings.water.compression(self.pressure[node]).0;
+        }
+        self.work.before.copy_from_slice(&self.volumes);
+        self.work.mode_base.copy_from_slice(&self.mode);
+        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
+            *start = [mover.displacement, mover.velocity];
+        }
+        self.follow(drive, time + stage);
+        self.prepare_answers(stage);
+        let mut newton = self.solve(stage, true)?;
+        self.finish_stage(stage);
+        let mut entered = (1.0 - DIAGONAL) * interval * self.inflow();
+        self.sum_discharges();
+        // The second stage begins with what the first one changed.
+        let carried = (1.0 - DIAGONAL) / DIAGONAL;
+        for (base, net) in self.work.base.iter_mut().zip(&self.work.net) {
+            *base += (1.0 - DIAGONAL) * interval * net;
+        }
+        for (base, mode) in self.work.mode_base.iter_mut().zip(&self.mode) {
+            *base += carried * (mode - *base);
+        }
+        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
+            let [place, velocity] = *start;
+            start[0] += carried * (mover.displacement - place);
+            start[1] += carried * (mover.velocity - velocity);
+        }
+        self.follow(drive, time + interval);
+        self.prepare_answers(stage);
+        newton += self.solve(stage, true)?;
+        self.finish_stage(stage);
+        entered += stage * self.inflow();
+        let after = self.stored();
+        Ok(Report {
+            newton,
+            entered,
+            imbalance: after - before - entered,
+        })
+    }
+}

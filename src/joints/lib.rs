@@ -1,0 +1,63 @@
+//! Water in the joints between blocks of rock: a network of thin layers of water with pressures of their own.
+//!
+//! A joint is the space between two faces that are nearly parallel and closer than a stated limit. It is thinner than a
+//! cell of any lattice, so that its water is described by pressures and discharges in its plane (lubrication).
+//!
+//! | file | content |
+//! |---|---|
+//! | `polygon` | convex polygons in a plane |
+//! | `pairs` | joints: pairs of faces, their overlap and their aperture |
+//! | `cells` | division of a joint into cells |
+//! | `edges` | edges where joints meet, and edges that are open |
+//! | `network` | nodes and links |
+//! | `friction` | laminar and turbulent friction |
+//! | `slot` | inertia with a friction that depends on the frequency |
+//! | `water` | density of water with air, vapour pressure |
+//! | `ldl` | direct solution of sparse symmetric systems |
+//! | `flow` | pressures and discharges, steady and in time |
+//! | `history` | pressure in front of a mouth in time |
+//! | `motion` | motion of blocks together with the pressures |
+//! | `loads` | force and moment on the blocks |
+//!
+//! Every rank holds the whole network and does the same work in the same order, so that its bits depend neither on the
+//! number of ranks nor on that of threads.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::float_cmp,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::print_stdout,
+        clippy::print_stderr,
+        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
+    )
+)]
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "readers of these pages read the code too"
+)]
+
+pub mod cells;
+pub mod edges;
+pub mod flow;
+pub mod friction;
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+)]
+pub mod history;
+mod ldl;
+pub mod loads;
+pub mod motion;
+pub mod network;
+pub mod pairs;
+pub mod polygon;
+pub mod slot;
+pub mod water;
+
+pub use flow::Flow;
+pub use network::Network;
+
+#[cfg(test)]
+mod tests;

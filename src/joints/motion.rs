@@ -1,0 +1,125 @@
+//! Motion of blocks in the water of their joints, solved together with its pressures.
+//!
+//! A block has the mass `m` and the inertia `J`; its velocity `v` and its rotation rate follow from the external load and the
+//! pressures of the cells on its faces ([`crate::loads`]). The volume of a cell changes with the motion by the same
+//! numbers `S` with which its pressure loads the block, so that water and block exchange work and no energy is lost or
+//! gained between them:
+//!
+//! ```text
+//! d(V_i r(p_i))/dt = sum of Q,     dV_i/dt = sum over blocks of S_ib . v_b
+//! m dv_b/dt = F_b + sum over cells of S_ib p_i
+//! ```
+//!
+//! A thin layer resists the motion like a damper of `mu L^4/h^3` and carries an added mass of `rho L^3 w/(12 h)`; both
+//! grow without bound as it closes, so that a load that is only updated between steps is unstable in thin joints. Here
+//! the velocities are unknowns of each implicit stage next to the pressures: in the small system
+//!
+//! ```text
+//! | S' + g L     g S  |
+//! |  g S^T      -m    |
+//! ```
+//!
+//! the first block is positive definite and the last negative definite, so that it has a solution and its factors exist
+//! for every step `g` and aperture ([`crate::ldl`]). The stages are L-stable in time.
+//!
+//! **Small motion.** The faces move as planes, to first order in the rotation, and the overlap of a joint stays that of the
+//! network. A block that slides or turns by more than a small part of a cell needs a new network.
+
+use crate::network::Network;
+use crate::polygon::Plane;
+use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
+
+/// Number of unknowns of a block.
+pub const FREEDOMS: usize = 6;
+
+/// A block that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mover {
+    /// Number of the block in the list of the network.
+    pub rock: usize,
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Inertia about the centroid, along the axes of space [kg m²].
+    pub inertia: Matrix3<f64>,
+    /// Centroid in the network \[m\].
+    pub centroid: Vector3<f64>,
+    /// External force \[N\] and moment \[N m\], constant over a step.
+    pub load: Vector6<f64>,
+    /// Displacement \[m\] and rotation \[rad\] since the network was made.
+    pub displacement: Vector6<f64>,
+    /// Velocity [m/s] and rotation rate [rad/s].
+    pub velocity: Vector6<f64>,
+}
+
+impl Mover {
+    /// Returns a block at rest in its place.
+    #[must_use]
+    pub fn new(rock: usize, mass: f64, inertia: Matrix3<f64>, centroid: Vector3<f64>) -> Self {
+        Self {
+            rock,
+            mass,
+            inertia,
+            centroid,
+            load: Vector6::zeros(),
+            displacement: Vector6::zeros(),
+            velocity: Vector6::zeros(),
+        }
+    }
+
+    /// Returns the product of mass and inertia with a velocity.
+    #[must_use]
+    pub fn momentum(&self, velocity: &Vector6<f64>) -> Vector6<f64> {
+        let linear = velocity.fixed_rows::<3>(0) * self.mass;
+        let angular = self.inertia * velocity.fixed_rows::<3>(3);
+        Vector6::new(
+            linear[0], linear[1], linear[2], angular[0], angular[1], angular[2],
+        )
+    }
+}
+
+/// A cell that touches a moving block: how its pressure loads the block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Touch {
+    pub(crate) cell: usize,
+    pub(crate) mover: usize,
+    /// Force and moment of a unit of pressure \[m²\], \[m³\].
+    pub(crate) arm: Vector6<f64>,
+}
+
+/// Returns the cells at moving blocks, cell by cell.
+pub(crate) fn touches(network: &Network, movers: &[Mover]) -> Vec<Touch> {
+    let mut all = Vec::new();
+    for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
+        let joint = &network.joints[joint];
+        let centre = joint.point(&cell.centroid);
+        for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
+            let mover = movers.iter().position(|mover| mover.rock == face.rock);
+            let Some(mover) = mover else { continue };
+            let force = -tilt * cell.area;
+            let moment = (centre - movers[mover].centroid).cross(&force);
+            all.push(Touch {
+                cell: number,
+                mover,
+                arm: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
+            });
+        }
+    }
+    all
+}
+
+/// Returns the gap of a joint after small displacements of its blocks.
+pub(crate) fn gap(network: &Network, joint: usize, base: &Plane, movers: &[Mover]) -> Plane {
+    let joint = &network.joints[joint];
+    let mut gap = *base;
+    for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
+        for mover in movers.iter().filter(|mover| mover.rock == face.rock) {
+            let shift = mover.displacement.fixed_rows::<3>(0);
+            let turn: Vector3<f64> = mover.displacement.fixed_rows::<3>(3).into();
+            let arm = joint.origin - mover.centroid;
+            gap.constant -= tilt.dot(&(shift + turn.cross(&arm)));
+            let [u, v] = joint.axes.map(|axis| tilt.dot(&turn.cross(&axis)));
+            gap.slope -= Vector2::new(u, v);
+        }
+    }
+    gap
+}

@@ -1,0 +1,188 @@
+//! A network of joints as nodes and links: cells, junctions, and the ways of the water between them.
+//!
+//! Node numbers: the cells, joint after joint, then the junctions. A link joins two nodes, or a cell with an open piece
+//! of an edge. All numbers follow from the blocks alone, in the order of their ids.
+
+use crate::cells::{Cell, Side, divide};
+use crate::edges::{Junction, Piece, ends};
+use crate::pairs::{Joint, Limits, Rock, joints};
+use nalgebra::{Vector2, Vector3};
+
+/// Choices of a network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Limits within which faces form a joint.
+    pub limits: Limits,
+    /// Smallest aperture with which a joint conducts and stores water \[m\]: its roughness keeps it open.
+    pub residual: f64,
+    /// Largest size of a cell \[m\].
+    pub cell: f64,
+}
+
+/// End of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// A node, by its number.
+    Node(usize),
+    /// An open piece of an edge, by its number.
+    Open(usize),
+}
+
+/// A way of the water within a joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// The joint.
+    pub joint: usize,
+    /// Cell where it begins.
+    pub from: usize,
+    /// End.
+    pub to: End,
+    /// Beginning and end in the plane of the joint \[m\].
+    pub path: [Vector2<f64>; 2],
+    /// Width \[m\].
+    pub width: f64,
+    /// Length \[m\].
+    pub length: f64,
+}
+
+/// A network of joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    /// Settings that it was made with.
+    pub settings: Settings,
+    /// Joints, in the order of their faces.
+    pub joints: Vec<Joint>,
+    /// Cells of all joints.
+    pub cells: Vec<Cell>,
+    /// Joint of each cell.
+    pub joint_of: Vec<usize>,
+    /// First cell of each joint, and the number of all cells at the end.
+    pub firsts: Vec<usize>,
+    /// Junctions; their nodes follow those of the cells.
+    pub junctions: Vec<Junction>,
+    /// Open pieces of edges.
+    pub open: Vec<Piece>,
+    /// Links.
+    pub links: Vec<Link>,
+    /// Positions of the nodes \[m\].
+    pub positions: Vec<Vector3<f64>>,
+}
+
+impl Network {
+    /// Returns the network of these blocks.
+    #[must_use]
+    pub fn new(rocks: &[Rock], settings: &Settings) -> Self {
+        let joints = joints(rocks, &settings.limits);
+        let (mut cells, mut joint_of, mut firsts) = (Vec::new(), Vec::new(), vec![0]);
+        for (number, joint) in joints.iter().enumerate() {
+            cells.extend(divide(joint, settings.cell));
+            joint_of.resize(cells.len(), number);
+            firsts.push(cells.len());
+        }
+        let ends = ends(
+            &joints,
+            &cells,
+            &firsts,
+            &settings.limits,
+            settings.residual,
+        );
+        let mut positions: Vec<Vector3<f64>> = cells
+            .iter()
+            .zip(&joint_of)
+            .map(|(cell, &joint)| joints[joint].point(&cell.point))
+            .collect();
+        positions.extend(ends.junctions.iter().map(|junction| junction.position));
+        let mut links = links_between(&cells, &joint_of, &firsts);
+        for (number, junction) in ends.junctions.iter().enumerate() {
+            let node = End::Node(cells.len() + number);
+            links.extend(junction.pieces.iter().map(|piece| half_link(piece, node)));
+        }
+        for (number, piece) in ends.open.iter().enumerate() {
+            links.push(half_link(piece, End::Open(number)));
+        }
+        log::info!(
+            "network of {} joints: {} cells, {} junctions, {} open pieces of edges, {} links",
+            joints.len(),
+            cells.len(),
+            ends.junctions.len(),
+            ends.open.len(),
+            links.len()
+        );
+        Self {
+            settings: *settings,
+            joints,
+            cells,
+            joint_of,
+            firsts,
+            junctions: ends.junctions,
+            open: ends.open,
+            links,
+            positions,
+        }
+    }
+
+    /// Returns the number of nodes.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Returns the part of the network that each node belongs to: the number of its first node.
+    #[must_use]
+    pub fn parts(&self) -> Vec<usize> {
+        let mut part: Vec<usize> = (0..self.nodes()).collect();
+        // Numbers only fall; as many rounds as the longest chain needs.
+        let mut changed = true;
+        while changed {
+            changed = false;
+            for link in &self.links {
+                if let End::Node(to) = link.to {
+                    let least = part[part[link.from].min(part[to])];
+                    changed |= part[link.from] != least || part[to] != least;
+                    part[link.from] = least;
+                    part[to] = least;
+                }
+            }
+        }
+        part
+    }
+}
+
+/// Returns the links between the cells of each joint.
+fn links_between(cells: &[Cell], joint_of: &[usize], firsts: &[usize]) -> Vec<Link> {
+    let mut links = Vec::new();
+    for (from, cell) in cells.iter().enumerate() {
+        let joint = joint_of[from];
+        for (start, end, side) in cell.outline.edges() {
+            let Side::Cell(other) = side else { continue };
+            let to = firsts[joint] + other;
+            if to < from {
+                continue;
+            }
+            let step = cells[to].point - cell.point;
+            let middle = 0.5 * (start + end);
+            links.push(Link {
+                joint,
+                from,
+                to: End::Node(to),
+                // Through the middle of the common edge.
+                path: [middle - 0.5 * step, middle + 0.5 * step],
+                width: (end - start).norm(),
+                length: step.norm(),
+            });
+        }
+    }
+    links
+}
+
+/// Returns the link from a cell to a piece of an edge.
+fn half_link(piece: &Piece, to: End) -> Link {
+    Link {
+        joint: piece.joint,
+        from: piece.cell,
+        to,
+        path: piece.path,
+        width: piece.width,
+        length: (piece.path[1] - piece.path[0]).norm(),
+    }
+}

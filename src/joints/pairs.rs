@@ -1,0 +1,271 @@
+//! Joints: pairs of faces of two blocks that are nearly parallel, face each other and lie closer than a stated limit.
+//!
+//! The plane of a joint lies in the middle between the two faces. Both faces are projected onto it along its normal;
+//! their overlap is a convex polygon ([`Polygon`]), over which the gap between the planes of the faces is a linear
+//! function of the position ([`Plane`]). A joint conducts with an aperture of at least the residual one.
+//!
+//! The two faces of a pair are joined where no third block lies between them. The limit has therefore to be smaller than
+//! the thinnest block, which [`Limits::distance`] states.
+//!
+//! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the number
+//! of a joint is a function of the blocks alone.
+
+use crate::polygon::{Plane, Polygon};
+use dem::polyhedron::Polyhedron;
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+/// Overlaps smaller than this in each direction, over the size of the faces, are left out.
+const THIN: f64 = 1e-6;
+
+/// A block of the network.
+#[derive(Clone, Debug)]
+pub struct Rock<'a> {
+    /// Its shape, in its own frame.
+    pub shape: &'a Polyhedron,
+    /// Position of its centroid \[m\].
+    pub position: Vector3<f64>,
+    /// Rotation from its own frame.
+    pub orientation: UnitQuaternion<f64>,
+}
+
+/// Limits within which two faces form a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest distance of the faces at the centroid of their overlap \[m\]; smaller than the thinnest block.
+    pub distance: f64,
+    /// Largest angle between the faces \[rad\].
+    pub angle: f64,
+}
+
+/// A face of a block: number of the block in the list, and of its face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Face {
+    /// Number of the block.
+    pub rock: usize,
+    /// Number of the face.
+    pub face: usize,
+}
+
+/// Two faces with water between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// The two faces, that of the earlier block first.
+    pub faces: [Face; 2],
+    /// Origin of the plane of the joint \[m\]: the centroid of the overlap.
+    pub origin: Vector3<f64>,
+    /// Axes in the plane; the first one runs along the longest edge of the overlap.
+    pub axes: [Vector3<f64>; 2],
+    /// Unit normal of the plane, from the first face to the second.
+    pub normal: Vector3<f64>,
+    /// Overlap, in the plane; the tag of an edge is its number.
+    pub overlap: Polygon<usize>,
+    /// Distance of the faces \[m\], negative where they overlap.
+    pub gap: Plane,
+    /// Outward normals of the two faces over their component along the normal of the joint: the force of a pressure on
+    /// an area of the plane is minus this vector times both, with the sign of the face.
+    pub tilts: [Vector3<f64>; 2],
+}
+
+impl Joint {
+    /// Returns a point of the plane in space \[m\].
+    #[must_use]
+    pub fn point(&self, at: &Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.axes[0] * at.x + self.axes[1] * at.y
+    }
+
+    /// Returns a direction of the plane in space.
+    #[must_use]
+    pub fn direction(&self, along: &Vector2<f64>) -> Vector3<f64> {
+        self.axes[0] * along.x + self.axes[1] * along.y
+    }
+}
+
+/// A face where it stands.
+struct Standing {
+    normal: Vector3<f64>,
+    corners: Vec<Vector3<f64>>,
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+}
+
+impl Standing {
+    fn new(rock: &Rock, face: usize) -> Self {
+        let normal = rock.orientation * rock.shape.half_spaces()[face].normal;
+        let corner = |&vertex: &u32| {
+            rock.position + rock.orientation * rock.shape.vertices()[vertex as usize]
+        };
+        let corners: Vec<Vector3<f64>> = rock.shape.face(face).iter().map(corner).collect();
+        let bound = |with: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
+            corners.iter().fold(corners[0], |bound, c| with(&bound, c))
+        };
+        let (low, high) = (bound(Vector3::inf), bound(Vector3::sup));
+        Self {
+            normal,
+            corners,
+            low,
+            high,
+        }
+    }
+
+    fn centre(&self) -> Vector3<f64> {
+        let sum: Vector3<f64> = self.corners.iter().sum();
+        sum / base::number::real(self.corners.len())
+    }
+
+    /// Returns `true` if the bounding boxes are closer than a distance \[m\] along every axis.
+    fn is_near(&self, other: &Self, distance: f64) -> bool {
+        (0..3).all(|k| {
+            self.low[k] <= other.high[k] + distance && other.low[k] <= self.high[k] + distance
+        })
+    }
+}
+
+/// Returns the joints of all blocks, in the order of their faces.
+#[must_use]
+pub fn joints(rocks: &[Rock], limits: &Limits) -> Vec<Joint> {
+    let mut faces = Vec::new();
+    for (rock, block) in rocks.iter().enumerate() {
+        for face in 0..block.shape.half_spaces().len() {
+            faces.push((Face { rock, face }, Standing::new(block, face)));
+        }
+    }
+    // Sweep along the first axis: a face meets those that begin before it ends.
+    let mut order: Vec<usize> = (0..faces.len()).collect();
+    order.sort_by(|&a, &b| {
+        faces[a]
+            .1
+            .low
+            .x
+            .total_cmp(&faces[b].1.low.x)
+            .then(a.cmp(&b))
+    });
+    let least = limits.angle.cos();
+    let mut pairs = Vec::new();
+    for (at, &a) in order.iter().enumerate() {
+        let reach = faces[a].1.high.x + limits.distance;
+        for &b in order[at + 1..]
+            .iter()
+            .take_while(|&&b| faces[b].1.low.x <= reach)
+        {
+            let ((name, one), (other_name, other)) = (&faces[a], &faces[b]);
+            if name.rock != other_name.rock
+                && one.normal.dot(&other.normal) <= -least
+                && one.is_near(other, limits.distance)
+            {
+                pairs.push([a.min(b), a.max(b)]);
+            }
+        }
+    }
+    pairs.sort_unstable();
+    let joint = |[a, b]: [usize; 2]| {
+        let ((first, one), (second, other)) = (&faces[a], &faces[b]);
+        joint([*first, *second], [one, other], limits)
+    };
+    pairs.into_iter().filter_map(joint).collect()
+}
+
+/// Returns the joint of two faces, if they overlap and are close enough.
+fn joint(names: [Face; 2], [one, other]: [&Standing; 2], limits: &Limits) -> Option<Joint> {
+    let normal = (one.normal - other.normal).normalize();
+    let mut axes = plane_axes(&normal, &one.corners);
+    let mut origin = 0.5 * (one.centre() + other.centre());
+    let size = (one.high - one.low)
+        .amax()
+        .max((other.high - other.low).amax());
+    let flat = |corner: &Vector3<f64>, origin: &Vector3<f64>, axes: &[Vector3<f64>; 2]| {
+        Vector2::new(
+            axes[0].dot(&(corner - origin)),
+            axes[1].dot(&(corner - origin)),
+        )
+    };
+    let project = |origin: &Vector3<f64>, axes: &[Vector3<f64>; 2]| {
+        let corners = one.corners.iter().map(|corner| flat(corner, origin, axes));
+        let mut overlap = Polygon::new(corners.zip(0..).collect());
+        let ends = other.corners.iter();
+        let ends: Vec<Vector2<f64>> = ends.map(|corner| flat(corner, origin, axes)).collect();
+        // Seen along the same normal the second face runs clockwise.
+        for k in 0..ends.len() {
+            let (to, from) = (ends[k], ends[(k + 1) % ends.len()]);
+            let outward = Vector2::new((to - from).y, -(to - from).x).normalize();
+            overlap.clip(outward, outward.dot(&from), 0);
+        }
+        overlap
+    };
+    let rough = project(&origin, &axes);
+    let [low, high] = rough.bounds();
+    if rough.is_empty() || (high - low).min() < THIN * size {
+        return None;
+    }
+    let (_, centroid) = rough.area_and_centroid();
+    origin += axes[0] * centroid.x + axes[1] * centroid.y;
+    origin += normal * middle(&origin, &normal, [one, other]);
+    axes = along_longest(&rough, &axes, &normal);
+    let overlap = project(&origin, &axes);
+    if overlap.is_empty() {
+        return None;
+    }
+    let corners = overlap.corners().iter().map(|(corner, _)| *corner);
+    let overlap = Polygon::new(corners.zip(0..).collect());
+    let heights = [one, other].map(|face| height(face, &origin, &normal, &axes));
+    let gap = Plane {
+        constant: heights[1].constant - heights[0].constant,
+        slope: heights[1].slope - heights[0].slope,
+    };
+    let (_, centroid) = overlap.area_and_centroid();
+    let at_centroid = gap.value(&centroid);
+    (at_centroid.abs() <= limits.distance).then(|| Joint {
+        faces: names,
+        origin,
+        axes,
+        normal,
+        overlap,
+        gap,
+        tilts: [one, other].map(|face| face.normal / face.normal.dot(&normal).abs()),
+    })
+}
+
+/// Returns two axes across a normal; the first one along the first edge of a polygon.
+fn plane_axes(normal: &Vector3<f64>, corners: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
+    let edge = corners[1] - corners[0];
+    let first = (edge - normal * normal.dot(&edge)).normalize();
+    [first, normal.cross(&first)]
+}
+
+/// Returns axes whose first one runs along the longest edge of the overlap; of equal edges along the first one.
+fn along_longest(
+    overlap: &Polygon<usize>,
+    axes: &[Vector3<f64>; 2],
+    normal: &Vector3<f64>,
+) -> [Vector3<f64>; 2] {
+    let mut longest = (0.0, Vector2::zeros());
+    for (from, to, _) in overlap.edges() {
+        let length = (to - from).norm();
+        if length > longest.0 * (1.0 + 1e-9) {
+            longest = (length, (to - from) / length);
+        }
+    }
+    let along = axes[0] * longest.1.x + axes[1] * longest.1.y;
+    let first = (along - normal * normal.dot(&along)).normalize();
+    [first, normal.cross(&first)]
+}
+
+/// Returns the height of the plane of a face above the plane of a joint, along its normal.
+fn height(
+    face: &Standing,
+    origin: &Vector3<f64>,
+    normal: &Vector3<f64>,
+    axes: &[Vector3<f64>; 2],
+) -> Plane {
+    let along = face.normal.dot(normal);
+    Plane {
+        constant: face.normal.dot(&(face.corners[0] - origin)) / along,
+        slope: -Vector2::new(face.normal.dot(&axes[0]), face.normal.dot(&axes[1])) / along,
+    }
+}
+
+/// Returns the mean height of both faces above a point, along the normal \[m\].
+fn middle(origin: &Vector3<f64>, normal: &Vector3<f64>, faces: [&Standing; 2]) -> f64 {
+    let heights =
+        faces.map(|face| face.normal.dot(&(face.corners[0] - origin)) / face.normal.dot(normal));
+    0.5 * (heights[0] + heights[1])
+}

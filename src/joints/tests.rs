@@ -1,0 +1,6 @@
+//! Networks against closed solutions.
+
+mod closed;
+mod moving;
+mod squeeze;
+mod steady;

@@ -1,0 +1,404 @@
+//! The water in the joints of a scene: its network is found from the blocks at the start, and its mouths from their boxes.
+
+use super::block::Block;
+use super::blocks::Blocks;
+use super::findings::{Findings, at_least, at_most, number};
+use super::grid::Grid;
+use super::unique;
+use base::error::Remedy;
+use base::number::real;
+use case::Case;
+use case::fluid::Fluid;
+use case::joints::JointNetwork;
+use joints::flow::Settings as FlowSettings;
+use joints::history::History;
+use joints::network::{Network, Settings};
+use joints::pairs::{Limits, Rock};
+use joints::water::Water;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// Path of the water in joints.
+pub(crate) const PATH: &str = "fluid.joints";
+/// Maximum number of cells: every rank holds and solves all of them.
+const MOST_CELLS: f64 = 2e5;
+
+/// Water in joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointScene {
+    /// As written.
+    pub written: JointNetwork,
+    /// Mouths, in the order of the case.
+    pub mouths: Vec<Mouth>,
+    /// Number of joints, cells, junctions and links.
+    pub counts: Counts,
+    /// Length of the edges that are open, and of those that are closed \[m\].
+    pub edges: [f64; 2],
+    /// Smallest and largest aperture at the middle of a joint \[m\].
+    pub apertures: [f64; 2],
+    /// Longest joint \[m\].
+    pub longest: f64,
+}
+
+/// Sizes of a network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Joints.
+    pub joints: usize,
+    /// Cells.
+    pub cells: usize,
+    /// Junctions.
+    pub junctions: usize,
+    /// Links.
+    pub links: usize,
+}
+
+/// A mouth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mouth {
+    /// Name.
+    pub name: String,
+    /// Box of its edges.
+    pub block: Block,
+    /// Pressure at the centre of the box.
+    pub pressure: History,
+    /// Width of its edges \[m\].
+    pub width: f64,
+}
+
+impl Mouth {
+    /// Returns the centre of the box \[m\].
+    #[must_use]
+    pub fn centre(&self) -> Vector3<f64> {
+        0.5 * (Vector3::from(self.block.from) + Vector3::from(self.block.to))
+    }
+}
+
+impl JointScene {
+    /// Returns the network of the blocks.
+    #[must_use]
+    pub fn network(&self, blocks: &Blocks) -> Network {
+        network(&self.written, blocks)
+    }
+
+    /// Returns the number of nodes.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.counts.cells + self.counts.junctions
+    }
+
+    /// Returns the mouth of each open piece of an edge; none where it is closed.
+    #[must_use]
+    pub fn mouth_of_pieces(&self, network: &Network) -> Vec<Option<usize>> {
+        let pieces = network.open.iter();
+        let mouth = |middle: &Vector3<f64>| {
+            let at = (*middle).into();
+            self.mouths
+                .iter()
+                .position(|mouth| mouth.block.contains(at))
+        };
+        pieces.map(|piece| mouth(&piece.middle)).collect()
+    }
+
+    /// Returns the choices of the flow.
+    #[must_use]
+    pub fn settings(&self, gravity: [f64; 3]) -> FlowSettings {
+        let written = &self.written;
+        FlowSettings {
+            water: water(written),
+            roughness: written.roughness,
+            inertia: written.inertia,
+            gravity: gravity.into(),
+        }
+    }
+
+    /// Resolves the water in the joints of a case.
+    pub(crate) fn resolve(
+        case: &Case,
+        grid: &Grid,
+        blocks: Option<&Blocks>,
+        findings: &mut Findings,
+    ) -> Option<Self> {
+        let Some(Fluid::Joints(written)) = &case.fluid else {
+            return None;
+        };
+        refuse_others(case, findings);
+        check_water(written, findings);
+        let mouths = mouths(case, written, grid, findings);
+        if case.blocks.is_none() {
+            findings.error(
+                PATH,
+                "there are no blocks in this case, so that there are no joints",
+                "add `blocks` with a list, a file or a jointed rock mass",
+            );
+            findings.depends(&["blocks"]);
+        }
+        let blocks = blocks?;
+        if blocks.fixed < blocks.number {
+            findings.error(
+                "blocks.fixed",
+                format!(
+                    "{} of {} blocks can move: the water in the joints loads blocks, and does not move them yet",
+                    number(real(blocks.number - blocks.fixed)),
+                    number(real(blocks.number))
+                ),
+                "add boxes that hold the centroids of all blocks",
+            );
+        }
+        if !thin_enough(written, blocks, findings) {
+            return None;
+        }
+        let mut scene = Self {
+            written: written.clone(),
+            mouths,
+            counts: Counts::default(),
+            edges: [0.0; 2],
+            apertures: [f64::INFINITY, 0.0],
+            longest: 0.0,
+        };
+        scene.measure(blocks, findings);
+        Some(scene)
+    }
+
+    /// Builds the network, counts it and judges its mouths.
+    fn measure(&mut self, blocks: &Blocks, findings: &mut Findings) {
+        let network = self.network(blocks);
+        let mouth_of = self.mouth_of_pieces(&network);
+        self.counts = Counts {
+            joints: network.joints.len(),
+            cells: network.cells.len(),
+            junctions: network.junctions.len(),
+            links: network.links.len(),
+        };
+        for joint in &network.joints {
+            let [low, high] = &mut self.apertures;
+            let aperture = joint.gap.constant.max(self.written.residual_aperture);
+            *low = low.min(aperture);
+            *high = high.max(aperture);
+            self.longest = self.longest.max(joint.overlap.size());
+        }
+        for (piece, mouth) in network.open.iter().zip(&mouth_of) {
+            self.edges[usize::from(mouth.is_none())] += piece.width;
+            if let Some(mouth) = mouth {
+                self.mouths[*mouth].width += piece.width;
+            }
+        }
+        if network.joints.is_empty() {
+            let path = format!("{PATH}.largest_aperture");
+            findings.error(
+                &path,
+                "no two faces of different blocks are parallel and closer than this",
+                "use a larger aperture, or move the blocks closer to each other",
+            );
+            return;
+        }
+        for (n, mouth) in self.mouths.iter().enumerate() {
+            if mouth.width <= 0.0 {
+                findings.error(
+                    &format!("{PATH}.mouths[{n}].box"),
+                    "the middle of no edge of a joint lies in this box",
+                    "move the box or make it larger: an edge ends where one of its two blocks ends",
+                );
+            }
+        }
+    }
+}
+
+/// Returns the network of the blocks.
+fn network(written: &JointNetwork, blocks: &Blocks) -> Network {
+    let rock = |solid: &dem::polyhedron::Solid| (solid.position, solid.orientation);
+    let rocks: Vec<Rock> = blocks
+        .list
+        .iter()
+        .map(|block| {
+            let (position, orientation) = rock(&block.solid);
+            Rock {
+                shape: &block.solid.shape,
+                position,
+                orientation,
+            }
+        })
+        .collect();
+    let settings = Settings {
+        limits: Limits {
+            distance: written.largest_aperture,
+            angle: written.largest_angle_degrees.to_radians(),
+        },
+        residual: written.residual_aperture,
+        cell: written.cell,
+    };
+    Network::new(&rocks, &settings)
+}
+
+fn water(written: &JointNetwork) -> Water {
+    Water {
+        density: written.density,
+        viscosity: written.viscosity,
+        bulk_modulus: written.bulk_modulus,
+        air: written.air_content,
+        exponent: written.air_exponent,
+        atmosphere: written.atmospheric_pressure,
+        vapour: written.vapour_pressure,
+    }
+}
+
+/// Refuses what does not act on water in joints.
+fn refuse_others(case: &Case, findings: &mut Findings) {
+    let fields = [
+        ("grains", case.grains.is_some()),
+        ("bodies", !case.bodies.is_empty()),
+        ("structures", !case.structures.is_empty()),
+        ("coupling", case.coupling.is_some()),
+        ("output.fluid", case.output.fluid.is_some()),
+        ("output.averages", case.output.averages.is_some()),
+        ("time.warm_up", case.time.warm_up.is_some()),
+        ("time.solid_time_step", case.time.solid_time_step.is_some()),
+    ];
+    for (path, _) in fields.iter().filter(|(_, given)| *given) {
+        let reason = match *path {
+            "time.solid_time_step" => "the water in the joints has a time step of its own",
+            "output.fluid" | "output.averages" => "there are no cells of a grid in joints",
+            "time.warm_up" => "the water in the joints begins with its steady flow",
+            _ => "the water in joints acts between blocks alone",
+        };
+        findings.error(path, reason, Remedy::take_out("remove it", *path));
+    }
+    if case.domain.size.0.len() == 2 {
+        findings.error(
+            PATH,
+            "joints are those between blocks, which are for three dimensions",
+            "give the domain a third size",
+        );
+    }
+    if case.domain.periodic.iter().any(|axis| axis.index() < 3) {
+        findings.error(
+            "domain.periodic",
+            "joints do not continue across periodic faces",
+            Remedy::take_out("remove it", "domain.periodic"),
+        );
+    }
+}
+
+/// Checks pressures and densities of the water.
+fn check_water(written: &JointNetwork, findings: &mut Findings) {
+    if written.vapour_pressure >= written.atmospheric_pressure {
+        findings.error(
+            &format!("{PATH}.vapour_pressure"),
+            "water boils at this pressure: it must be below the atmospheric pressure",
+            format!("use less than {}", number(written.atmospheric_pressure)).as_str(),
+        );
+    }
+    if written.residual_aperture > written.largest_aperture {
+        let path = format!("{PATH}.residual_aperture");
+        findings.error(
+            &path,
+            "this is more than the largest aperture",
+            Remedy::from(format!("use at most {}", number(written.largest_aperture)))
+                .set(&*path, written.largest_aperture),
+        );
+    }
+}
+
+/// Resolves mouths and their pressures.
+fn mouths(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) -> Vec<Mouth> {
+    let mut known = Vec::new();
+    let mut mouths = Vec::new();
+    for (n, mouth) in written.mouths.iter().enumerate() {
+        let path = format!("{PATH}.mouths[{n}]");
+        unique(&mut known, &mouth.name, &format!("{path}.name"), findings);
+        let block = Block::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
+        check_pressure(case, written, &mouth.pressure, &path, findings);
+        mouths.push(Mouth {
+            name: mouth.name.clone(),
+            block,
+            pressure: mouth.pressure.clone(),
+            width: 0.0,
+        });
+    }
+    mouths
+}
+
+/// Checks the pressure in front of a mouth.
+fn check_pressure(
+    case: &Case,
+    written: &JointNetwork,
+    pressure: &History,
+    path: &str,
+    findings: &mut Findings,
+) {
+    if let History::Table(rows) = pressure {
+        let path = format!("{path}.pressure.table");
+        let falls = rows.windows(2).any(|rows| rows[1][0] < rows[0][0]);
+        if rows.is_empty() || falls {
+            findings.error(
+                &path,
+                "a table has at least one row, and its times rise",
+                "write rows of time and pressure in the order of their times",
+            );
+            return;
+        }
+    }
+    if let History::Harmonic { frequency, .. } = pressure {
+        let steps = 1.0 / (frequency * written.time_step);
+        if steps < 20.0 {
+            let step = at_most(0.05 / frequency);
+            findings.warn(
+                &format!("{PATH}.time_step"),
+                format!("a period of the pressure has {} steps", number(steps)),
+                Remedy::from(format!("use at most {} s, for twenty", number(step)))
+                    .set(format!("{PATH}.time_step"), step),
+            );
+        }
+    }
+    let least = written.vapour_pressure - written.atmospheric_pressure;
+    let [low, _] = pressure.bounds(case.time.end);
+    if low < least {
+        findings.error(
+            &format!("{path}.pressure"),
+            format!(
+                "the pressure falls to {} Pa, below that of vapour, {} Pa",
+                number(low),
+                number(least)
+            ),
+            format!("use {} Pa or more", number(at_least(least))).as_str(),
+        );
+    }
+}
+
+/// Refuses an aperture as wide as a block, and networks that are too large.
+fn thin_enough(written: &JointNetwork, blocks: &Blocks, findings: &mut Findings) -> bool {
+    let mut fits = true;
+    if let Some(thinnest) = blocks.thinnest()
+        && written.largest_aperture >= thinnest
+    {
+        let path = format!("{PATH}.largest_aperture");
+        let half = at_most(0.5 * thinnest);
+        findings.error(
+            &path,
+            format!(
+                "the thinnest block is {} m thick: faces on both sides of it would form a joint",
+                number(thinnest)
+            ),
+            Remedy::from(format!("use at most {} m", number(half))).set(&*path, half),
+        );
+        fits = false;
+    }
+    // A joint has at most the area of the faces on one side of it.
+    let areas = blocks.list.iter().map(|block| block.solid.shape.area());
+    let cells = 0.5 * areas.sum::<f64>() / (written.cell * written.cell);
+    if cells > MOST_CELLS {
+        let path = format!("{PATH}.cell");
+        let size = at_least(written.cell * (cells / MOST_CELLS).sqrt());
+        findings.error(
+            &path,
+            format!(
+                "the joints would have up to {} cells; at most {}",
+                number(cells),
+                number(MOST_CELLS)
+            ),
+            Remedy::from(format!("use cells of {} m or larger", number(size))).set(&*path, size),
+        );
+        fits = false;
+    }
+    fits
+}

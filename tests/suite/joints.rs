@@ -1,0 +1,204 @@
+//! Water in joints as the fluid of a case: the amplification of a closed joint, a network with the same bits on any
+//! ranks, and messages.
+
+use crate::ranks::{Study, beside_others};
+use serde_json::{Value, json};
+use solver::case::{Document, examples};
+use solver::error::{Problem, Severity};
+use solver::plan::Plan;
+use std::path::Path;
+
+#[test]
+fn a_closed_joint_amplifies_like_the_exact_layer() {
+    let _beside = beside_others();
+    let study = Study::new(examples::find("joint-pulse").unwrap().text);
+    study.run("run", 1, 1, &[]);
+    let path = study.path("run").join("probe_end.csv");
+    let rows = io::table::read(&path).unwrap();
+    let (times, pressures) = (
+        rows.column("time").unwrap(),
+        rows.column("pressure").unwrap(),
+    );
+    // The last four periods.
+    let late = times.iter().zip(&pressures);
+    let late = late.filter(|(time, _)| **time > 1.2 - 4.0 / 23.83);
+    let most = late.fold(0.0_f64, |most, (_, pressure)| most.max(pressure.abs()));
+    println!("amplification {}", most / 10.0);
+    assert!((most / 10.0 / 9.7265 - 1.0).abs() < 0.02);
+    let joints = &study.summary("run")["joints"];
+    assert!(
+        joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{joints}"
+    );
+    assert_eq!(joints["joints"], 1);
+}
+
+/// Returns a bed of bricks, jointed in three directions, under a table of pressures at one side of its top and a pulsating
+/// one at the other.
+fn bed() -> Value {
+    let set = |dip: f64, direction: f64, spacing: f64| json!({"dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": spacing}});
+    json!({
+        "domain": {"size": [1, 0.6, 0.5], "spacing": 0.1},
+        "gravity": [0, 0, -9.81],
+        "materials": {"rock": {"density": 2650}},
+        "blocks": {
+            "material": "rock",
+            "initial": {"joints": {
+                "rock_mass": {"box": {"from": [0.1, 0.1, 0.1], "to": [0.9, 0.5, 0.4]}},
+                "sets": [set(0.0, 0.0, 0.15), set(90.0, 90.0, 0.21), set(80.0, 0.0, 0.17)],
+                "aperture": 1e-3
+            }},
+            "fixed": [{"from": [0, 0, 0], "to": [1, 0.6, 0.5]}]
+        },
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 35}},
+        "fluid": {"joints": {
+            "density": 1000, "viscosity": 1e-3, "time_step": 1e-4, "largest_aperture": 0.004, "residual_aperture": 1e-5,
+            "cell": 0.05, "air_content": 0.002, "roughness": 1e-4,
+            "mouths": [
+                {"name": "jet", "box": {"from": [0, 0, 0.39], "to": [0.5, 0.6, 0.41]},
+                    "pressure": {"table": [[0, 1e3], [1e-3, 4e4], [3e-3, 5e3]]}},
+                {"name": "pool", "box": {"from": [0.5, 0, 0.39], "to": [1, 0.6, 0.41]},
+                    "pressure": {"harmonic": {"mean": 1e3, "amplitude": 500, "frequency": 200}}}
+            ]
+        }},
+        "probes": [
+            {"name": "jet", "every": 1e-3, "at": {"mouth": {"name": "jet"}}},
+            {"name": "inside", "every": 1e-3, "at": {"joint": {"position": [0.5, 0.3, 0.25]}}},
+            {"name": "block", "every": 1e-3, "at": {"block": {"position": [0.55, 0.33, 0.33]}}}
+        ],
+        "checkpoint": {"every": 3e-3},
+        "time": {"end": 8e-3}
+    })
+}
+
+#[test]
+fn a_network_has_the_same_bits_on_any_ranks_and_threads_and_after_restarts() {
+    let _beside = beside_others();
+    let study = Study::new(&bed().to_string());
+    study.run("straight", 1, 1, &[]);
+    let joints = &study.summary("straight")["joints"];
+    println!("{joints}");
+    assert!(joints["joints"].as_u64().unwrap() > 30, "{joints}");
+    assert!(
+        joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{joints}"
+    );
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, &[][..]),
+        ("two", 2, 1, &[]),
+        ("four along y", 4, 1, &["domain.split=y"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0042"]);
+    study.restart("parts", 1, &["time.end=0.008"]).expect(0);
+    study.same("straight", "parts");
+}
+
+fn problems(case: &Value) -> Vec<Problem> {
+    let read = Document::read(&case.to_string(), &[], Path::new("."));
+    match read.and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[test]
+fn wrong_joints_are_refused_with_one_finding_each() {
+    assert!(problems(&bed()).is_empty(), "{:#?}", problems(&bed()));
+    let water = "/fluid/joints";
+    let wrong = [
+        (
+            "/largest_aperture",
+            json!(0.2),
+            "fluid.joints.largest_aperture",
+            "thick",
+        ),
+        (
+            "/largest_aperture",
+            json!(1e-4),
+            "fluid.joints.largest_aperture",
+            "no two faces",
+        ),
+        (
+            "/residual_aperture",
+            json!(0.01),
+            "fluid.joints.residual_aperture",
+            "largest",
+        ),
+        ("/cell", json!(1e-4), "fluid.joints.cell", "at most"),
+        (
+            "/vapour_pressure",
+            json!(2e5),
+            "fluid.joints.vapour_pressure",
+            "boils",
+        ),
+        (
+            "/mouths/0/box/from/2",
+            json!(0.405),
+            "fluid.joints.mouths[0].box",
+            "no edge",
+        ),
+        (
+            "/mouths/1/name",
+            json!("jet"),
+            "fluid.joints.mouths[1].name",
+            "twice",
+        ),
+        (
+            "/mouths/0/pressure/table",
+            json!([[1, 0], [0, 0]]),
+            "fluid.joints.mouths[0].pressure.table",
+            "rise",
+        ),
+        (
+            "/mouths/1/pressure",
+            json!({"constant": -1e5}),
+            "fluid.joints.mouths[1].pressure",
+            "vapour",
+        ),
+        ("/time_step", json!(1e-3), "fluid.joints.time_step", "steps"),
+    ];
+    for (field, value, path, reason) in wrong {
+        let mut case = bed();
+        *case.pointer_mut(&format!("{water}{field}")).unwrap() = value;
+        let found = problems(&case);
+        assert_eq!(found.len(), 1, "{field}: {found:#?}");
+        assert!(
+            found[0].path == path && found[0].reason.contains(reason),
+            "{found:#?}"
+        );
+    }
+    let mut free = bed();
+    free["blocks"]["fixed"] = json!([]);
+    let found = problems(&free);
+    assert!(
+        found.len() == 1 && found[0].path == "blocks.fixed",
+        "{found:#?}"
+    );
+    let mut probed = bed();
+    probed["probes"][0]["at"] = json!({"mouth": {"name": "weir"}});
+    probed["probes"][2]["at"]["block"]["position"] = json!([0.05, 0.05, 0.05]);
+    probed["coupling"] = json!({"bounce_back": {}});
+    let found = problems(&probed);
+    let paths: Vec<&str> = found.iter().map(|problem| problem.path.as_str()).collect();
+    let expected = [
+        "coupling",
+        "probes[0].at.mouth.name",
+        "probes[2].at.block.position",
+    ];
+    assert_eq!(paths, expected, "{found:#?}");
+    assert!(
+        found
+            .iter()
+            .all(|problem| problem.severity == Severity::Error)
+    );
+    let mut lattice: Value = serde_json::from_str(examples::find("cavity").unwrap().text).unwrap();
+    lattice["probes"] = json!([{"name": "a", "every": 1, "at": {"mouth": {"name": "b"}}}]);
+    let found = problems(&lattice);
+    assert!(
+        found.iter().any(|p| p.reason.contains("fluid.joints")),
+        "{found:#?}"
+    );
+}
