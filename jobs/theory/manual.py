@@ -14,6 +14,8 @@ import pathlib
 import re
 import sys
 
+import mathml
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "src"
 
@@ -87,6 +89,23 @@ CHAPTERS = [
         ],
     ),
     (
+        "Water in joints",
+        ["joints"],
+        [
+            "joints/lib.rs",
+            "joints/pairs.rs",
+            "joints/cells.rs",
+            "joints/edges.rs",
+            "joints/network.rs",
+            "joints/flow.rs",
+            "joints/friction.rs",
+            "joints/slot.rs",
+            "joints/water.rs",
+            "joints/loads.rs",
+            "joints/motion.rs",
+        ],
+    ),
+    (
         "Contact laws",
         ["contact", "contact_option"],
         ["dem/contact.rs", "dem/contact/*", "dem/contact/rolling.rs", "dem/dashpot.rs"],
@@ -131,7 +150,8 @@ h1, h2, h3 { line-height: 1.25; } h2 { border-top: 2px solid #ccc; padding-top: 
 h3 { margin-top: 2rem; } .file { color: #777; font: 13px ui-monospace, monospace; }
 pre, .equation { font: 15px/1.6 "STIX Two Math", "Cambria Math", "DejaVu Serif", serif; background: #f6f6f9;
   border-left: 3px solid #8aa; padding: .5rem 1rem; overflow-x: auto; white-space: pre; }
-.equation { white-space: normal; }
+.equation { white-space: normal; margin: .4rem 0; } math { font-size: 18px; font-family: "STIX Two Math", "Latin Modern Math", "Cambria Math", math; }
+.note { color: #555; font: 14px system-ui, sans-serif; } .gap { display: inline-block; width: 2.5em; }
 code { font: 14px ui-monospace, monospace; background: #f1f1ee; padding: 0 .2em; }
 table { border-collapse: collapse; margin: 1rem 0; } td, th { border: 1px solid #ccc; padding: .2rem .6rem;
   vertical-align: top; text-align: left; }
@@ -276,7 +296,11 @@ def body(lines):
             end = n + 1
             while end < len(lines) and not lines[end].startswith("```"):
                 end += 1
-            out.append("<pre>" + "\n".join(scripts(row.replace("`", "")) for row in lines[n + 1 : end]) + "</pre>")
+            rows = lines[n + 1 : end]
+            if mathml.is_drawing(rows):
+                out.append("<pre>" + "\n".join(scripts(row.replace("`", "")) for row in rows) + "</pre>")
+            else:
+                out.append("".join(f'<p class="equation">{mathml.equation(row, inline)}</p>' for row in rows if row.strip()))
             n = end + 1
         elif line.startswith("|"):
             rows = []
@@ -306,7 +330,7 @@ def body(lines):
                 paragraph.append(lines[n].strip())
                 n += 1
             text = " ".join(paragraph)
-            out.append(f'<p class="equation">{scripts(text)}</p>' if is_equation(text) else f"<p>{inline(text)}</p>")
+            out.append(f'<p class="equation">{mathml.equation(text, inline)}</p>' if is_equation(text) and not mathml.is_note(text) else f"<p>{inline(text)}</p>")
     return "\n".join(out)
 
 

@@ -3,14 +3,19 @@
 import html.parser
 import importlib.util
 import json
+import re
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-VOID = {"meta", "line", "rect", "circle", "path"}
+VOID = {"meta", "line", "rect", "circle", "path", "mspace"}
 
 
-def load():
-    spec = importlib.util.spec_from_file_location("manual", ROOT / "jobs" / "theory" / "manual.py")
+def load(name="manual"):
+    folder = ROOT / "jobs" / "theory"
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -72,6 +77,24 @@ def test_equations_and_links_are_set():
     assert manual.is_equation("ν_t = (C_s Δ)² √(2 S:S), S the rate of strain")
     assert not manual.is_equation("The symmetric part of each pair relaxes at ω = 1/τ, which sets the viscosity of the fluid.")
     found = manual.body(["A", "b.", "", "```text", "F_n = k", "```", "- one", "  two", "", "| a | b |", "|---|---|", "| 1 | 2 |"])
-    assert "<p>A b.</p>" in found and "<pre>F<sub>n</sub> = k</pre>" in found
+    assert "<p>A b.</p>" in found and "<msub><mrow><mi>F</mi></mrow><mrow><mi>n</mi></mrow></msub><mo>=</mo><mi>k</mi>" in found
     assert "<ul><li>one two</li></ul>" in found and "<tr><th>a</th><th>b</th></tr><tr><td>1</td>" in found
     assert [len(manual.velocities(name)) for name in ("D2Q9", "D3Q19", "D3Q27")] == [9, 19, 27]
+
+
+def test_formulas_are_typeset():
+    mathml = load("mathml")
+
+    def shown(text):
+        return re.sub(r' class="group"|<!--g-->', "", mathml.Parser(text).row())
+
+    assert shown("a/b") == "<mfrac><mrow><mi>a</mi></mrow><mrow><mi>b</mi></mrow></mfrac>"
+    # Factors before a slash with spaces stand above it, and brackets around all of a part are left out.
+    assert shown("K = eps^3 d^2 / [180 (1 - eps)]").startswith("<mi>K</mi><mo>=</mo><mfrac><mrow><msup><mrow><mi>ε</mi>")
+    assert shown("c / [1 + x]") == "<mfrac><mrow><mi>c</mi></mrow><mrow><mn>1</mn><mo>+</mo><mi>x</mi></mrow></mfrac>"
+    assert shown("(a)(b) / c").startswith("<mfrac><mrow><mrow><mo>(</mo><mi>a</mi><mo>)</mo></mrow>")
+    assert shown("sqrt(2 R*)") == "<msqrt><mn>2</mn><msup><mrow><mi>R</mi></mrow><mrow><mo>*</mo></mrow></msup></msqrt>"
+    assert shown("-d eps/dt").startswith("<mo>−</mo><mfrac><mrow><mrow><mi>d</mi><mi>ε</mi></mrow></mrow>")
+    assert "<mtext>&nbsp;while bonded&nbsp;</mtext>" in shown("F = C while bonded")
+    assert mathml.is_note("pushing; pulling only with `attraction`") and not mathml.is_note("F_n = k_n overlap")
+    assert mathml.is_drawing(["half kick  ->  ghosts  ->  forces"]) and not mathml.is_drawing(["a = b"])
