@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 28] = [
+pub const EXAMPLES: [Example; 29] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -153,6 +153,11 @@ pub const EXAMPLES: [Example; 28] = [
         name: "standing-wave",
         summary: "a standing wave on deep water, with its frequency and decay by linear theory",
         text: include_str!("examples/standing-wave.json"),
+    },
+    Example {
+        name: "floating-log",
+        summary: "a log heaves in water, beside the theory of a half-immersed cylinder (Ursell 1949)",
+        text: include_str!("examples/floating-log.json"),
     },
 ];
 

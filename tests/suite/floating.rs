@@ -105,3 +105,97 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     assert_eq!(study.hash("straight"), study.hash("parts"));
     keeps_water(&study.summary("straight")["water"], 1e-12);
 }
+
+/// A disc in a basin at rest.
+fn basin(name: &str, set: &[(&str, &str)]) -> Study {
+    let mut all = DISCS.to_vec();
+    all.extend([
+        ("domain", r#"{"size": [0.06, 0.04], "spacing": 0.001}"#),
+        (
+            "probes",
+            r#"[{"name": "log", "every": 0.005, "at": {"body": {"name": "log"}}}]"#,
+        ),
+        ("box_walls", "[]"),
+        (
+            "fluid.lattice_boltzmann.boundaries",
+            r#"[{"name": "floor", "face": "y_min", "condition": {"free_slip": {}}},
+                {"name": "left", "face": "x_min", "condition": {"free_slip": {}}},
+                {"name": "right", "face": "x_max", "condition": {"free_slip": {}}}]"#,
+        ),
+    ]);
+    all.extend(set);
+    let study = Study::of("dam-break", &all);
+    study.run(name, 1, 2, &[]);
+    study
+}
+
+/// Returns the area of a disc below a height over its centre.
+fn area_below(radius: f64, height: f64) -> f64 {
+    let height = height.clamp(-radius, radius);
+    radius * radius * (-height / radius).acos()
+        + height * (radius * radius - height * height).sqrt()
+}
+
+#[test]
+fn a_disc_on_the_bottom_has_the_load_of_the_water_at_rest() {
+    let _beside = beside_others();
+    let (radius, centre, level) = (0.007, 0.0071, 0.0093);
+    let study = basin(
+        "bottom",
+        &[
+            (
+                "fluid.lattice_boltzmann.surface.water",
+                r#"[{"level": 0.0093}]"#,
+            ),
+            (
+                "bodies",
+                r#"[{"name": "log", "shape": {"disc": {"radius": 0.007}}, "position": [0.0301, 0.0071],
+                     "motion": {"fixed": {}}, "material": "rock"}]"#,
+            ),
+            ("time.end", "0.5"),
+        ],
+    );
+    let rows = super::ranks::table(&study, "bottom", "probe_log.csv");
+    let load = *rows.column("fluid_force_y").unwrap().last().unwrap();
+    let exact = 9810.0 * area_below(radius, level - centre);
+    assert!((load / exact - 1.0).abs() < 0.01, "{load} of {exact}");
+}
+
+#[test]
+fn a_disc_floats_at_its_draught() {
+    let _beside = beside_others();
+    let radius = 0.007;
+    let study = basin(
+        "floats",
+        &[
+            (
+                "fluid.lattice_boltzmann.surface.water",
+                r#"[{"level": 0.0203}]"#,
+            ),
+            ("materials", r#"{"wood": {"density": 600}, "wall": {}}"#),
+            (
+                "bodies",
+                r#"[{"name": "log", "shape": {"disc": {"radius": 0.007}}, "position": [0.0301, 0.0199],
+                     "motion": {"free": {}}, "material": "wood"}]"#,
+            ),
+            ("time.end", "1"),
+        ],
+    );
+    let rows = super::ranks::table(&study, "floats", "probe_log.csv");
+    let heights = rows.column("y").unwrap();
+    let late = &heights[heights.len() - 60..];
+    let mean = late.iter().sum::<f64>() / 60.0;
+    let (mut low, mut high) = (-radius, radius);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if area_below(radius, middle) < 0.6 * std::f64::consts::PI * radius * radius {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let displaced = area_below(radius, low) - area_below(radius, 0.0203 - 0.0199);
+    let level = 0.0203 + displaced / 0.06;
+    let (draught, exact) = (level - mean + radius, low + radius);
+    assert!((draught / exact - 1.0).abs() < 0.02, "{draught} of {exact}");
+}
