@@ -187,6 +187,17 @@ impl FreeSurface {
         (self.head() - lowest).max(0.0)
     }
 
+    /// Returns the height of a place over the lowest place of the domain \[m\].
+    #[must_use]
+    pub fn height(&self, at: [f64; 3]) -> f64 {
+        let height = at[self.axis];
+        if self.rises {
+            height
+        } else {
+            self.size[self.axis] - height
+        }
+    }
+
     /// Returns the height of the highest water at the start over the lowest place of the domain \[m\].
     #[must_use]
     pub fn head(&self) -> f64 {
