@@ -159,6 +159,11 @@ pub const EXAMPLES: [Example; 29] = [
         summary: "a standing wave on deep water, with its frequency and decay by linear theory",
         text: include_str!("examples/standing-wave.json"),
     },
+    Example {
+        name: "floating-log",
+        summary: "a log heaves in water, beside the theory of a half-immersed cylinder (Ursell 1949)",
+        text: include_str!("examples/floating-log.json"),
+    },
 ];
 
 /// An example study: members of a case for `solver sweep`.

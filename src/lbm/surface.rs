@@ -344,7 +344,7 @@ impl Surface {
         self.work.entered()
     }
 
-    /// Returns the cells of gas of the slab next to interface cells along the axes, with the mean velocity of
+    /// Returns the cells of gas of the slab next to interface cells and held cells along the axes, with the mean velocity of
     /// their wet neighbours; some of them more than once. `velocity` gives that of a cell.
     pub(crate) fn shore<S: Stored>(
         &self,
@@ -356,9 +356,12 @@ impl Surface {
         let count = populations.cells();
         // Interface cells of the slab and of its ghost cells.
         let own = self.planes.iter().flat_map(|plane| &plane.surface);
+        let held = self.bodies.iter().flat_map(|bodies| bodies.wet());
+        let held = held.filter(|cell| self.cells.kind[**cell as usize] == HELD);
+        let ends = |kind: u8| is_surface(kind) || kind == HELD;
         let beyond = self.ghosts.all().iter();
-        let beyond = beyond.filter(|cell| is_surface(self.cells.kind[**cell as usize]));
-        for &cell in own.chain(beyond) {
+        let beyond = beyond.filter(|cell| ends(self.cells.kind[**cell as usize]));
+        for &cell in own.chain(held).chain(beyond) {
             let at = populations.coordinates(cell as usize);
             let steps = (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]);
             let next = steps.filter_map(|(axis, step)| {

@@ -3,12 +3,15 @@
 //! The surface folds within a cell where water meets water or a wall. The cell Reynolds number U h/ν decides if a
 //! run holds, with U = (2 g H)^½ the speed of a fall over the drop H of the water at the start. The maps
 //! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` show a column that falls, runs against a wall and
-//! back. Water that stands at a level has no drop, and a wave has twice its amplitude.
+//! back. Water that stands at a level has no drop, and a wave has twice its amplitude. A body that falls into the water
+//! or moves in it is judged by its own speed where that is larger; there is no map of bodies.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
+use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
+use crate::scene::free_surface::FreeSurface;
 use base::error::Remedy;
 use lbm::collision::Operator;
 use serde_json::json;
@@ -54,30 +57,72 @@ pub(super) fn check(
     let Some(surface) = &scene.surface else {
         return;
     };
-    let speed = (2.0 * surface.gravity * surface.drop()).sqrt();
+    let fall = Cause {
+        speed: (2.0 * surface.gravity * surface.drop()).sqrt(),
+        path: format!("{PATH}.surface.water"),
+        margin: "cell Reynolds number U h/nu: the fall of the water",
+        what: format!("water that falls {} m", number(surface.drop())),
+    };
+    judge(scene, flow, &fall, margins, findings);
+    let bodies = (0..scene.bodies.len()).map(|n| enters(scene, surface, n));
+    let fastest = bodies.max_by(|a, b| a.speed.total_cmp(&b.speed));
+    if let Some(body) = fastest.filter(|body| body.speed > fall.speed) {
+        judge(scene, flow, &body, margins, findings);
+    }
+}
+
+/// Cause of a speed at the surface.
+struct Cause {
+    speed: f64,
+    path: String,
+    margin: &'static str,
+    what: String,
+}
+
+/// Returns the speed at which a body meets the highest water.
+fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
+    let body = &scene.bodies[n];
+    let squares = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
+    let falls = if body.mobility == Mobility::Free {
+        let lowest = surface.height(body.position) - body.radius;
+        2.0 * surface.gravity * (lowest - surface.head()).max(0.0)
+    } else {
+        0.0
+    };
+    Cause {
+        speed: (squares(body.velocity) + falls).sqrt(),
+        path: format!("bodies[{n}].motion"),
+        margin: "cell Reynolds number U h/nu: a body that meets the water",
+        what: format!("the body `{}` at the surface", body.name),
+    }
+}
+
+/// Adds the margin of a cause, and a finding where runs like this one failed.
+fn judge(
+    scene: &Scene,
+    flow: &Flow,
+    cause: &Cause,
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) {
+    let (speed, path) = (cause.speed, &cause.path);
     if speed <= 0.0 {
         return;
     }
     let cell = speed * scene.grid.spacing / flow.kinematic_viscosity;
-    let path = format!("{PATH}.surface.water");
     let dimension = scene.grid.dimension;
     let eddies = flow.turbulence.is_some();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
     let Some(limits) = limits(&flow.collision, dimension, eddies, lattice_velocity) else {
         return;
     };
-    margins.push(margin(
-        "cell Reynolds number U h/nu: the fall of the water",
-        cell,
-        limits.holds,
-        &path,
-    ));
+    margins.push(margin(cause.margin, cell, limits.holds, path));
     if cell <= limits.holds * SLACK {
         return;
     }
     let found = format!(
-        "water that falls {} m gives a cell Reynolds number U h/nu of {}, with U = {} m/s",
-        number(surface.drop()),
+        "{} gives a cell Reynolds number U h/nu of {}, with U = {} m/s",
+        cause.what,
         number(cell),
         number(speed),
     );
@@ -89,7 +134,7 @@ pub(super) fn check(
             number(limits.holds),
             number(limits.fails),
         );
-        findings.unstable(&path, why, remedy);
+        findings.unstable(path, why, remedy);
     } else {
         let why = format!(
             "{found}: in the map `{}` runs with this operator held up to {} and failed from {} on; between the two \
@@ -98,7 +143,7 @@ pub(super) fn check(
             number(limits.holds),
             number(limits.fails),
         );
-        findings.warn(&path, why, remedy);
+        findings.warn(path, why, remedy);
     }
 }
 

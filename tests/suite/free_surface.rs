@@ -290,10 +290,12 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
             format!("{lattice}.surface.water[0].wave.axis"),
         ),
         (
-            r#"bodies=[{"name": "a", "shape": {"sphere": {"radius": 0.01}}, "position": [0.2, 0.1],
-                "material": "m", "motion": {"fixed": {}}}]"#
-                .to_owned(),
-            "bodies".to_owned(),
+            r#"coupling={"bounce_back": {}}"#.to_owned(),
+            "coupling.bounce_back".to_owned(),
+        ),
+        (
+            r#"coupling={"partially_saturated": {"solid_operator": "superposition"}}"#.to_owned(),
+            "coupling.partially_saturated.solid_operator".to_owned(),
         ),
     ] {
         let found = refused(&[&set]);

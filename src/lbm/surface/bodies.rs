@@ -96,6 +96,11 @@ impl Bodies {
         4 * self.cells.len() + 16 * (self.own.len() + self.wet.len()) + 20 * self.inner.len()
     }
 
+    /// Returns the cells of the slab that bodies fill in part or whole and that take part in the flow.
+    pub(super) fn wet(&self) -> impl Iterator<Item = &u32> {
+        self.wet.iter().map(|(cell, _)| cell)
+    }
+
     /// Takes the cells that bodies fill from a cover, and counts the change of those in the flow.
     fn measure<S: Stored>(
         &mut self,

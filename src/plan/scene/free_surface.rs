@@ -202,6 +202,12 @@ impl FreeSurface {
         (self.head() - lowest).max(0.0)
     }
 
+    /// Returns the height of a place over the lowest place of the domain \[m\].
+    #[must_use]
+    pub fn height(&self, at: [f64; 3]) -> f64 {
+        self.above(at[self.axis])
+    }
+
     /// Returns the height of the highest water at the start, or of the energy line of water outside, over the lowest
     /// place of the domain \[m\].
     #[must_use]
