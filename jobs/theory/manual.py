@@ -64,6 +64,21 @@ CHAPTERS = [
         ],
     ),
     (
+        "Water in joints",
+        ["joints"],
+        [
+            "joints/lib.rs",
+            "joints/pairs.rs",
+            "joints/cells.rs",
+            "joints/edges.rs",
+            "joints/flow.rs",
+            "joints/friction.rs",
+            "joints/slot.rs",
+            "joints/water.rs",
+            "joints/motion.rs",
+        ],
+    ),
+    (
         "Seepage",
         ["seepage", "resistance", "drag", "porosity", "retention"],
         [

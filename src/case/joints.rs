@@ -1,13 +1,13 @@
 //! Water in the joints between blocks, without a lattice.
 
 use super::geometry::Extent;
-use joints::history::History;
+use joints::history::PressureHistory;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes. Pressures in
-/// front of mouths drive it. All blocks must be fixed: they do not move under the pressure, which probes measure. No
-/// `coupling` is needed.
+/// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
+/// Pressures in front of mouths drive it. All blocks must be fixed: they do not move under the pressure, which probes
+/// measure. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -78,7 +78,7 @@ pub struct Mouth {
     pub region: Extent,
     /// Pressure above atmospheric pressure [Pa] at the centre of the box; with gravity hydrostatic from there. The run
     /// begins with the steady flow under the pressures at time 0.
-    pub pressure: History,
+    pub pressure: PressureHistory,
 }
 
 fn ten() -> f64 {

@@ -1,24 +1,24 @@
 //! Water in the joints between blocks as a fluid of a run: pressures in front of its mouths drive it, and its pressure
 //! loads the blocks.
 //!
-//! Every rank holds the whole network and makes the same step; each sets the loads of the blocks that it owns. The blocks
-//! do not move.
+//! Every rank holds the whole network and makes the same step; each sets the loads of the blocks that it owns. The
+//! blocks do not move.
 
 use super::Flow as Coupled;
 use base::error::Error;
 use decomposition::{Domain, ExactSum};
 use dem::particles::{Load, Particles};
 use dem::space::{Components, Space};
-use joints::flow::{Drive, Flow, Report};
-use joints::history::History;
+use joints::flow::{Drive, JointFlow, StepReport};
+use joints::history::PressureHistory;
 use joints::loads::{RockLoad, loads};
 use nalgebra::Vector3;
 
 /// Water in front of a part of the network.
 #[derive(Clone, Debug)]
-pub struct Mouth {
+pub struct MouthFront {
     /// Pressure at the datum in time.
-    pub pressure: History,
+    pub pressure: PressureHistory,
     /// Point at which it holds \[m\]; elsewhere the pressure is hydrostatic with it.
     pub datum: Vector3<f64>,
 }
@@ -27,7 +27,7 @@ pub struct Mouth {
 #[derive(Clone, Debug)]
 pub struct Mouths {
     /// The mouths.
-    pub list: Vec<Mouth>,
+    pub list: Vec<MouthFront>,
     /// Mouth of each open piece; none where it is closed.
     pub of_piece: Vec<Option<usize>>,
     /// Weight of the water per volume and direction [N/m³].
@@ -61,7 +61,7 @@ const BALANCE: usize = 4;
 /// The water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
 pub struct JointWater {
-    flow: Flow,
+    flow: JointFlow,
     mouths: Mouths,
     centroids: Vec<Vector3<f64>>,
     /// Id of the first block.
@@ -70,18 +70,18 @@ pub struct JointWater {
     /// Steps done.
     steps: u64,
     balance: Balance,
-    report: Report,
+    report: StepReport,
     loads: Vec<RockLoad>,
 }
 
 impl JointWater {
-    /// Returns the steady flow under the pressures at time 0. `centroids`: those of all blocks of the network \[m\], whose
-    /// ids begin at `first`; `interval`: time step \[s\].
+    /// Returns the steady flow under the pressures at time 0. `centroids`: those of all blocks of the network \[m\],
+    /// whose ids begin at `first`; `interval`: time step \[s\].
     ///
     /// # Errors
     /// Where there is no steady flow.
     pub fn new(
-        mut flow: Flow,
+        mut flow: JointFlow,
         mouths: Mouths,
         centroids: Vec<Vector3<f64>>,
         first: u64,
@@ -96,7 +96,7 @@ impl JointWater {
                 entered: 0.0,
                 pressure: [f64::INFINITY, f64::NEG_INFINITY],
             },
-            report: Report::default(),
+            report: StepReport::default(),
             steps: 0,
             flow,
             mouths,
@@ -121,7 +121,7 @@ impl JointWater {
 
     /// Returns the pressures and discharges.
     #[must_use]
-    pub fn flow(&self) -> &Flow {
+    pub fn flow(&self) -> &JointFlow {
         &self.flow
     }
 
@@ -139,7 +139,7 @@ impl JointWater {
 
     /// Returns the report of the last step.
     #[must_use]
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &StepReport {
         &self.report
     }
 

@@ -1,14 +1,14 @@
 //! Edges of joints: where they meet other joints, and where they end.
 //!
-//! The edges of two joints meet where they run along each other and are no farther apart than the apertures of both: the
-//! four joints round the edge of four blocks end half an aperture from the line in which their planes meet. Edges that
-//! meet, directly or through others, share a line. The ends of their pieces divide the line into intervals, and each
-//! interval that two or more joints have in common is a junction, a point without volume whose discharges add up to
-//! zero. Pieces of edges that meet no other joint are open; water enters and leaves there if the scene has water in front
-//! of them. The loss of the corner itself, of the order of an aperture over the size of a cell, is left out.
+//! The edges of two joints meet where they run along each other and are no farther apart than the apertures of both:
+//! the four joints round the edge of four blocks end half an aperture from the line in which their planes meet. Edges
+//! that meet, directly or through others, share a line. The ends of their pieces divide the line into intervals, and
+//! each interval that two or more joints have in common is a junction, a point without volume whose discharges add up
+//! to zero. Pieces of edges that meet no other joint are open; water enters and leaves there if the scene has water
+//! in front of them. The loss of the corner itself, of the order of an aperture over the size of a cell, is left out.
 
 use crate::cells::{Cell, Side};
-use crate::pairs::{Joint, Limits};
+use crate::pairs::{Joint, PairLimits};
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
 
@@ -125,7 +125,7 @@ pub fn ends(
     joints: &[Joint],
     cells: &[Cell],
     firsts: &[usize],
-    limits: &Limits,
+    limits: &PairLimits,
     residual: f64,
 ) -> Ends {
     let edges = edges(joints, cells, firsts, residual);

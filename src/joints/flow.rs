@@ -7,17 +7,17 @@
 //! d(V r(p))/dt = sum of Q into the node,     V = integral of the aperture over the cell
 //! ```
 //!
-//! A junction has no volume. The discharge of a link follows from its drive `P = p_from - p_to + rho g.(x_to - x_from)`,
-//! less the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar resistance
-//! `R = 12 mu L/(w a³)`, or with the modes of [`crate::slot`] where inertia counts. Density in friction, inertia and weight is
-//! that at atmospheric pressure.
+//! A junction has no volume. The discharge of a link follows from its drive `P = p_from - p_to + rho g.(x_to -
+//! x_from)`, less the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar resistance
+//! `R = 12 mu L/(w a³)`, or with the modes of [`crate::slot`] where inertia counts. Density in friction, inertia and
+//! weight is that at atmospheric pressure.
 //!
-//! **In time** a step has two implicit stages with the diagonal `g = 1 - 1/√2` (Alexander, SIAM J. Numer. Anal. 14, 1006
-//! (1977)): second order, L-stable, the last stage is the end of the step. The factor of an oscillation of the
-//! frequency `w` falls by `0.0037 (w dt)⁴` in a step, so that a sharp resonance keeps its width. No length of a step is
-//! unstable. A stage is a nonlinear system for the pressures alone: the modes are eliminated link by link. Newton's
-//! method solves it with direct factors ([`crate::ldl`]); with turbulent friction it halves a step that does not reduce the
-//! imbalance.
+//! **In time** a step has two implicit stages with the diagonal `g = 1 - 1/√2` (Alexander, SIAM J. Numer. Anal. 14,
+//! 1006 (1977)): second order, L-stable, the last stage is the end of the step. The factor of an oscillation of the
+//! frequency `w` falls by `0.0037 (w dt)⁴` in a step, so that a sharp resonance keeps its width. No length of a step
+//! is unstable. A stage is a nonlinear system for the pressures alone: the modes are eliminated link by link. Newton's
+//! method solves it with direct factors ([`crate::ldl`]); with turbulent friction it halves a step that does not
+//! reduce the imbalance.
 //!
 //! **The state** is the pressure of each node and the modes of each link, equal on every rank.
 
@@ -25,9 +25,10 @@ use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
 use crate::motion::{FREEDOMS, Mover, Touch, gap, touches};
 use crate::network::{End, Network};
-use crate::polygon::Plane;
+use crate::pairs::{Rock, moved};
+use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
-use crate::water::Water;
+use crate::water::Mixture;
 use decomposition::ExactSum;
 use nalgebra::{Vector3, Vector6};
 
@@ -39,16 +40,17 @@ const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 const MOST: usize = 60;
 /// Change of the pressures at which Newton's method ends, over the largest pressure.
 const CHANGE: f64 = 1e-12;
-/// Change of the pressures, over the largest one, below which a step that does not reduce the imbalance ends the search.
+/// Change of the pressures, over the largest one, below which a step that does not reduce the imbalance ends the
+/// search.
 const ROUNDING: f64 = 1e-8;
 /// Number of halvings of a step.
 const HALVINGS: usize = 12;
 
 /// Choices of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct FlowSettings {
     /// The water.
-    pub water: Water,
+    pub water: Mixture,
     /// Height of the roughness of the walls for turbulent friction \[m\]; none: the flow is laminar.
     pub roughness: Option<f64>,
     /// `true` if the inertia of the water counts.
@@ -103,19 +105,19 @@ struct Answer {
 
 /// Changes of the network that a step follows.
 pub trait Drive {
-    /// Returns the pressure in front of an open piece of an edge at a time \[Pa\]; none where the piece is closed. A piece
-    /// stays open or closed.
+    /// Returns the pressure in front of an open piece of an edge at a time \[Pa\]; none where the piece is closed. A
+    /// piece stays open or closed.
     fn pressure(&self, open: usize, time: f64) -> Option<f64>;
 
     /// Returns the gap of a joint at a time \[m\]; none if it is that of the network.
-    fn gap(&self, _joint: usize, _time: f64) -> Option<Plane> {
+    fn gap(&self, _joint: usize, _time: f64) -> Option<LinearField> {
         None
     }
 }
 
 /// Numbers of a step or a steady solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct StepReport {
     /// Newton's steps.
     pub newton: usize,
     /// Volume of water that entered through open edges, at the density of atmospheric pressure \[m³\].
@@ -126,13 +128,15 @@ pub struct Report {
 
 /// Pressures and discharges of a network.
 #[derive(Clone, Debug)]
-pub struct Flow {
-    settings: Settings,
+pub struct JointFlow {
+    settings: FlowSettings,
     network: Network,
     modes: Modes,
     channels: Vec<Channel>,
-    gaps: Vec<Plane>,
+    gaps: Vec<LinearField>,
     volumes: Vec<f64>,
+    /// Water of the nodes beyond that of their volumes and pressures, after blocks were placed \[m³\].
+    surplus: Vec<f64>,
     pressure: Vec<f64>,
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
@@ -145,7 +149,7 @@ pub struct Flow {
     movers: Vec<Mover>,
     touches: Vec<Touch>,
     /// Gaps without their displacements \[m\].
-    base_gaps: Vec<Plane>,
+    base_gaps: Vec<LinearField>,
 }
 
 /// Buffers of a stage.
@@ -166,16 +170,16 @@ struct Work {
     starts: Vec<[Vector6<f64>; 2]>,
 }
 
-impl Flow {
+impl JointFlow {
     /// Returns the water of a network at the pressure 0 and without motion.
     #[must_use]
-    pub fn new(network: Network, settings: Settings) -> Self {
+    pub fn new(network: Network, settings: FlowSettings) -> Self {
         Self::with_movers(network, settings, Vec::new())
     }
 
     /// Returns the water of a network with blocks that move ([`crate::motion`]), at the pressure 0 and without motion.
     #[must_use]
-    pub fn with_movers(network: Network, settings: Settings, movers: Vec<Mover>) -> Self {
+    pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
         let touches = touches(&network, &movers);
         let unknowns = nodes + FREEDOMS * movers.len();
@@ -203,6 +207,7 @@ impl Flow {
             gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             volumes: vec![0.0; nodes],
+            surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
             discharge: vec![0.0; links],
@@ -239,7 +244,7 @@ impl Flow {
 
     /// Returns the settings.
     #[must_use]
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &FlowSettings {
         &self.settings
     }
 
@@ -257,7 +262,7 @@ impl Flow {
 
     /// Returns the present gaps of the joints \[m\].
     #[must_use]
-    pub fn gaps(&self) -> &[Plane] {
+    pub fn gaps(&self) -> &[LinearField] {
         &self.gaps
     }
 
@@ -269,16 +274,18 @@ impl Flow {
             sum.add(*volume);
             sum.add(volume * self.settings.water.compression(*pressure).0);
         }
+        sum.add_all(&self.surplus);
         sum.value()
     }
 
-    /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes \[m³/s\].
+    /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
+    /// \[m³/s\].
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         [&self.pressure[..], &self.discharge, &self.mode].concat()
     }
 
-    /// Restores a state. Returns `false` if its length is that of another network.
+    /// Restores a state. Returns `true` if its length is that of this network.
     #[must_use]
     pub fn restore(&mut self, state: &[f64]) -> bool {
         let (nodes, links) = (self.pressure.len(), self.discharge.len());
@@ -371,6 +378,35 @@ impl Flow {
         self.measure_volumes();
     }
 
+    /// Takes the positions of the blocks as they are. Each node keeps its water: where the faces are not exactly
+    /// those of the displacements of the last step, its pressure follows in the next one. Displacements count from
+    /// here.
+    pub fn move_to(&mut self, rocks: &[Rock]) {
+        for (surplus, volume) in self.surplus.iter_mut().zip(&self.volumes) {
+            *surplus += volume;
+        }
+        for (number, base) in self.base_gaps.iter_mut().enumerate() {
+            let joint = &mut self.network.joints[number];
+            (*base, joint.tilts) = moved(joint, rocks);
+        }
+        for mover in &mut self.movers {
+            mover.displacement = Vector6::zeros();
+            mover.centroid = rocks[mover.rock].position;
+        }
+        self.touches = touches(&self.network, &self.movers);
+        // The pressure belongs to the volumes before.
+        for (number, surplus) in self.surplus.iter_mut().enumerate() {
+            let (more, _) = self.settings.water.compression(self.pressure[number]);
+            *surplus += self.volumes[number] * more;
+        }
+        self.place_walls();
+        for (number, surplus) in self.surplus.iter_mut().enumerate() {
+            let (more, _) = self.settings.water.compression(self.pressure[number]);
+            *surplus -= self.volumes[number];
+            *surplus -= self.volumes[number] * more;
+        }
+    }
+
     /// Returns the blocks that move.
     #[must_use]
     pub fn movers(&self) -> &[Mover] {
@@ -398,7 +434,8 @@ impl Flow {
         self.prepare_answers(interval);
     }
 
-    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: first pair of the blocks.
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: first pair of the
+    /// blocks.
     fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
         let nodes = self.volumes.len();
         let [imbalance, diagonal, pairs] = to;
@@ -488,7 +525,12 @@ impl Flow {
         if !stores {
             for &node in &self.held {
                 work[node] = 0.0;
-                diagonal[node] *= 2.0;
+                // A cell without a way out stands alone.
+                diagonal[node] = if diagonal[node] > 0.0 {
+                    2.0 * diagonal[node]
+                } else {
+                    1.0
+                };
             }
         }
         if stores {
@@ -594,12 +636,12 @@ impl Flow {
             .collect();
     }
 
-    /// Finds the steady flow under the pressures at a time. Parts of the network without an open end keep the pressure of
-    /// their first cell and are still.
+    /// Finds the steady flow under the pressures at a time. Parts of the network without an open end keep the
+    /// pressure of their first cell and are still.
     ///
     /// # Errors
     /// Where there is no solution.
-    pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<Report, FlowError> {
+    pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
         self.follow(drive, time);
         self.find_held();
         self.work.base.fill(0.0);
@@ -626,9 +668,9 @@ impl Flow {
             }
         }
         self.pressure = pressure;
-        Ok(Report {
+        Ok(StepReport {
             newton,
-            ..Report::default()
+            ..StepReport::default()
         })
     }
 
@@ -720,12 +762,14 @@ impl Flow {
         drive: &dyn Drive,
         time: f64,
         interval: f64,
-    ) -> Result<Report, FlowError> {
+    ) -> Result<StepReport, FlowError> {
         let stage = DIAGONAL * interval;
         let before = self.stored();
         for (node, base) in self.work.base.iter_mut().enumerate() {
-            *base = self.volumes[node] * self.settings.water.compression(self.pressure[node]).0;
+            let (more, _) = self.settings.water.compression(self.pressure[node]);
+            *base = self.volumes[node] * more + self.surplus[node];
         }
+        self.surplus.fill(0.0);
         self.work.before.copy_from_slice(&self.volumes);
         self.work.mode_base.copy_from_slice(&self.mode);
         for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
@@ -756,7 +800,7 @@ impl Flow {
         self.finish_stage(stage);
         entered += stage * self.inflow();
         let after = self.stored();
-        Ok(Report {
+        Ok(StepReport {
             newton,
             entered,
             imbalance: after - before - entered,

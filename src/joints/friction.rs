@@ -1,7 +1,7 @@
 //! Friction in a joint: laminar flow between parallel walls, and turbulent flow over smooth and rough walls.
 //!
-//! With the hydraulic diameter `D = 2a`, the Reynolds number `Re = 2 a V/nu = 2 q/nu` and the discharge per width `q = a V`
-//! the pressure falls by `lambda rho V²/(2 D)` per length:
+//! With the hydraulic diameter `D = 2a`, the Reynolds number `Re = 2 a V/nu = 2 q/nu` and the discharge per width `q
+//! = a V` the pressure falls by `lambda rho V²/(2 D)` per length:
 //!
 //! ```text
 //! laminar            lambda = 96/Re                  (the cubic law)
@@ -9,9 +9,9 @@
 //! turbulent, rough   lambda = (2 lg(3.7 D/k))^(-2)   (Nikuradse 1933, Colebrook 1939)
 //! ```
 //!
-//! The largest of the three holds: laminar flow turns turbulent where the laws meet, at `Re = 2042` between smooth walls and
-//! earlier between rough ones. `Re` does not depend on the aperture, and each law falls with the cube of the aperture,
-//! so that a link of varying aperture has the cube of [`cube`].
+//! The largest of the three holds: laminar flow turns turbulent where the laws meet, at `Re = 2042` between smooth
+//! walls and earlier between rough ones. `Re` does not depend on the aperture, and each law falls with the cube of
+//! the aperture, so that a link of varying aperture has the cube of [`cube`].
 
 /// Turbulent friction of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -75,8 +75,8 @@ impl Turbulence {
         (more, power * fall / discharge - resistance)
     }
 
-    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative by `laminar`. `answer`: change
-    /// of the discharge for a unit of pressure \[m³/(Pa s)\].
+    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative by `laminar`. `answer`:
+    /// change of the discharge for a unit of pressure \[m³/(Pa s)\].
     #[must_use]
     pub fn discharge(&self, laminar: f64, answer: f64, resistance: f64) -> (f64, f64) {
         let target = laminar.abs();

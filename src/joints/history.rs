@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// Pressure above atmospheric pressure as a function of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum History {
+pub enum PressureHistory {
     /// Constant pressure [Pa].
     Constant(f64),
     /// Table of times [s] in rising order and pressures [Pa]: linear between, constant before and after.
@@ -25,7 +25,7 @@ pub enum History {
     },
 }
 
-impl History {
+impl PressureHistory {
     /// Returns the pressure at a time \[s\]; 0 for an empty table.
     #[must_use]
     pub fn value(&self, time: f64) -> f64 {
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_table_is_linear_between_its_rows_and_constant_outside() {
-        let table = History::Table(vec![[1.0, 10.0], [2.0, 30.0], [2.0, 50.0], [4.0, 0.0]]);
+        let table = PressureHistory::Table(vec![[1.0, 10.0], [2.0, 30.0], [2.0, 50.0], [4.0, 0.0]]);
         for (time, pressure) in [
             (0.0, 10.0),
             (1.5, 20.0),
@@ -86,13 +86,13 @@ mod tests {
             assert_eq!(table.value(time), pressure);
         }
         assert_eq!(table.bounds(3.0), [10.0, 50.0]);
-        let harmonic = History::Harmonic {
+        let harmonic = PressureHistory::Harmonic {
             mean: 1.0,
             amplitude: -2.0,
             frequency: 0.25,
         };
         assert_eq!(harmonic.value(1.0), -1.0);
         assert_eq!(harmonic.bounds(9.0), [-1.0, 3.0]);
-        assert_eq!(History::Table(Vec::new()).value(1.0), 0.0);
+        assert_eq!(PressureHistory::Table(Vec::new()).value(1.0), 0.0);
     }
 }

@@ -56,7 +56,7 @@ pub mod polygon;
 pub mod slot;
 pub mod water;
 
-pub use flow::Flow;
+pub use flow::JointFlow;
 pub use network::Network;
 
 #[cfg(test)]

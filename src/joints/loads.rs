@@ -1,7 +1,7 @@
 //! Force and moment of the water of a network on the faces of its blocks.
 //!
-//! The pressure of a cell acts on its area of both faces, along the normals of the faces. Its work on a small motion of the
-//! blocks is the pressure times the change of the volume of the cell.
+//! The pressure of a cell acts on its area of both faces, along the normals of the faces. Its work on a small motion
+//! of the blocks is the pressure times the change of the volume of the cell.
 
 use crate::network::Network;
 use nalgebra::Vector3;

@@ -1,9 +1,9 @@
 //! Motion of blocks in the water of their joints, solved together with its pressures.
 //!
-//! A block has the mass `m` and the inertia `J`; its velocity `v` and its rotation rate follow from the external load and the
-//! pressures of the cells on its faces ([`crate::loads`]). The volume of a cell changes with the motion by the same
-//! numbers `S` with which its pressure loads the block, so that water and block exchange work and no energy is lost or
-//! gained between them:
+//! A block has the mass `m` and the inertia `J`; its velocity `v` and its rotation rate follow from the external load
+//! and the pressures of the cells on its faces ([`crate::loads`]). The volume of a cell changes with the motion by
+//! the same numbers `S` with which its pressure loads the block, so that water and block exchange work and no energy
+//! is lost or gained between them:
 //!
 //! ```text
 //! d(V_i r(p_i))/dt = sum of Q,     dV_i/dt = sum over blocks of S_ib . v_b
@@ -22,11 +22,17 @@
 //! the first block is positive definite and the last negative definite, so that it has a solution and its factors exist
 //! for every step `g` and aperture ([`crate::ldl`]). The stages are L-stable in time.
 //!
-//! **Small motion.** The faces move as planes, to first order in the rotation, and the overlap of a joint stays that of the
-//! network. A block that slides or turns by more than a small part of a cell needs a new network.
+//! **Another integrator.** The stages give the displacement of a step as well. A program that takes the load of a
+//! step as constant and moves the block itself, by the mean of its old and new velocities, is unstable in thin
+//! joints: with the distance `e` between its position and that of the water, the limit of a massless block gives
+//! `e_(n+1) = e_n + k (e_n + e_(n-1))/2` with `k = (1 - 2g)/g² = 4.8`, which grows. It has to take displacement and
+//! velocity from here.
+//!
+//! **Small motion.** The faces move as planes, to first order in the rotation, and the overlap of a joint stays that
+//! of the network. A block that slides or turns by more than a small part of a cell needs a new network.
 
 use crate::network::Network;
-use crate::polygon::Plane;
+use crate::polygon::LinearField;
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 
 /// Number of unknowns of a block.
@@ -108,7 +114,12 @@ pub(crate) fn touches(network: &Network, movers: &[Mover]) -> Vec<Touch> {
 }
 
 /// Returns the gap of a joint after small displacements of its blocks.
-pub(crate) fn gap(network: &Network, joint: usize, base: &Plane, movers: &[Mover]) -> Plane {
+pub(crate) fn gap(
+    network: &Network,
+    joint: usize,
+    base: &LinearField,
+    movers: &[Mover],
+) -> LinearField {
     let joint = &network.joints[joint];
     let mut gap = *base;
     for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {

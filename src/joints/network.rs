@@ -5,14 +5,14 @@
 
 use crate::cells::{Cell, Side, divide};
 use crate::edges::{Junction, Piece, ends};
-use crate::pairs::{Joint, Limits, Rock, joints};
+use crate::pairs::{Joint, PairLimits, Rock, joints};
 use nalgebra::{Vector2, Vector3};
 
 /// Choices of a network.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct NetworkSettings {
     /// Limits within which faces form a joint.
-    pub limits: Limits,
+    pub limits: PairLimits,
     /// Smallest aperture with which a joint conducts and stores water \[m\]: its roughness keeps it open.
     pub residual: f64,
     /// Largest size of a cell \[m\].
@@ -49,7 +49,7 @@ pub struct Link {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     /// Settings that it was made with.
-    pub settings: Settings,
+    pub settings: NetworkSettings,
     /// Joints, in the order of their faces.
     pub joints: Vec<Joint>,
     /// Cells of all joints.
@@ -71,7 +71,7 @@ pub struct Network {
 impl Network {
     /// Returns the network of these blocks.
     #[must_use]
-    pub fn new(rocks: &[Rock], settings: &Settings) -> Self {
+    pub fn new(rocks: &[Rock], settings: &NetworkSettings) -> Self {
         let joints = joints(rocks, &settings.limits);
         let (mut cells, mut joint_of, mut firsts) = (Vec::new(), Vec::new(), vec![0]);
         for (number, joint) in joints.iter().enumerate() {

@@ -2,15 +2,15 @@
 //!
 //! The plane of a joint lies in the middle between the two faces. Both faces are projected onto it along its normal;
 //! their overlap is a convex polygon ([`Polygon`]), over which the gap between the planes of the faces is a linear
-//! function of the position ([`Plane`]). A joint conducts with an aperture of at least the residual one.
+//! function of the position ([`LinearField`]). A joint conducts with an aperture of at least the residual one.
 //!
-//! The two faces of a pair are joined where no third block lies between them. The limit has therefore to be smaller than
-//! the thinnest block, which [`Limits::distance`] states.
+//! The two faces of a pair are joined where no third block lies between them. The limit has therefore to be smaller
+//! than the thinnest block, which [`PairLimits::distance`] states.
 //!
 //! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the number
 //! of a joint is a function of the blocks alone.
 
-use crate::polygon::{Plane, Polygon};
+use crate::polygon::{LinearField, Polygon};
 use dem::polyhedron::Polyhedron;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
@@ -30,7 +30,7 @@ pub struct Rock<'a> {
 
 /// Limits within which two faces form a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct PairLimits {
     /// Largest distance of the faces at the centroid of their overlap \[m\]; smaller than the thinnest block.
     pub distance: f64,
     /// Largest angle between the faces \[rad\].
@@ -39,7 +39,7 @@ pub struct Limits {
 
 /// A face of a block: number of the block in the list, and of its face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Face {
+pub struct RockFace {
     /// Number of the block.
     pub rock: usize,
     /// Number of the face.
@@ -50,7 +50,7 @@ pub struct Face {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// The two faces, that of the earlier block first.
-    pub faces: [Face; 2],
+    pub faces: [RockFace; 2],
     /// Origin of the plane of the joint \[m\]: the centroid of the overlap.
     pub origin: Vector3<f64>,
     /// Axes in the plane; the first one runs along the longest edge of the overlap.
@@ -60,7 +60,7 @@ pub struct Joint {
     /// Overlap, in the plane; the tag of an edge is its number.
     pub overlap: Polygon<usize>,
     /// Distance of the faces \[m\], negative where they overlap.
-    pub gap: Plane,
+    pub gap: LinearField,
     /// Outward normals of the two faces over their component along the normal of the joint: the force of a pressure on
     /// an area of the plane is minus this vector times both, with the sign of the face.
     pub tilts: [Vector3<f64>; 2],
@@ -78,6 +78,27 @@ impl Joint {
     pub fn direction(&self, along: &Vector2<f64>) -> Vector3<f64> {
         self.axes[0] * along.x + self.axes[1] * along.y
     }
+}
+
+/// Returns gap and tilts of a joint whose blocks have moved, in the plane that the joint has.
+#[must_use]
+pub fn moved(joint: &Joint, rocks: &[Rock]) -> (LinearField, [Vector3<f64>; 2]) {
+    let faces = joint.faces.map(|name| {
+        let rock = &rocks[name.rock];
+        let plane = rock.shape.half_spaces()[name.face];
+        let normal = rock.orientation * plane.normal;
+        let along = normal.dot(&joint.normal);
+        let height = LinearField {
+            constant: (plane.offset + normal.dot(&(rock.position - joint.origin))) / along,
+            slope: -Vector2::new(normal.dot(&joint.axes[0]), normal.dot(&joint.axes[1])) / along,
+        };
+        (height, normal / along.abs())
+    });
+    let gap = LinearField {
+        constant: faces[1].0.constant - faces[0].0.constant,
+        slope: faces[1].0.slope - faces[0].0.slope,
+    };
+    (gap, faces.map(|face| face.1))
 }
 
 /// A face where it stands.
@@ -122,11 +143,11 @@ impl Standing {
 
 /// Returns the joints of all blocks, in the order of their faces.
 #[must_use]
-pub fn joints(rocks: &[Rock], limits: &Limits) -> Vec<Joint> {
+pub fn joints(rocks: &[Rock], limits: &PairLimits) -> Vec<Joint> {
     let mut faces = Vec::new();
     for (rock, block) in rocks.iter().enumerate() {
         for face in 0..block.shape.half_spaces().len() {
-            faces.push((Face { rock, face }, Standing::new(block, face)));
+            faces.push((RockFace { rock, face }, Standing::new(block, face)));
         }
     }
     // Sweep along the first axis: a face meets those that begin before it ends.
@@ -165,7 +186,7 @@ pub fn joints(rocks: &[Rock], limits: &Limits) -> Vec<Joint> {
 }
 
 /// Returns the joint of two faces, if they overlap and are close enough.
-fn joint(names: [Face; 2], [one, other]: [&Standing; 2], limits: &Limits) -> Option<Joint> {
+fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], limits: &PairLimits) -> Option<Joint> {
     let normal = (one.normal - other.normal).normalize();
     let mut axes = plane_axes(&normal, &one.corners);
     let mut origin = 0.5 * (one.centre() + other.centre());
@@ -207,7 +228,7 @@ fn joint(names: [Face; 2], [one, other]: [&Standing; 2], limits: &Limits) -> Opt
     let corners = overlap.corners().iter().map(|(corner, _)| *corner);
     let overlap = Polygon::new(corners.zip(0..).collect());
     let heights = [one, other].map(|face| height(face, &origin, &normal, &axes));
-    let gap = Plane {
+    let gap = LinearField {
         constant: heights[1].constant - heights[0].constant,
         slope: heights[1].slope - heights[0].slope,
     };
@@ -255,9 +276,9 @@ fn height(
     origin: &Vector3<f64>,
     normal: &Vector3<f64>,
     axes: &[Vector3<f64>; 2],
-) -> Plane {
+) -> LinearField {
     let along = face.normal.dot(normal);
-    Plane {
+    LinearField {
         constant: face.normal.dot(&(face.corners[0] - origin)) / along,
         slope: -Vector2::new(face.normal.dot(&axes[0]), face.normal.dot(&axes[1])) / along,
     }

@@ -130,7 +130,7 @@ impl<T: Copy> Polygon<T> {
     /// Returns the integral over the polygon of the larger of a linear function `plane` and the number `least`
     /// \[m³ for lengths\].
     #[must_use]
-    pub fn integral_above(&self, plane: &Plane, least: f64) -> f64 {
+    pub fn integral_above(&self, plane: &LinearField, least: f64) -> f64 {
         let (area, centroid) = self.area_and_centroid();
         let heights = self.corners.iter().map(|(corner, _)| plane.value(corner));
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
@@ -153,14 +153,14 @@ impl<T: Copy> Polygon<T> {
 
 /// A linear function of the position in the plane of a joint: `constant + slope . x`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Plane {
+pub struct LinearField {
     /// Value at the origin.
     pub constant: f64,
     /// Gradient.
     pub slope: Vector2<f64>,
 }
 
-impl Plane {
+impl LinearField {
     /// Returns the value at a point \[m\].
     #[must_use]
     pub fn value(&self, at: &Vector2<f64>) -> f64 {
@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn the_integral_of_an_aperture_with_a_least_value_is_exact() {
         // max(x - 1, 1/2) over the square: 1.5 wide at 1/2, then a trapezium from 1/2 to 1.
-        let plane = Plane {
+        let plane = LinearField {
             constant: -1.0,
             slope: Vector2::new(1.0, 0.0),
         };

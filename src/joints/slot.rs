@@ -14,10 +14,10 @@
 //! w_k = 2/b_k²,     r_k = 4 nu b_k²/a²,     b_k = (k - 1/2) pi,     k = 1, 2, ...
 //! ```
 //!
-//! Each `q_k` decays, so that the sum gives no energy to the water. Neighbouring terms are joined to [`MODES`] groups, each
-//! with the sum of their `w_k` and the sum of their `w_k/r_k`; the last group holds all that follow. The cubic law at low
-//! and the inertia at high frequencies are therefore exact for any number of groups. Up to `|s| = 100` the resistance is
-//! within 1 % and the inertia within 0.1 % of the exact ones (tests).
+//! Each `q_k` decays, so that the sum gives no energy to the water. Neighbouring terms are joined to [`MODES`]
+//! groups, each with the sum of their `w_k` and the sum of their `w_k/r_k`; the last group holds all that follow. The
+//! cubic law at low and the inertia at high frequencies are therefore exact for any number of groups. Up to `|s| =
+//! 100` the resistance is within 1 % and the inertia within 0.1 % of the exact ones (tests).
 
 use std::f64::consts::PI;
 

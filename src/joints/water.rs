@@ -1,28 +1,29 @@
 //! Density of water that holds air, and cavitation.
 //!
-//! The mixture has a part `x` of air by volume at atmospheric pressure `P`. With the gauge pressure `p`, the bulk modulus
-//! `K` of water and the exponent `n` of the air (1 isothermal, 1.4 adiabatic) its density over that at `p = 0` is
+//! The mixture has a part `x` of air by volume at atmospheric pressure `P`. With the gauge pressure `p`, the bulk
+//! modulus `K` of water and the exponent `n` of the air (1 isothermal, 1.4 adiabatic) its density over that at `p =
+//! 0` is
 //!
 //! ```text
 //! 1/r = x (P/(P + p))^(1/n) + (1 - x) (1 - p/K)
 //! ```
 //!
 //! At `p = 0` waves have the speed `c² = 1/(rho (x/(n P) + (1 - x)/K))` with the density `rho = (1 - x) rho_w` of the
-//! mixture (Wood, A Textbook of Sound, 1930): 1 % of air at 1 bar gives 101 m/s. The mass of the air is left out, and air
-//! neither dissolves nor rises.
+//! mixture (Wood, A Textbook of Sound, 1930): 1 % of air at 1 bar gives 101 m/s. The mass of the air is left out, and
+//! air neither dissolves nor rises.
 //!
 //! Water does not pull: below the vapour pressure vapour fills what the water leaves. There the density falls linearly
 //! to zero within [`VAPOUR`] pascals, so that mass is kept and no pressure is lower than the vapour pressure less that
-//! number. This is the smooth form of the mass-conserving conditions of Jakobsson, Floberg and Olsson (Elrod, J. Lubrication
-//! Technol. 103, 350 (1981)). The density is a concave function of the pressure, for which Newton's method converges from
-//! any pressures where the friction is laminar: after one step it rises to the solution.
+//! number. This is the smooth form of the mass-conserving conditions of Jakobsson, Floberg and Olsson (Elrod, J.
+//! Lubrication Technol. 103, 350 (1981)). The density is a concave function of the pressure, for which Newton's
+//! method converges from any pressures where the friction is laminar: after one step it rises to the solution.
 
 /// Fall of pressure below that of vapour within which the density falls to zero \[Pa\].
 pub const VAPOUR: f64 = 100.0;
 
 /// Water with air.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Water {
+pub struct Mixture {
     /// Density of the water without air [kg/m³].
     pub density: f64,
     /// Dynamic viscosity \[Pa s\].
@@ -39,7 +40,7 @@ pub struct Water {
     pub vapour: f64,
 }
 
-impl Default for Water {
+impl Default for Mixture {
     /// Returns water at 20 °C without air.
     fn default() -> Self {
         Self {
@@ -54,7 +55,7 @@ impl Default for Water {
     }
 }
 
-impl Water {
+impl Mixture {
     /// Returns the density of the mixture at atmospheric pressure [kg/m³].
     #[must_use]
     pub fn mixture_density(&self) -> f64 {
@@ -117,12 +118,12 @@ mod tests {
     #[test]
     fn the_speed_of_waves_follows_the_content_of_air() {
         for (air, speed) in SPEEDS {
-            let water = Water {
+            let water = Mixture {
                 density: 1000.0,
                 bulk_modulus: 2.2e9,
                 air,
                 atmosphere: 1e5,
-                ..Water::default()
+                ..Mixture::default()
             };
             let mixture = water.wave_speed(0.0);
             // The figures take the density of water without air up to a tenth.
@@ -136,9 +137,9 @@ mod tests {
     #[test]
     fn density_and_slope_belong_together_and_vapour_bounds_the_pressure() {
         for air in [0.0, 0.02, 0.2] {
-            let water = Water {
+            let water = Mixture {
                 air,
-                ..Water::default()
+                ..Mixture::default()
             };
             assert_eq!(water.compression(0.0).0, 0.0);
             for pressure in [-99_300.0, -99_000.0, -50_000.0, 2e5] {

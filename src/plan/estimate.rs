@@ -92,6 +92,8 @@ pub struct Amounts {
     cells: f64,
     /// Cells of the seepage.
     seepage_cells: f64,
+    /// Links of a network of joints.
+    joint_links: f64,
     /// Grains, after cutting.
     grains: f64,
     /// Grains before cutting.
@@ -133,6 +135,10 @@ impl Amounts {
                 .seepage
                 .as_ref()
                 .map_or(0.0, |seepage| real(seepage.cell_count())),
+            joint_links: scene
+                .joints
+                .as_ref()
+                .map_or(0.0, |joints| real(joints.counts.links)),
             ..Self::default()
         };
         let mut add = |[volume, area]: [f64; 2], number: f64, moves: bool| {

@@ -209,7 +209,8 @@ impl Choices<'_> {
                 "storage alone"
             },
             format!(
-                "waves of {} m/s at atmospheric pressure; the longest joint, of {} m, closed at one end, resonates at {} Hz",
+                "waves of {} m/s at atmospheric pressure; the longest joint, of {} m and closed at one end, resonates \
+                 at {} Hz",
                 number(speed),
                 number(joints.longest),
                 number(0.25 * speed / joints.longest)

@@ -170,6 +170,7 @@ impl Plan {
             ("preparation", e.seconds.preparation),
             ("fluid", e.seconds.fluid),
             ("seepage", e.seconds.seepage),
+            ("joints", e.seconds.joints),
             ("grains", e.seconds.grains),
             ("mapping", e.seconds.mapping),
             ("output", e.seconds.output),

@@ -309,7 +309,7 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     };
     let network = scene.network(blocks);
     let settings = scene.settings(plan.scene.gravity);
-    let mouth = |mouth: &plan::scene::joints::Mouth| joint_water::Mouth {
+    let mouth = |mouth: &plan::scene::joints::SceneMouth| joint_water::MouthFront {
         pressure: mouth.pressure.clone(),
         datum: mouth.centre(),
     };
@@ -320,7 +320,7 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
         middles: network.open.iter().map(|piece| piece.middle).collect(),
     };
     let centroids = blocks.list.iter().map(|block| block.solid.position);
-    let flow = joints::Flow::new(network, settings);
+    let flow = joints::JointFlow::new(network, settings);
     let first = plan.scene.bodies.len() as u64;
     JointWater::new(
         flow,

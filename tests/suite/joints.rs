@@ -33,10 +33,16 @@ fn a_closed_joint_amplifies_like_the_exact_layer() {
     assert_eq!(joints["joints"], 1);
 }
 
-/// Returns a bed of bricks, jointed in three directions, under a table of pressures at one side of its top and a pulsating
-/// one at the other.
+/// Returns a joint set with a constant spacing \[m\].
+fn set(dip: f64, direction: f64, spacing: f64) -> Value {
+    json!({
+        "dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": spacing}
+    })
+}
+
+/// Returns a bed of bricks, jointed in three directions, under a table of pressures at one side of its top and a
+/// pulsating one at the other.
 fn bed() -> Value {
-    let set = |dip: f64, direction: f64, spacing: f64| json!({"dip_degrees": dip, "dip_direction_degrees": direction, "spacing": {"constant": spacing}});
     json!({
         "domain": {"size": [1, 0.6, 0.5], "spacing": 0.1},
         "gravity": [0, 0, -9.81],
@@ -54,6 +60,7 @@ fn bed() -> Value {
         "fluid": {"joints": {
             "density": 1000, "viscosity": 1e-3, "time_step": 1e-4, "largest_aperture": 0.004, "residual_aperture": 1e-5,
             "cell": 0.05, "air_content": 0.002, "roughness": 1e-4,
+            "vapour_pressure": 2339,
             "mouths": [
                 {"name": "jet", "box": {"from": [0, 0, 0.39], "to": [0.5, 0.6, 0.41]},
                     "pressure": {"table": [[0, 1e3], [1e-3, 4e4], [3e-3, 5e3]]}},
@@ -201,4 +208,105 @@ fn wrong_joints_are_refused_with_one_finding_each() {
         found.iter().any(|p| p.reason.contains("fluid.joints")),
         "{found:#?}"
     );
+}
+
+/// Returns the water of the joints of a case in its steady state.
+fn water(case: &Value) -> Result<solver::coupling::joint_water::JointWater, Vec<Problem>> {
+    let read = Document::read(&case.to_string(), &[], Path::new("."));
+    let plan = read.and_then(Plan::prepare)?;
+    Ok(solver::simulation::setup::joints(&plan).unwrap().unwrap())
+}
+
+/// Makes steps of the water alone; returns the largest and the smallest pressure.
+fn steps(water: &mut solver::coupling::joint_water::JointWater, number: usize) -> [f64; 2] {
+    use solver::coupling::Flow;
+    use solver::dem::particles::Particles;
+    use solver::dem::space::Volume;
+    let domain = decomposition::Domain::serial(decomposition::Axis::X, 10, false);
+    let mut particles = Particles::<Volume>::new();
+    for _ in 0..number {
+        water.advance(&mut particles, &domain).unwrap();
+    }
+    water.balance().pressure
+}
+
+#[test]
+fn forty_random_rock_masses_keep_their_water() {
+    let mut state = 12_345_u64;
+    let mut draw = |from: f64, to: f64| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        from + (to - from) * f64::from(u32::try_from(state >> 40).unwrap()) / f64::from(1_u32 << 24)
+    };
+    let mut most = 0;
+    for scene in 0..40 {
+        let mut case = bed();
+        let sets: Vec<Value> = (0..3)
+            .map(|k| {
+                json!({
+                    "dip_degrees": if k == 0 { draw(0.0, 20.0) } else { draw(60.0, 90.0) },
+                    "dip_direction_degrees": draw(0.0, 120.0) + 120.0 * f64::from(k),
+                    "spacing": {"uniform": {"min": 0.08, "max": draw(0.1, 0.25)}},
+                    "persistence": draw(0.5, 1.0)
+                })
+            })
+            .collect();
+        case["blocks"]["initial"]["joints"]["sets"] = json!(sets);
+        case["blocks"]["initial"]["joints"]["seed"] = json!(scene);
+        // Closed, thin, open.
+        let aperture = [0.0, 1e-4, 1.5e-3][scene % 3];
+        case["blocks"]["initial"]["joints"]["aperture"] = json!(aperture);
+        case["blocks"]["initial"]["joints"]["smallest_thickness"] = json!(0.02);
+        let water_of = &mut case["fluid"]["joints"];
+        water_of["air_content"] = json!([0.0, 0.01, 0.2][scene / 3 % 3]);
+        water_of["inertia"] = json!(scene % 2 == 0);
+        if scene % 5 == 0 {
+            water_of["roughness"] = Value::Null;
+        }
+        let found = water(&case);
+        let mut found = found.unwrap_or_else(|problems| panic!("scene {scene}: {problems:#?}"));
+        let [low, high] = steps(&mut found, 40);
+        let error = found.mass_error();
+        let network = found.flow().network();
+        most = most.max(network.joints.len());
+        println!(
+            "scene {scene}: {} joints, {} nodes, {} open edges, {low:.0} to {high:.0} Pa, mass error {error:.1e}",
+            network.joints.len(),
+            network.nodes(),
+            network.open.len()
+        );
+        assert!(
+            error.abs() < 1e-10 && low.is_finite() && high < 1e7,
+            "scene {scene}"
+        );
+        assert!(
+            low > 2339.0 - 101_325.0 - 100.0 - 1e-6,
+            "scene {scene}: {low}"
+        );
+    }
+    assert!(most > 100);
+}
+
+#[test]
+fn ten_thousand_joints_make_a_step() {
+    let mut case = bed();
+    case["blocks"]["initial"]["joints"]["sets"] = json!([
+        set(0.0, 0.0, 0.02),
+        set(90.0, 90.0, 0.04),
+        set(90.0, 0.0, 0.025)
+    ]);
+    case["blocks"]["initial"]["joints"]["aperture"] = json!(5e-4);
+    case["probes"] = json!([]);
+    let mut found = water(&case).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let count = found.flow().network().joints.len();
+    let begun = std::time::Instant::now();
+    steps(&mut found, 3);
+    println!(
+        "{count} joints, {} nodes: {:.3} s a step, mass error {:.1e}",
+        found.flow().network().nodes(),
+        begun.elapsed().as_secs_f64() / 3.0,
+        found.mass_error()
+    );
+    assert!(count >= 10_000 && found.mass_error().abs() < 1e-10);
 }

@@ -1,9 +1,9 @@
 //! A closed joint under a pulse at its mouth: transfer function, wave speed, conservation, cavitation.
 
 use super::steady::{Fronts, boxes, rocks, settings, water};
-use crate::flow::{Flow, Settings as FlowSettings};
+use crate::flow::{FlowSettings, JointFlow};
 use crate::network::Network;
-use crate::water::{VAPOUR, Water};
+use crate::water::{Mixture, VAPOUR};
 use nalgebra::{Complex, Vector3};
 use std::f64::consts::PI;
 
@@ -47,7 +47,7 @@ fn response(aperture: f64, speed: f64, periods: u32, steps: u32) -> (f64, Vec<[f
     let drive = Fronts::new(&network, move |at, time| {
         (at.x < 1e-9).then(|| pulse(time, period))
     });
-    let mut flow = Flow::new(network, water_of(speed));
+    let mut flow = JointFlow::new(network, water_of(speed));
     let step = period / f64::from(steps);
     let mut record = vec![[0.0; 2]];
     for k in 0..periods * steps {
@@ -134,7 +134,7 @@ fn waves_run_with_the_speed_of_the_content_of_air() {
         let rise = 0.1 * LENGTH / speed;
         let front = move |time: f64| (time / rise).clamp(0.0, 1.0);
         let drive = Fronts::new(&network, move |at, time| (at.x < 1e-9).then(|| front(time)));
-        let mut flow = Flow::new(network, settings);
+        let mut flow = JointFlow::new(network, settings);
         let step = rise / 20.0;
         // The end reflects: its pressure passes 1 as the middle of the front arrives.
         let mut before = 0.0;
@@ -157,16 +157,16 @@ fn waves_run_with_the_speed_of_the_content_of_air() {
 #[test]
 fn a_joint_that_opens_fast_is_held_by_suction_down_to_the_vapour_pressure() {
     use crate::flow::Drive;
-    use crate::polygon::Plane;
+    use crate::polygon::LinearField;
     struct Opening<F>(Fronts<F>);
     impl<F: Fn(&Vector3<f64>, f64) -> Option<f64>> Drive for Opening<F> {
         fn pressure(&self, open: usize, time: f64) -> Option<f64> {
             self.0.pressure(open, time)
         }
-        fn gap(&self, _joint: usize, time: f64) -> Option<Plane> {
-            Some(Plane {
+        fn gap(&self, _joint: usize, time: f64) -> Option<LinearField> {
+            Some(LinearField {
                 constant: 1e-4 + 0.5 * time,
-                ..Plane::default()
+                ..LinearField::default()
             })
         }
     }
@@ -175,7 +175,7 @@ fn a_joint_that_opens_fast_is_held_by_suction_down_to_the_vapour_pressure() {
     for inertia in [false, true] {
         let mut settings = water();
         settings.inertia = inertia;
-        let mut flow = Flow::new(network.clone(), settings);
+        let mut flow = JointFlow::new(network.clone(), settings);
         let limit = settings.water.vapour_gauge();
         let (mut entered, before) = (0.0, flow.stored());
         let mut least = 0.0_f64;
@@ -206,7 +206,7 @@ fn a_state_that_is_restored_goes_on_with_the_same_bits() {
     settings.inertia = true;
     settings.roughness = Some(1e-4);
     settings.water.air = 0.01;
-    let mut whole = Flow::new(network.clone(), settings);
+    let mut whole = JointFlow::new(network.clone(), settings);
     let mut state = Vec::new();
     for k in 0..60 {
         whole.advance(&drive, 1e-4 * f64::from(k), 1e-4).unwrap();
@@ -214,11 +214,11 @@ fn a_state_that_is_restored_goes_on_with_the_same_bits() {
             state = whole.state();
         }
     }
-    let mut second = Flow::new(network, settings);
+    let mut second = JointFlow::new(network, settings);
     assert!(!second.restore(&state[1..]) && second.restore(&state));
     for k in 30..60 {
         second.advance(&drive, 1e-4 * f64::from(k), 1e-4).unwrap();
     }
     assert_eq!(whole.state(), second.state());
-    assert!(Water::default().air == 0.0);
+    assert!(Mixture::default().air == 0.0);
 }

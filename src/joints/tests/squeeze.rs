@@ -1,9 +1,9 @@
 //! Squeeze films: plates that approach each other, against the solutions of Reynolds' equation.
 
 use super::steady::{Fronts, boxes, rocks, settings, water};
-use crate::flow::{Drive, Flow};
+use crate::flow::{Drive, JointFlow};
 use crate::network::Network;
-use crate::polygon::Plane;
+use crate::polygon::LinearField;
 use dem::polyhedron::{Polyhedron, Solid};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
@@ -25,8 +25,8 @@ impl<F: Fn(&Vector3<f64>, f64) -> Option<f64>> Drive for Approach<F> {
         self.fronts.pressure(open, time)
     }
 
-    fn gap(&self, _joint: usize, time: f64) -> Option<Plane> {
-        Some(Plane {
+    fn gap(&self, _joint: usize, time: f64) -> Option<LinearField> {
+        Some(LinearField {
             constant: GAP - self.speed * time,
             slope: self.slope,
         })
@@ -47,7 +47,7 @@ fn force(
         slope,
         speed: SPEED,
     };
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     let step = 1e-5;
     let mut time = 0.0;

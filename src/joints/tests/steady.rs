@@ -1,9 +1,9 @@
 //! Steady flow: one joint, crossing joints, joints round a block.
 
-use crate::flow::{Drive, Flow, Settings as FlowSettings};
-use crate::network::{End, Network, Settings};
-use crate::pairs::{Limits, Rock};
-use crate::water::Water;
+use crate::flow::{Drive, FlowSettings, JointFlow};
+use crate::network::{End, Network, NetworkSettings};
+use crate::pairs::{PairLimits, Rock};
+use crate::water::Mixture;
 use dem::polyhedron::{Polyhedron, Solid};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 
@@ -31,9 +31,9 @@ pub(super) fn rocks(solids: &[Solid]) -> Vec<Rock<'_>> {
         .collect()
 }
 
-pub(super) fn settings(cell: f64) -> Settings {
-    Settings {
-        limits: Limits {
+pub(super) fn settings(cell: f64) -> NetworkSettings {
+    NetworkSettings {
+        limits: PairLimits {
             distance: 0.02,
             angle: 0.1,
         },
@@ -44,10 +44,10 @@ pub(super) fn settings(cell: f64) -> Settings {
 
 pub(super) fn water() -> FlowSettings {
     FlowSettings {
-        water: Water {
+        water: Mixture {
             density: 1000.0,
             viscosity: 1e-3,
-            ..Water::default()
+            ..Mixture::default()
         },
         roughness: None,
         inertia: false,
@@ -72,7 +72,7 @@ impl<F: Fn(&Vector3<f64>, f64) -> Option<f64>> Drive for Fronts<F> {
 }
 
 /// Returns the discharge into the network through open pieces whose middle passes a test.
-fn through(flow: &Flow, test: impl Fn(&Vector3<f64>) -> bool) -> f64 {
+fn through(flow: &JointFlow, test: impl Fn(&Vector3<f64>) -> bool) -> f64 {
     let outflows = flow.outflows();
     let pieces = flow.network().open.iter().zip(&outflows);
     -pieces
@@ -101,7 +101,7 @@ fn one_joint_has_the_cubic_law() {
         x if x > 1.0 - 1e-9 => Some(0.0),
         _ => None,
     });
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     let exact = 9810.0 * conductance(depth, gap, length);
     let [entered, left] = [0.0, 1.0].map(|x| through(&flow, |at| (at.x - x).abs() < 1e-9));
@@ -133,7 +133,7 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
         x if x > 1.0 - 1e-4 => Some(0.0),
         _ => None,
     });
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     // In the plane of the joint, half of the angle off each face; apertures are measured across it.
     let half = (0.5 * (b - a).atan()).cos();
@@ -176,7 +176,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
         _ => None,
     };
     let drive = Fronts::new(&network, move |at, _| pressure(at));
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     let arms = [
         (5e3, conductance(0.2, level, 0.6 - 0.5 * upright)),
@@ -240,7 +240,7 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
         x if x > 0.5 - 1e-6 => Some(0.0),
         _ => None,
     });
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     let sides = [
         conductance(0.2, apertures[1][0], 0.5),
@@ -304,7 +304,7 @@ fn ring(solids: &[Solid], apertures: [[f64; 2]; 3]) {
     assert!(fronts > 4);
     let exact = matrix.lu().solve(&side).unwrap();
     let drive = Fronts::new(&network, move |at, _| pressure(at));
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.settle(&drive, 0.0).unwrap();
     let error = flow.pressures().iter().zip(exact.iter());
     let error = error.map(|(a, b): (&f64, &f64)| (a - b).abs());
@@ -322,7 +322,7 @@ fn water_at_rest_has_its_hydrostatic_pressure() {
     let drive = Fronts::new(&network, |at, _| {
         (at.z > 0.29 || at.x < -0.59).then(|| 9810.0 * (0.3 - at.z))
     });
-    let mut flow = Flow::new(network, settings);
+    let mut flow = JointFlow::new(network, settings);
     flow.settle(&drive, 0.0).unwrap();
     for (at, pressure) in flow.network().positions.iter().zip(flow.pressures()) {
         assert!((pressure - 9810.0 * (0.3 - at.z)).abs() < 1e-7);
@@ -339,7 +339,7 @@ fn a_block_in_still_water_has_its_buoyancy() {
     let apertures = [[1e-3, 2e-3], [0.7e-3, 1.1e-3], [0.9e-3, 1.6e-3]];
     let solids = hole(apertures);
     let network = Network::new(&rocks(&solids), &settings(0.07));
-    let mut flow = Flow::new(network, water());
+    let mut flow = JointFlow::new(network, water());
     flow.set_pressures(|at| 9810.0 * (1.0 - at.z));
     let centroids: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.position).collect();
     let all = crate::loads::loads(flow.network(), flow.pressures(), &centroids);

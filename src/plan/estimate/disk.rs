@@ -39,6 +39,8 @@ const SAVED_GRAIN: f64 = 420.0;
 const SAVED_BLOCK: f64 = 950.0;
 /// A cell of the seepage in a checkpoint.
 const SAVED_SEEPAGE: f64 = 40.0;
+/// A link of a network of joints in a checkpoint: its modes, its discharge, and its part of the pressures.
+const SAVED_JOINT_LINK: f64 = 110.0;
 /// Two velocities of a cell in f32, with eddies, in a checkpoint.
 const SAVED_EDDY: f64 = 12.0;
 
@@ -70,11 +72,12 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
     size
 }
 
-/// Returns the size of grains, blocks and the seepage in a checkpoint \[bytes\].
+/// Returns the size of grains, blocks, the seepage and the water in joints in a checkpoint \[bytes\].
 pub(super) fn tables(amounts: &Amounts) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
+        + amounts.joint_links * SAVED_JOINT_LINK
 }
 
 /// Adds the sizes of all files to the estimate, whose time and checkpoint are known.

@@ -25,6 +25,8 @@ pub struct Seconds {
     pub fluid: f64,
     /// Seepage with the porosity.
     pub seepage: f64,
+    /// Water in joints.
+    pub joints: f64,
     /// Contacts and motion.
     pub grains: f64,
     /// Mapping of bodies to cells.
@@ -43,6 +45,7 @@ impl Seconds {
             + self.preparation
             + self.fluid
             + self.seepage
+            + self.joints
             + self.grains
             + self.mapping
             + self.output
@@ -107,6 +110,8 @@ const BONDS: f64 = 3.1e-8;
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
 /// A solution of the seepage without its cells, for each of its cells, and the porosity of a grain.
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
+/// Time of a link of a network of joints in a step, its part of the factors included, with inertia and without \[s\].
+const JOINT_LINK: [f64; 2] = [2.5e-6, 1.5e-6];
 /// A cell of ground that drains: in the first solution, and in a later one.
 const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
 /// An output without the bytes of its fields.
@@ -239,6 +244,10 @@ impl Seconds {
                 let [first, later] = UNSATURATED;
                 all.seepage += amounts.seepage_cells * (first + steps * later) / machine.grains;
             }
+        }
+        if let Some(joints) = &scene.joints {
+            let link = JOINT_LINK[usize::from(!joints.written.inertia)];
+            all.joints = steps * amounts.joint_links * link / machine.grains;
         }
         if amounts.moving() > 0.0 {
             let [round, block] = parts.solid;

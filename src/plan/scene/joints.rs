@@ -1,4 +1,5 @@
-//! The water in the joints of a scene: its network is found from the blocks at the start, and its mouths from their boxes.
+//! The water in the joints of a scene: its network is found from the blocks at the start, and its mouths from their
+//! boxes.
 
 use super::block::Block;
 use super::blocks::Blocks;
@@ -10,11 +11,11 @@ use base::number::real;
 use case::Case;
 use case::fluid::Fluid;
 use case::joints::JointNetwork;
-use joints::flow::Settings as FlowSettings;
-use joints::history::History;
-use joints::network::{Network, Settings};
-use joints::pairs::{Limits, Rock};
-use joints::water::Water;
+use joints::flow::FlowSettings;
+use joints::history::PressureHistory;
+use joints::network::{Network, NetworkSettings};
+use joints::pairs::{PairLimits, Rock};
+use joints::water::Mixture;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -26,10 +27,10 @@ const MOST_CELLS: f64 = 2e5;
 /// Water in joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointScene {
-    /// As written.
+    /// Fields of the case.
     pub written: JointNetwork,
     /// Mouths, in the order of the case.
-    pub mouths: Vec<Mouth>,
+    pub mouths: Vec<SceneMouth>,
     /// Number of joints, cells, junctions and links.
     pub counts: Counts,
     /// Length of the edges that are open, and of those that are closed \[m\].
@@ -55,18 +56,18 @@ pub struct Counts {
 
 /// A mouth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Mouth {
+pub struct SceneMouth {
     /// Name.
     pub name: String,
     /// Box of its edges.
     pub block: Block,
     /// Pressure at the centre of the box.
-    pub pressure: History,
+    pub pressure: PressureHistory,
     /// Width of its edges \[m\].
     pub width: f64,
 }
 
-impl Mouth {
+impl SceneMouth {
     /// Returns the centre of the box \[m\].
     #[must_use]
     pub fn centre(&self) -> Vector3<f64> {
@@ -219,8 +220,8 @@ fn network(written: &JointNetwork, blocks: &Blocks) -> Network {
             }
         })
         .collect();
-    let settings = Settings {
-        limits: Limits {
+    let settings = NetworkSettings {
+        limits: PairLimits {
             distance: written.largest_aperture,
             angle: written.largest_angle_degrees.to_radians(),
         },
@@ -230,8 +231,8 @@ fn network(written: &JointNetwork, blocks: &Blocks) -> Network {
     Network::new(&rocks, &settings)
 }
 
-fn water(written: &JointNetwork) -> Water {
-    Water {
+fn water(written: &JointNetwork) -> Mixture {
+    Mixture {
         density: written.density,
         viscosity: written.viscosity,
         bulk_modulus: written.bulk_modulus,
@@ -300,7 +301,12 @@ fn check_water(written: &JointNetwork, findings: &mut Findings) {
 }
 
 /// Resolves mouths and their pressures.
-fn mouths(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) -> Vec<Mouth> {
+fn mouths(
+    case: &Case,
+    written: &JointNetwork,
+    grid: &Grid,
+    findings: &mut Findings,
+) -> Vec<SceneMouth> {
     let mut known = Vec::new();
     let mut mouths = Vec::new();
     for (n, mouth) in written.mouths.iter().enumerate() {
@@ -308,7 +314,7 @@ fn mouths(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findi
         unique(&mut known, &mouth.name, &format!("{path}.name"), findings);
         let block = Block::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
         check_pressure(case, written, &mouth.pressure, &path, findings);
-        mouths.push(Mouth {
+        mouths.push(SceneMouth {
             name: mouth.name.clone(),
             block,
             pressure: mouth.pressure.clone(),
@@ -322,11 +328,11 @@ fn mouths(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findi
 fn check_pressure(
     case: &Case,
     written: &JointNetwork,
-    pressure: &History,
+    pressure: &PressureHistory,
     path: &str,
     findings: &mut Findings,
 ) {
-    if let History::Table(rows) = pressure {
+    if let PressureHistory::Table(rows) = pressure {
         let path = format!("{path}.pressure.table");
         let falls = rows.windows(2).any(|rows| rows[1][0] < rows[0][0]);
         if rows.is_empty() || falls {
@@ -338,7 +344,7 @@ fn check_pressure(
             return;
         }
     }
-    if let History::Harmonic { frequency, .. } = pressure {
+    if let PressureHistory::Harmonic { frequency, .. } = pressure {
         let steps = 1.0 / (frequency * written.time_step);
         if steps < 20.0 {
             let step = at_most(0.05 / frequency);
@@ -365,7 +371,7 @@ fn check_pressure(
     }
 }
 
-/// Refuses an aperture as wide as a block, and networks that are too large.
+/// Returns `true` if the largest aperture is thinner than all blocks and the network is not too large.
 fn thin_enough(written: &JointNetwork, blocks: &Blocks, findings: &mut Findings) -> bool {
     let mut fits = true;
     if let Some(thinnest) = blocks.thinnest()

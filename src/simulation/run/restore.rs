@@ -159,9 +159,10 @@ pub(super) fn state<Sp: Space, S: Saved>(
     let mut parts = Parts::new(&now.plan);
     if let Some(found) = origin.found() {
         let reader = reader(found)?;
+        // The water of joints counts its time from the step.
+        now.step = found.manifest.step;
         flow(now, origin, &reader, &mut parts)?;
         let attributes = reader.attributes();
-        now.step = found.manifest.step;
         parts.notes = attributes["notes"].clone();
         let meters = saved_guards(attributes)?;
         parts.guards.restore(meters.unwrap_or_default());
