@@ -27,6 +27,9 @@ pub struct Darcy {
     /// condition takes precedence over an earlier one.
     #[serde(default)]
     pub boundaries: Vec<SeepageBoundary>,
+    /// Drains, wells and cavities inside the ground. A later one takes precedence.
+    #[serde(default)]
+    pub drains: Vec<Drain>,
     /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it
     /// states.
     #[serde(default)]
@@ -239,6 +242,9 @@ pub struct Zone {
     /// The region. Default: the whole grid.
     #[serde(default)]
     pub region: Option<Region>,
+    /// Polygon that bounds the region in 2-D, in place of `region`.
+    #[serde(default)]
+    pub polygon: Option<ZonePolygon>,
     /// Permeability. Default: that of the grains by the `resistance` of the case.
     #[serde(default)]
     pub permeability: Option<ZonePermeability>,
@@ -247,11 +253,18 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub porosity: Option<f64>,
-    /// Permeability along the horizontal bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits.
-    /// The stated permeability is the one along the bedding. Needs gravity along an axis. Default: 1.
+    /// Permeability along the bedding over that across it [1]: 1 to 3 in sand, 4 to 10 in layered deposits.
+    /// The stated permeability is the one along the bedding. The bedding is horizontal unless it has
+    /// a `dip`. Needs gravity along an axis. Default: 1.
     #[serde(default)]
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub anisotropy: Option<f64>,
+    /// Angle of the bedding against the horizontal in 2-D [deg], positive where the beds rise along x. The flow is then
+    /// that of a full tensor of permeability. Needs `anisotropy`, gravity along y, a permeability as a number, and
+    /// saturated ground without grains. Default: 0.
+    #[serde(default)]
+    #[schemars(range(min = -90.0, max = 90.0))]
+    pub dip: Option<f64>,
     /// Retention of the zone in ground that drains. Default: that of `unsaturated`.
     #[serde(default)]
     pub retention: Option<Retention>,
@@ -263,6 +276,16 @@ pub struct Zone {
     /// hold.
     #[serde(default)]
     pub without_grains: bool,
+}
+
+/// Corners of a polygon, in order along its boundary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ZonePolygon {
+    /// The corners [m].
+    Points(Vec<[f64; 2]>),
+    /// Table of the corners, relative to the case, with the columns `x` and `y` [m].
+    Path(PathBuf),
 }
 
 /// The permeability of a zone.
@@ -303,8 +326,30 @@ pub struct SeepageBoundary {
     pub patch: Option<Extent>,
     /// The condition.
     pub condition: Condition,
-    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux or rate):
-    /// linear between, constant before and after; two values at one time are a jump. Needs `unsaturated.transient`.
+    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
+    /// rate): linear between, constant before and after; two values at one time are a jump. Needs
+    /// `unsaturated.transient`.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
+}
+
+/// A drain, a well or a cavity inside the ground. The cells whose centres lie in its box are taken out of the ground,
+/// and its condition holds on their faces. A box thinner than a cell along an axis that holds no centre is a sheet: the
+/// condition holds on both sides of the plane between cells nearest to it. The cells of a `discharge` stay in the
+/// ground; it is shared among them by volume, and has to be one that the ground delivers. A drain on a face of the grid
+/// is a boundary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Drain {
+    /// Name in tables and outputs.
+    pub name: String,
+    /// The box [m].
+    #[serde(rename = "box")]
+    pub region: Extent,
+    /// The condition: pressure, head, seepage face, flux or discharge. A well that pumps 1 L/s has
+    /// {"discharge": {"value": -1e-3}}.
+    pub condition: Condition,
+    /// Table of times [s] and values that replace the value of the condition, as for a boundary.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

@@ -230,7 +230,7 @@ impl Document {
 }
 
 /// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`,
-/// `{"raster": {"path": ..}}`. `written` gets them as they were.
+/// `{"raster": {"path": ..}}`, `{"polygon": {"path": ..}}`. `written` gets them as they were.
 fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     each_path(tree, &mut |path| {
         written.push(path.clone());
@@ -256,7 +256,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
             for (key, child) in map {
-                if matches!(key.as_str(), "file" | "mesh" | "raster")
+                if matches!(key.as_str(), "file" | "mesh" | "raster" | "polygon")
                     && let Some(Value::String(path)) = child.get_mut("path")
                 {
                     with(path);

@@ -89,7 +89,7 @@ pub enum ProbeAt {
         /// The point [m].
         position: Vector,
     },
-    /// Velocity and pressure along a line; not in seepage.
+    /// Velocity and pressure along a line; in seepage also the hydraulic head, as for a point.
     Line {
         /// First point [m].
         from: Vector,
@@ -112,12 +112,40 @@ pub enum ProbeAt {
         /// Name of the body.
         name: String,
     },
-    /// Force [N] and torque [N m] of the fluid of a lattice on a structure (2-D: per metre of depth). The torque is
-    /// about the lower corner of the domain. The pressure is that of the lattice: without gravity on the fluid it is
-    /// the excess over hydrostatic. The force is the mean over the last step, and `time` the middle of this step.
+    /// Force [N] and torque [N m] of the fluid on a structure (2-D: per metre of depth). On a lattice the pressure is
+    /// that of the lattice: without gravity on the fluid it is the excess over hydrostatic. The force is the mean over
+    /// the last step, and `time` the middle of this step. In seepage the pressure of the pores acts on all of its
+    /// surface in the ground: uplift, and the thrust on piles and walls. Water above the ground is not included.
     Structure {
         /// Name of the structure.
         name: String,
+        /// Point of the torque [m]. Default: the lower corner of the domain.
+        #[serde(default)]
+        about: Option<Vector>,
+    },
+    /// Discharge of seepage in 2-D between two points, such as the tip of a cut-off and the impervious base, along the
+    /// edges of cells between the corners nearest to the points. Water that crosses from left to right on the way from
+    /// the first to the last point is positive. Without storage and wells all ways between the points have the same
+    /// discharge.
+    Crossing {
+        /// First point [m].
+        from: Vector,
+        /// Last point [m].
+        to: Vector,
+    },
+    /// Heave of the ground in front of a structure: prisms of K. Terzaghi between the ground surface and the level of
+    /// the tip of the structure. One row for each width, from a cell to all of the box: width [m], mean head at the
+    /// base above that at the surface [m], mean upward gradient [1], and factor of safety, the submerged weight of the
+    /// prism over the force of the water. Terzaghi's own width is half the depth of the prism. Needs gravity along an
+    /// axis.
+    Heave {
+        /// Box of the widest prism [m]: its lower face at the tip of the structure, its upper one at the surface.
+        prism: Extent,
+        /// Face of the box at the structure, from which widths count.
+        at: Face,
+        /// Unit weight of the submerged ground [N/m3]: 8000 to 11000 for sand.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        submerged_weight: f64,
     },
     /// Discharge of seepage through a plane between cells of the coarse grid, or a part of it, and the mean hydraulic
     /// heads [m] of the cells before and behind it. The mean heads over the base of a prism of ground give its uplift
@@ -316,6 +344,9 @@ pub enum FieldName {
     Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
+    /// Stream function of plane steady seepage [m2/s]: the discharge between two points is its difference, its contours
+    /// are streamlines, and `picture --flow-net` draws them.
+    StreamFunction,
     /// Degree of saturation of ground that drains: volume of water over volume of pores [1]; 0 in cells without
     /// water. Needs `fluid.darcy.unsaturated`.
     Saturation,

@@ -20,7 +20,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 33] = [
+pub const CHANGEABLE: [Changeable; 40] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
     may(
@@ -105,6 +105,31 @@ pub const CHANGEABLE: [Changeable; 33] = [
     ),
     may(
         "fluid.darcy.boundaries[*].condition.rain.rate",
+        "takes effect at the next coupling",
+    ),
+    may(
+        "fluid.darcy.boundaries[*].condition.discharge.value",
+        "takes effect at the next coupling",
+    ),
+    may(
+        "fluid.darcy.boundaries[*].condition.evaporation.rate",
+        "takes effect at the next coupling",
+    ),
+    may("fluid.darcy.drains[*].name", "changes a name only"),
+    may(
+        "fluid.darcy.drains[*].condition.pressure.value",
+        "takes effect at the next coupling",
+    ),
+    may(
+        "fluid.darcy.drains[*].condition.head.value",
+        "takes effect at the next coupling",
+    ),
+    may(
+        "fluid.darcy.drains[*].condition.flux.value",
+        "takes effect at the next coupling",
+    ),
+    may(
+        "fluid.darcy.drains[*].condition.discharge.value",
         "takes effect at the next coupling",
     ),
     may(

@@ -30,6 +30,23 @@ pub enum Enclosure {
 /// volume by its centre. Faces that are open by less are closed, as what they pass would be lost in rounding.
 pub const LEAST_OPEN: f64 = 0.01;
 
+/// A face between the ground and a drain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrainFace {
+    /// Position of the cell of the ground.
+    pub cell: usize,
+    /// Axis of the normal.
+    pub axis: usize,
+    /// `true` if the drain lies above the cell along the axis.
+    pub upper: bool,
+    /// Open fraction of the face; fraction of the cell that holds water for a source.
+    pub open: f64,
+    /// `true` for a source of the cell in place of a face.
+    pub source: bool,
+    /// Number of the drain.
+    pub drain: usize,
+}
+
 /// The open fractions of cells and faces; the same on every rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Openness {
@@ -38,6 +55,8 @@ pub struct Openness {
     /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 next to a blocked cell; index as for
     /// cells of a grid with one more cell along that axis.
     pub faces: [Vec<f64>; 3],
+    /// Faces between the ground and drains, by rising position of their cells.
+    pub drain_faces: Vec<DrainFace>,
     /// The grid.
     pub grid: Grid,
 }
@@ -49,6 +68,7 @@ impl Openness {
         let mut all = Self {
             inside: vec![1.0; grid.count()],
             faces: std::array::from_fn(|axis| vec![1.0; with_one_more(grid, axis).count()]),
+            drain_faces: Vec::new(),
             grid: *grid,
         };
         match enclosure {

@@ -30,6 +30,7 @@
 
 pub mod cut_cells;
 pub mod drag;
+pub mod drains;
 pub mod enclosure;
 pub mod grid;
 mod layout;
@@ -43,9 +44,11 @@ pub mod porosity;
 pub mod pressure;
 mod reproducible;
 pub mod retention;
+pub mod surface;
 pub mod zones;
 
 pub use drag::DragLaw;
+pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::Grid;
 pub use mean_diameter::MeanDiameter;
@@ -54,8 +57,11 @@ pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
     ConditionHistory, InitialWater, Soil, TransientSettings, WaterBalance,
 };
-pub use pressure::{Condition, Equations, Liquid, Medium, Patch, Pressure, Report, Settings};
+pub use pressure::{
+    Condition, Equations, Heave, Liquid, Medium, Patch, Pressure, Prisms, Report, Settings,
+};
 pub use retention::Retention;
+pub use surface::WettedSurface;
 pub use zones::Zones;
 
 pub use reproducible::power_above;

@@ -30,8 +30,10 @@
 
 mod answers;
 mod boundary;
+mod condition;
 mod iteration;
 pub mod section;
+mod tensor;
 pub mod unsaturated;
 
 use super::Error;
@@ -40,10 +42,13 @@ use super::grid::Grid;
 use super::layout::{Gather, Halo, Layout, Part};
 use super::multigrid::{Ground, Matrix, Multigrid};
 use super::reproducible::power_above;
+pub use answers::{Heave, Prisms};
 use boundary::{Boundary, boundary, head_pressure, slabs};
+pub use condition::Condition;
 use decomposition::{Communicator, Domain, ExactSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tensor::Tensor;
 use unsaturated::Unsaturated;
 
 /// Form of the equations.
@@ -68,56 +73,7 @@ pub struct Liquid {
     pub viscosity: f64,
 }
 
-/// Boundary condition of the seepage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-#[schemars(rename = "SeepageCondition")]
-pub enum Condition {
-    /// Imposed pressure.
-    Pressure {
-        /// Pressure \[Pa\].
-        value: f64,
-    },
-    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
-    Head {
-        /// Head \[m\].
-        value: f64,
-    },
-    /// Imposed flux through the face.
-    Flux {
-        /// Volume per area and time into the grid [m/s].
-        value: f64,
-    },
-    /// Rainfall on the face.
-    Rain {
-        /// Volume per horizontal area and time [m/s].
-        #[schemars(range(min = 0.0))]
-        rate: f64,
-    },
-    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
-    /// hydrostatic pressure. Needs `unsaturated`.
-    SeepageFace {
-        /// Head of the water in front of the lower part \[m\]. Default: air everywhere.
-        #[serde(default)]
-        level: Option<f64>,
-    },
-    /// Impermeable.
-    NoFlow {},
-}
-
-impl Condition {
-    /// Sets the value of the condition: pressure, head, level, flux or rate.
-    pub fn set_value(&mut self, new: f64) {
-        match self {
-            Self::Pressure { value } | Self::Head { value } | Self::Flux { value } => *value = new,
-            Self::Rain { rate } => *rate = new,
-            Self::SeepageFace { level } => *level = Some(new),
-            Self::NoFlow {} => {}
-        }
-    }
-}
-
-/// A part of a face of the grid.
+/// A part of a face of the grid, or a drain in the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// Axis of the normal.
@@ -130,13 +86,16 @@ pub struct Patch {
     pub to: [usize; 3],
     /// The condition.
     pub condition: Condition,
+    /// `true` for a drain: its faces are those of [`crate::Openness::drain_faces`], in the order of the drains, and
+    /// axis, end and cells have no meaning.
+    pub inside: bool,
 }
 
 impl Patch {
     /// Returns `true` if the patch covers the face of a cell.
-    fn holds(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
+    fn covers(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
         let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
-        self.axis == axis && self.upper == upper && (0..3).all(covers)
+        !self.inside && self.axis == axis && self.upper == upper && (0..3).all(covers)
     }
 }
 
@@ -289,6 +248,8 @@ pub struct Pressure {
     fresh: bool,
     /// Ground that is saturated in part; none where all of it is.
     unsaturated: Option<Box<Unsaturated>>,
+    /// Ground whose principal permeabilities dip against the axes; none where they do not.
+    tensor: Option<Box<Tensor>>,
 }
 
 impl Pressure {
@@ -364,6 +325,7 @@ impl Pressure {
             level: 0.0,
             fresh: true,
             unsaturated: None,
+            tensor: None,
         };
         all.check_outlets()?;
         Ok(all)
@@ -373,12 +335,7 @@ impl Pressure {
     fn check_outlets(&self) -> Result<(), Error> {
         let mut held = vec![false; self.slab.layout.len()];
         for face in &self.boundary {
-            if matches!(
-                self.patches[face.patch].condition,
-                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
-            ) {
-                held[face.at] = true;
-            }
+            held[face.at] |= self.patches[face.patch].condition.holds();
         }
         let mut seen = vec![false; self.slab.layout.len()];
         let mut stack = Vec::new();
@@ -438,7 +395,7 @@ impl Pressure {
         let place = self.slab.grid.cell(cell);
         let last = place[axis] + 1 == self.slab.grid.cells[axis];
         let on_face = if upper { last } else { place[axis] == 0 };
-        let holds = |p: &&Patch| p.holds(axis, upper, place);
+        let holds = |p: &&Patch| p.covers(axis, upper, place);
         let patch = self.patches.iter().rev().find(holds);
         patch.filter(|_| on_face).map(|p| p.condition)
     }
@@ -485,6 +442,7 @@ impl Pressure {
         if let Some(gather) = &mut self.slab.gather {
             gather.fill(&mut self.phi);
         }
+        self.take_tensor_flows();
         let (inflow, outflow) = self.fluxes();
         Ok(Report {
             iterations,
@@ -507,6 +465,7 @@ impl Pressure {
             self.add_source(source);
         }
         self.carry();
+        self.assemble_tensor();
         self.sum_faces();
         let (mut largest, mut bad) = (0.0_f64, false);
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
@@ -625,10 +584,13 @@ impl Pressure {
                     self.system.right[face.at] += face.conductance * (phi - level);
                 }
                 Condition::Flux { value: q } => self.system.right[face.at] += q * face.area,
+                Condition::Discharge { value: q } => self.system.right[face.at] += q * face.share,
                 Condition::Rain { rate: q } => {
                     self.system.right[face.at] += q * face.area * face.up
                 }
-                Condition::SeepageFace { .. } | Condition::NoFlow {} => {}
+                Condition::SeepageFace { .. }
+                | Condition::Evaporation { .. }
+                | Condition::NoFlow {} => {}
             }
         }
     }
@@ -755,13 +717,16 @@ impl Pressure {
         }
         match self.patches[face.patch].condition {
             Condition::Flux { value: q } => q * face.area,
+            Condition::Discharge { value: q } => q * face.share,
             Condition::Rain { rate: q } => q * face.area * face.up,
-            Condition::SeepageFace { .. } | Condition::NoFlow {} => 0.0,
+            Condition::SeepageFace { .. }
+            | Condition::Evaporation { .. }
+            | Condition::NoFlow {} => 0.0,
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 let inward = if face.upper { -1.0 } else { 1.0 };
                 let carried = inward * face.area * self.conduction.carried[face.axis][face.at];
                 self.imposed(face).map_or(0.0, |phi| {
-                    face.conductance * (phi - self.level - self.phi[face.at]) + carried
+                    face.conductance * (phi - self.level - self.phi[face.at]) + carried + face.extra
                 })
             }
         }
@@ -800,6 +765,7 @@ impl Pressure {
                 }
             }
         }
+        self.add_tensor_fluxes();
         let (mut inflow, mut outflow) = (ExactSum::new(), ExactSum::new());
         for k in 0..self.boundary.len() {
             let face = self.boundary[k];

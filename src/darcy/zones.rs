@@ -83,6 +83,8 @@ pub struct Zone {
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
+    /// Corners of a polygon that bounds the region in 2-D \[m\]; none where it is the box.
+    pub polygon: Vec<[f64; 2]>,
     /// Permeability; none if it remains that of the grains.
     pub permeability: Option<Rule>,
     /// Porosity; none if it remains that of the grains.
@@ -91,6 +93,8 @@ pub struct Zone {
     pub raster: Option<Raster>,
     /// Permeability along each axis over the stated one.
     pub directions: [f64; 3],
+    /// Cross term of the permeability over the stated one, of bedding that dips in 2-D.
+    pub shear: f64,
     /// `true` if it holds in cells without grains as well.
     pub without_grains: bool,
 }
@@ -98,6 +102,7 @@ pub struct Zone {
 impl Zone {
     fn contains(&self, point: [f64; 3]) -> bool {
         (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
+            && (self.polygon.is_empty() || is_inside(&self.polygon, [point[0], point[1]]))
     }
 
     fn rule(&self, node: Option<usize>) -> Option<Rule> {
@@ -119,6 +124,7 @@ pub struct Medium {
     permeability: Option<(Rule, bool)>,
     porosity: Option<(f64, bool)>,
     directions: [f64; 3],
+    shear: f64,
 }
 
 impl Default for Medium {
@@ -127,6 +133,7 @@ impl Default for Medium {
             permeability: None,
             porosity: None,
             directions: [1.0; 3],
+            shear: 0.0,
         }
     }
 }
@@ -222,6 +229,9 @@ impl Zones {
             for (a, edges) in edges.iter_mut().enumerate() {
                 divide(grid, a, cell[a], &planes[a], edges);
             }
+            if zones.iter().any(|zone| passes(&zone.polygon, grid, cell)) {
+                edges[..2].iter_mut().for_each(subdivide);
+            }
             let counts: [usize; 3] = std::array::from_fn(|a| edges[a].len() - 1);
             boxes.clear();
             for n in 0..counts.iter().product() {
@@ -290,6 +300,7 @@ impl Zones {
             if let Some(rule) = zone.rule(node) {
                 medium.permeability = Some((rule, zone.without_grains));
                 medium.directions = zone.directions;
+                medium.shear = zone.shear;
                 from[0] = key;
             }
             if let Some(porosity) = zone.pores(node) {
@@ -363,6 +374,47 @@ impl Zones {
         self.cut > 0 || self.media.iter().any(differs)
     }
 
+    /// Returns the cross term of the permeability of each of so many cells over the geometric mean of those along
+    /// the axes; nothing where no bedding dips. In a cell that a boundary cuts it is the mean over its boxes, so that
+    /// layers at an angle to the grid converge with the cells.
+    #[must_use]
+    pub fn shears(&self, cells: usize) -> Vec<f64> {
+        if self.media.iter().all(|medium| medium.shear == 0.0) {
+            return Vec::new();
+        }
+        let mut shears = vec![0.0; cells];
+        let stated = |medium: &Medium| match medium.permeability {
+            Some((Rule::Value(value), _)) => value,
+            _ => 0.0,
+        };
+        for divided in &self.cells {
+            let (lengths, media) = self.boxes(divided);
+            let media: Vec<&Medium> = media.iter().map(|m| &self.media[*m as usize]).collect();
+            let mut along = [1.0; 3];
+            for (axis, along) in along.iter_mut().enumerate().take(self.dimension) {
+                let boxes = media.iter().map(|m| stated(m) * m.directions[axis]);
+                *along = effective(axis, lengths, &boxes.collect::<Vec<_>>());
+            }
+            let [x, y, z] = lengths;
+            let mut each = media.iter();
+            let mut cross = 0.0;
+            for c in z {
+                for b in y {
+                    for (a, medium) in x.iter().zip(&mut each) {
+                        cross += a * b * c * stated(medium) * medium.shear;
+                    }
+                }
+            }
+            // A tensor is positive.
+            let most = LARGEST_CROSS * (along[0] * along[1]).sqrt();
+            let mean = geometric_mean(along, self.dimension);
+            if mean > 0.0 {
+                shears[divided.cell] = cross.clamp(-most, most) / mean;
+            }
+        }
+        shears
+    }
+
     /// Returns `true` if a zone has a law that depends on the gradient.
     #[must_use]
     pub fn depend_on_the_gradient(&self) -> bool {
@@ -399,6 +451,51 @@ fn planes(grid: &Grid, zones: &[Zone], axis: usize) -> Vec<f64> {
     all
 }
 
+/// Parts of the edges of a cell through which the boundary of a polygon passes.
+const PARTS: usize = 8;
+
+/// Returns `true` if a point lies in a polygon: a line from it crosses an odd number of edges.
+#[must_use]
+pub fn is_inside(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
+    let next = polygon.iter().cycle().skip(1);
+    let crossings = polygon.iter().zip(next).filter(|([ax, ay], [bx, by])| {
+        (*ay > y) != (*by > y) && x < (bx - ax) * (y - ay) / (by - ay) + ax
+    });
+    crossings.count() % 2 == 1
+}
+
+/// Returns `true` if an edge of a polygon passes through a cell.
+fn passes(polygon: &[[f64; 2]], grid: &Grid, cell: [usize; 3]) -> bool {
+    let low = grid.corner(cell);
+    let next = polygon.iter().cycle().skip(1);
+    polygon.iter().zip(next).any(|(from, to)| {
+        // The part of the edge between the planes of the cell.
+        let (mut first, mut last) = (0.0_f64, 1.0_f64);
+        for a in 0..2 {
+            let along = to[a] - from[a];
+            let (near, far) = (low[a] - from[a], low[a] + grid.spacing[a] - from[a]);
+            if along.abs() > 0.0 {
+                let (s, t) = (near / along, far / along);
+                (first, last) = (first.max(s.min(t)), last.min(s.max(t)));
+            } else if near >= 0.0 || far <= 0.0 {
+                return false;
+            }
+        }
+        last - first > ON_THE_EDGE
+    })
+}
+
+/// Divides the parts of an edge further.
+fn subdivide(edges: &mut Vec<f64>) {
+    let whole = [edges[0], edges[edges.len() - 1]];
+    for n in 1..PARTS {
+        let part = base::number::real(n) / base::number::real(PARTS);
+        edges.push(whole[0] + part * (whole[1] - whole[0]));
+    }
+    edges.sort_by(f64::total_cmp);
+    edges.dedup_by(|a, b| (*a - *b).abs() <= ON_THE_EDGE * (whole[1] - whole[0]));
+}
+
 /// Part of the edge of a cell by which a plane misses the edge and still lies on it.
 const ON_THE_EDGE: f64 = 1e-9;
 
@@ -414,6 +511,9 @@ fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec
     edges.extend(within.copied());
     edges.push(high);
 }
+
+/// Largest cross term of a cut cell over the geometric mean of its permeabilities.
+const LARGEST_CROSS: f64 = 0.999;
 
 /// Permeabilities of cells with zones: buffers, reused in each iteration.
 #[derive(Clone, Debug)]

@@ -9,6 +9,7 @@
 mod colours;
 mod cuts;
 mod faces;
+mod flow_net;
 mod overlays;
 mod raster;
 mod section;
@@ -21,6 +22,7 @@ use clap::{Args, ValueEnum};
 use colours::{grain_colour, water_colour};
 use cuts::Cuts;
 use faces::{Faces, id_of};
+use flow_net::{FlowNet, Ground};
 use io::Moment;
 use io::fields::{Values, inspect, read_column};
 use io::{Alone, Series};
@@ -64,6 +66,14 @@ pub struct PictureOptions {
     /// Draw streamlines of the water in the plane or section.
     #[arg(long)]
     pub streamlines: bool,
+    /// Draw the flow net of plane seepage with this number of drops of head, and the names of layers and structures;
+    /// needs the fields head and stream_function.
+    #[arg(long, value_name = "DROPS", num_args = 0..=1, default_missing_value = "12",
+        value_parser = clap::value_parser!(u16).range(2..=200))]
+    pub flow_net: Option<u16>,
+    /// Show only this part of the plane or section [m].
+    #[arg(long, value_name = "LEFT,BOTTOM,RIGHT,TOP", value_parser = crop)]
+    pub crop: Option<[f64; 4]>,
     /// Width of a panel [pixels]; the file grows with its square.
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u16).range(64..=4096))]
     pub width: u16,
@@ -78,6 +88,20 @@ pub struct PictureOptions {
 fn finite(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|time: &f64| time.is_finite());
     number.ok_or_else(|| "a time in seconds".into())
+}
+
+/// Reads the part of a plane that a picture shows.
+fn crop(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| finite(part.trim()).ok())
+        .collect();
+    match numbers.as_deref() {
+        Some(&[left, bottom, right, top]) if left < right && bottom < top => {
+            Ok([left, bottom, right, top])
+        }
+        _ => Err("four lengths in m, left and bottom below right and top: 2,0,8,5".into()),
+    }
 }
 
 /// Refuses to replace what is no plain file, and, unless that is asked for, what is no picture or belongs to a run.
@@ -159,6 +183,12 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     };
     let moments: Vec<Moment> = clock.moments().collect();
     let chosen = choose(&moments, &request.times);
+    let ground = Rc::new(
+        request
+            .flow_net
+            .map(|_| Ground::read(run))
+            .unwrap_or_default(),
+    );
     let mut scenes = Vec::new();
     for moment in &chosen {
         // Only what is of the same step: an older one would show things where they were.
@@ -192,6 +222,10 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             contacts: file(&contacts)
                 .map(|path| Network::read(&path))
                 .transpose()?,
+            net: (file(&fluid).filter(|_| request.flow_net.is_some()))
+                .map(|path| FlowNet::read(&path, structures.as_deref()))
+                .transpose()?,
+            ground: Rc::clone(&ground),
             faces,
             structures: structures.clone(),
             walls: (walls.as_deref())
@@ -240,6 +274,9 @@ struct Scene {
     grains: Option<Grains>,
     contacts: Option<Network>,
     faces: Option<Faces>,
+    /// Fields of a flow net, and what the ground holds.
+    net: Option<FlowNet>,
+    ground: Rc<Ground>,
     /// Surfaces at rest.
     structures: Option<Rc<Faces>>,
     /// Walls of facets, which a section shows.
@@ -444,17 +481,21 @@ fn round_length(length: f64) -> f64 {
 }
 
 fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
-    let frame = Frame::new(scenes, request.view);
+    let mut frame = Frame::new(scenes, request.view);
+    if let Some([left, bottom, right, top]) = request.crop {
+        (frame.low, frame.high) = ([left, bottom], [right, top]);
+    }
     if !(frame.high[0] > frame.low[0] && frame.high[1] > frame.low[1]) {
         return Err(Error::Io("there is nothing to draw at these times".into()));
     }
     let scales = Scales::new(scenes);
-    let panel = |scene| Panel::new(scene, &scales, &frame, request.width.into());
+    let drops = request.flow_net.unwrap_or_default();
+    let panel = |scene| Panel::new(scene, &scales, &frame, (request.width.into(), drops));
     let panels: Vec<Panel> = scenes.iter().map(panel).collect();
     let Some(first) = panels.first() else {
         return Err(Error::Io("there is nothing to draw".into()));
     };
-    let key = key(scenes, &scales);
+    let key = key(scenes, &scales, drops);
     let sheet = Sheet::new(&first.raster, panels.len(), scales.bars(), key.len());
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" \
@@ -613,7 +654,8 @@ struct Panel {
 }
 
 impl Panel {
-    fn new(scene: &Scene, scales: &Scales, frame: &Frame, width: usize) -> Self {
+    /// Draws a scene; `drops` are those of its flow net.
+    fn new(scene: &Scene, scales: &Scales, frame: &Frame, (width, drops): (usize, u16)) -> Self {
         let mut raster = Raster::new(frame, width);
         if let (Some(field), Some(scale)) = (&scene.water, scales.water) {
             raster.water(frame, field, scale);
@@ -649,7 +691,15 @@ impl Panel {
                 ]
             })
         });
-        let over = over(scene, scales, frame, &raster);
+        let net = scene.net.as_ref().map(|net| {
+            net.draw(
+                drops,
+                &scene.ground,
+                scene.structures.as_deref(),
+                |[x, y]| raster.pixel_of(frame, [x, y, 0.0]),
+            )
+        });
+        let over = over(scene, scales, frame, &raster) + &net.unwrap_or_default();
         Self {
             time: scene.time,
             raster,
@@ -671,7 +721,10 @@ impl Panel {
         );
         let lines = &self.lines;
         if !lines.is_empty() {
-            let _ = writeln!(svg, "<g transform=\"translate({x},{y})\">\n{lines}</g>");
+            let _ = writeln!(
+                svg,
+                "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\">\n{lines}</svg>"
+            );
         }
         Ok(())
     }
@@ -694,8 +747,8 @@ fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> Strin
     text
 }
 
-/// Names what the longest arrow and the widest line of any panel stand for; empty without them.
-fn key(scenes: &[Scene], scales: &Scales) -> String {
+/// Names the longest arrow, the widest line and the flow net of any panel; empty without them.
+fn key(scenes: &[Scene], scales: &Scales, drops: u16) -> String {
     let mut parts = Vec::new();
     let arrows = |s: &'_ Scene| -> Option<String> {
         let arrows = s.grains.as_ref()?.arrows.as_ref()?;
@@ -708,6 +761,7 @@ fn key(scenes: &[Scene], scales: &Scales) -> String {
     };
     parts.extend(scenes.iter().find_map(arrows));
     parts.extend(scenes.iter().find_map(network));
+    parts.extend(scenes.iter().find_map(|s| Some(s.net.as_ref()?.key(drops))));
     parts.join("; ")
 }
 
@@ -788,141 +842,4 @@ fn short(value: f64, digits: usize) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use base::number::whole;
-
-    fn moments(times: &[f64]) -> Vec<Moment> {
-        (0..)
-            .zip(times)
-            .map(|(step, &time)| Moment { step, time })
-            .collect()
-    }
-
-    #[test]
-    fn numbers_are_short_at_every_size() {
-        let three = [
-            0.0,
-            1e-5,
-            0.000_123_4,
-            0.001_234,
-            0.05,
-            0.5,
-            12.34,
-            6.0,
-            -11_710.0,
-            21_250.0,
-            2.5e7,
-        ];
-        let texts = [
-            "0", "1e-5", "1.23e-4", "0.00123", "0.05", "0.5", "12.3", "6", "-11710", "21250",
-            "2.5e7",
-        ];
-        assert_eq!(three.map(|value| short(value, 3)), texts);
-        assert_eq!(short(0.300_112, 4), "0.3001");
-    }
-
-    #[test]
-    fn times_are_the_nearest_or_spread_over_the_run() {
-        let all = moments(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        let steps =
-            |times: &[f64]| -> Vec<u64> { choose(&all, times).iter().map(|m| m.step).collect() };
-        assert_eq!(steps(&[]), [0, 2, 4, 6]);
-        assert_eq!(steps(&[2.4, 2.6, 99.0]), [2, 3, 6]);
-        assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
-    }
-
-    /// Returns a scene of ten by ten metres without values.
-    pub(super) fn square() -> Scene {
-        let corner = |x: f64| [x, x, 0.0];
-        Scene {
-            grains: Some(Grains {
-                positions: vec![corner(1.0), corner(9.0)],
-                radii: vec![1.0; 2],
-                values: None,
-                quantity: String::new(),
-                units: String::new(),
-                arrows: None,
-                flat: true,
-            }),
-            ..Scene::default()
-        }
-    }
-
-    #[test]
-    fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
-        let scene = |grains| Scene {
-            grains: Some(grains),
-            ..Scene::default()
-        };
-        let grains = Grains {
-            positions: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]],
-            radii: vec![2.0, 1.0],
-            values: Some(vec![0.0, 1.0]),
-            quantity: "speed".into(),
-            units: "m/s".into(),
-            arrows: None,
-            flat: false,
-        };
-        let scenes = [scene(grains)];
-        let frame = Frame::new(&scenes, View::Z);
-        assert_eq!((frame.low, frame.high), ([-2.0; 2], [2.0; 2]));
-        let mut raster = Raster::new(&frame, 720);
-        // The near one first: the far one must not paint over it.
-        raster.grain(&frame, [0.0, 0.0, 5.0], 1.0, [200.0, 0.0, 0.0], false);
-        raster.grain(&frame, [0.0, 0.0, 0.0], 2.0, [0.0, 200.0, 0.0], false);
-        let at = |x: f64, y: f64| {
-            let column = whole((x + 2.0) / raster.pixel);
-            let row = whole((2.0 - y) / raster.pixel);
-            raster.colours[row * raster.width + column]
-        };
-        assert!(at(0.0, 0.0)[0] > 100.0 && at(0.0, 0.0)[1] == 0.0);
-        assert!(at(1.5, 0.0)[1] > 50.0 && at(1.5, 0.0)[0] == 0.0);
-        assert_eq!(at(1.99, 1.99), PAPER);
-        let covered = raster.colours.iter().filter(|c| **c != PAPER).count();
-        let part = real(covered) / real(raster.colours.len());
-        assert!((part - std::f64::consts::PI / 4.0).abs() < 2e-3, "{part}");
-    }
-
-    #[test]
-    fn every_view_is_a_right_handed_frame() {
-        for view in [View::X, View::Y, View::Z, View::Corner] {
-            let ball = Grains {
-                positions: vec![[0.0, 0.0, 1.0]],
-                radii: vec![1.0],
-                values: None,
-                quantity: String::new(),
-                units: String::new(),
-                arrows: None,
-                flat: false,
-            };
-            let f = Frame::new(
-                &[Scene {
-                    grains: Some(ball),
-                    ..Scene::default()
-                }],
-                view,
-            );
-            for v in [f.right, f.up, f.near] {
-                assert!((dot(v, v) - 1.0).abs() < 1e-12, "{view:?}");
-            }
-            assert!(dot(f.right, f.up).abs() < 1e-12 && dot(f.up, f.near).abs() < 1e-12);
-            let cross = [
-                f.right[1] * f.up[2] - f.right[2] * f.up[1],
-                f.right[2] * f.up[0] - f.right[0] * f.up[2],
-                f.right[0] * f.up[1] - f.right[1] * f.up[0],
-            ];
-            assert!(
-                (dot(cross, f.near) - 1.0).abs() < 1e-12,
-                "{view:?} {cross:?}"
-            );
-        }
-    }
-
-    #[test]
-    fn a_scale_bar_is_a_round_length() {
-        assert!((round_length(0.0084) - 0.001).abs() < 1e-12);
-        assert!((round_length(1.3) - 0.2).abs() < 1e-12);
-        assert!((round_length(30.0) - 5.0).abs() < 1e-12);
-    }
-}
+mod tests;

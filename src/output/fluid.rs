@@ -155,7 +155,7 @@ impl<T: Number> Buffers<T> {
                         to.extend(band.clone().map(|cell| T::from_value(fluid.fill(cell))));
                     }
                     // Refused by the plan.
-                    FieldName::Head | FieldName::Saturation => {}
+                    FieldName::Head | FieldName::StreamFunction | FieldName::Saturation => {}
                     FieldName::Solid => {
                         for cell in band.clone() {
                             let body = fluid.body_at(cell);
@@ -182,7 +182,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::Solid => ("solid", "-"),
                 FieldName::Fill => ("fill", "-"),
                 // Refused by the plan.
-                FieldName::Head | FieldName::Saturation => continue,
+                FieldName::Head | FieldName::StreamFunction | FieldName::Saturation => continue,
             };
             let data = if *field == FieldName::Solid {
                 Data::U8(&self.solid)

@@ -8,12 +8,14 @@
 //! | probe | columns |
 //! |---|---|
 //! | point | velocity, pressure; in seepage also the hydraulic head, of the cell that holds the point |
-//! | line | distance from the first point, position, velocity, pressure; one row per point and time |
+//! | line | distance from the first point, position, velocity, pressure, in seepage the head; a row per point and time |
 //! | plane | discharge, means over the fluid cells, largest speed, fluid fraction |
 //! | gauge | elevation of a free surface, depth of the water below it |
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |
-//! | structure | force and torque of the fluid, the torque about the lower corner of the domain |
+//! | structure | force and torque of the fluid, the torque about a point |
 //! | section | of seepage: discharge, open area, mean heads before and behind |
+//! | crossing | of seepage: discharge between two points |
+//! | heave | of seepage: width, excess head, gradient and factor of safety of prisms; one row per width and time |
 //! | water table | of seepage: position of zero pressure; one row per column of cells and time |
 //! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
 //! | joint | of water in joints: pressure, aperture and position of the cell nearest to a point |
@@ -48,6 +50,7 @@ use base::units::LatticeUnits;
 use bed::Bed;
 use coupling::FluidView;
 use coupling::loads::about_centre;
+use darcy::Prisms;
 use decomposition::{Domain, ExactSum};
 use dem::space::Space;
 use fabric::Fabric;
@@ -58,7 +61,7 @@ use plan::Plan;
 use plan::scene::Scene;
 use plan::scene::observe::{Action, ProbeAt};
 use points::{Points, along, clamped};
-use seepage::Section;
+use seepage::{Crossing, Section, SurfaceLoad};
 use std::path::{Path, PathBuf};
 use wall::Wall;
 use water_table::Columns;
@@ -87,9 +90,15 @@ enum At {
         position: f64,
     },
     Body(u64),
-    Structure(usize),
+    Structure(usize, [f64; 3]),
+    /// The surface of a structure in seepage.
+    SurfaceLoad(SurfaceLoad),
     /// A point in seepage \[m\].
     Pores([f64; 3]),
+    /// Points along a line in seepage \[m\].
+    PoresLine(Vec<[f64; 3]>),
+    Crossing(Crossing),
+    Heave(Prisms),
     Section(Section),
     WaterTable(Columns),
     WaterBalance,
@@ -261,7 +270,17 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             headings.extend(POSITION);
             headings.extend(VELOCITY);
             headings.push(("pressure", "Pa"));
+            headings.extend(scene.seepage.iter().map(|_| ("head", "m")));
         }
+        ProbeAt::Crossing { .. } => {
+            headings.push(("discharge", if flat { "m2/s" } else { "m3/s" }));
+        }
+        ProbeAt::Heave(_) => headings.extend([
+            ("width", "m"),
+            ("excess_head", "m"),
+            ("gradient", "-"),
+            ("factor_of_safety", "-"),
+        ]),
         ProbeAt::WaterTable(_) => headings.extend(POSITION),
         ProbeAt::Uplift { .. } => headings.extend([
             ("force", force),
@@ -294,7 +313,7 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
             ("head_before", "m"),
             ("head_behind", "m"),
         ]),
-        ProbeAt::Structure(_) => headings.extend([
+        ProbeAt::Structure { .. } => headings.extend([
             ("fluid_force_x", force),
             ("fluid_force_y", force),
             ("fluid_force_z", force),
@@ -361,6 +380,14 @@ impl At {
         Ok(match at {
             ProbeAt::Point(point) if scene.seepage.is_some() => Self::Pores(*point),
             ProbeAt::Point(point) => Self::Point(Points::new(&[*point], &scene.grid, domain)?),
+            ProbeAt::Line { from, to, points } if scene.seepage.is_some() => {
+                Self::PoresLine(along(*from, *to, *points))
+            }
+            ProbeAt::Crossing { from, to } => {
+                let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+                Self::Crossing(Crossing::new(seepage, *from, *to))
+            }
+            ProbeAt::Heave(heave) => Self::Heave(*heave),
             ProbeAt::Line { from, to, points } => Self::Line(Points::new(
                 &along(*from, *to, *points),
                 &scene.grid,
@@ -372,7 +399,10 @@ impl At {
             },
             // Named bodies have the ids 0, 1, … in the order of the case.
             ProbeAt::Body(index) => Self::Body(*index as u64),
-            ProbeAt::Structure(index) => Self::Structure(*index),
+            ProbeAt::Structure { index, about } => match &scene.seepage {
+                Some(seepage) => Self::SurfaceLoad(SurfaceLoad::new(seepage, *index, *about)),
+                None => Self::Structure(*index, *about),
+            },
             ProbeAt::Section {
                 axis,
                 position,
@@ -443,7 +473,9 @@ impl At {
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
+            Self::PoresLine(points) => points.len(),
             Self::WaterTable(columns) => columns.len(),
+            Self::Heave(heave) => heave.widths(),
             _ => 1,
         }
     }
@@ -476,6 +508,10 @@ impl At {
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Pores(_)
+            | Self::PoresLine(_)
+            | Self::SurfaceLoad(_)
+            | Self::Crossing(_)
+            | Self::Heave(_)
             | Self::Section(_)
             | Self::WaterTable(_)
             | Self::WaterBalance
@@ -488,6 +524,30 @@ impl At {
             Self::Pores(point) => {
                 let values = seepage::at(view.seepage.ok_or_else(no_fluid)?, *point);
                 rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::PoresLine(points) => {
+                let seepage = view.seepage.ok_or_else(no_fluid)?;
+                let first = points.first().copied().unwrap_or_default();
+                for (row, point) in rows.iter_mut().zip(&*points) {
+                    let squared: f64 = (0..3).map(|a| (point[a] - first[a]).powi(2)).sum();
+                    row.push(squared.sqrt());
+                    row.extend(point);
+                    row.extend(seepage::at(seepage, *point));
+                }
+            }
+            Self::SurfaceLoad(load) => {
+                let values = load.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.extend(values));
+            }
+            Self::Crossing(crossing) => {
+                let discharge = crossing.sample(view.seepage.ok_or_else(no_fluid)?);
+                rows.iter_mut().for_each(|row| row.push(discharge));
+            }
+            Self::Heave(heave) => {
+                let values = seepage::heave(view.seepage.ok_or_else(no_fluid)?, heave);
+                for (row, values) in rows.iter_mut().zip(values) {
+                    row.extend(values);
+                }
             }
             Self::Section(section) => {
                 let values = section.sample(view.seepage.ok_or_else(no_fluid)?);
@@ -523,8 +583,8 @@ impl At {
                 let values = gauge.sample(fluid(view)?, view.domain.communicator());
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
-            Self::Structure(index) => {
-                let values = structure(view, fluid(view)?, *index);
+            Self::Structure(index, about) => {
+                let values = structure(view, fluid(view)?, *index, *about);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Body(id) => {
@@ -562,7 +622,7 @@ impl At {
     /// step.
     fn delay(&self) -> f64 {
         match self {
-            Self::Wall(_) | Self::Structure(_) => 0.5,
+            Self::Wall(_) | Self::Structure(..) => 0.5,
             _ => 0.0,
         }
     }
@@ -646,9 +706,13 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
     ]
 }
 
-/// Returns the force and torque of the water on a structure in the last step, the torque about the lower corner of the
-/// domain.
-fn structure<S: Space>(view: &View<S>, fluid: &dyn FluidView, index: usize) -> [f64; 6] {
+/// Returns the force and torque of the water on a structure in the last step, the torque about a point \[m\].
+fn structure<S: Space>(
+    view: &View<S>,
+    fluid: &dyn FluidView,
+    index: usize,
+    about: [f64; 3],
+) -> [f64; 6] {
     let mine = fluid.structure_loads().get(index).copied();
     let communicator = view.domain.communicator();
     let load: Load = mine.unwrap_or([0; 6]).map(|part| {
@@ -659,7 +723,16 @@ fn structure<S: Space>(view: &View<S>, fluid: &dyn FluidView, index: usize) -> [
     let [x, y, z, a, b, c] = about_centre([0.0; 3], &load);
     let [x, y, z] = [x, y, z].map(|f| units.force_to_si(f));
     let [a, b, c] = [a, b, c].map(|m| units.torque_to_si(m));
-    [x, y, z, a, b, c]
+    // Without a point of its own the bits are those about the corner.
+    let [p, q, r] = about;
+    [
+        x,
+        y,
+        z,
+        a - (q * z - r * y),
+        b - (r * x - p * z),
+        c - (p * y - q * x),
+    ]
 }
 
 /// Returns the motion and loads of a body; NaN once it is gone.

@@ -24,6 +24,7 @@ pub(crate) struct Buffers<T> {
     velocity: Vec<T>,
     head: Vec<T>,
     saturation: Vec<T>,
+    stream: Vec<T>,
     wanted: Vec<FieldName>,
 }
 
@@ -72,6 +73,7 @@ impl<T: Number> Buffers<T> {
             velocity: Vec::new(),
             head: Vec::new(),
             saturation: Vec::new(),
+            stream: Vec::new(),
             wanted: fields.to_vec(),
         }
     }
@@ -82,6 +84,7 @@ impl<T: Number> Buffers<T> {
         self.velocity.clear();
         self.head.clear();
         self.saturation.clear();
+        self.stream.clear();
         if !first {
             return;
         }
@@ -99,6 +102,15 @@ impl<T: Number> Buffers<T> {
             self.head.push(T::from_value(head));
             self.saturation
                 .push(T::from_value(pressure.saturation(cell)));
+        }
+        if self.wanted.contains(&FieldName::StreamFunction) {
+            let (grid, corners) = (seepage.grid(), pressure.stream_function());
+            for cell in 0..grid.count() {
+                let [i, j, _] = grid.cell(cell);
+                let at = |k: usize, l: usize| corners[l * (grid.cells[0] + 1) + k];
+                let mean = 0.25 * ((at(i, j) + at(i + 1, j)) + (at(i, j + 1) + at(i + 1, j + 1)));
+                self.stream.push(T::from_value(mean));
+            }
         }
     }
 
@@ -121,6 +133,9 @@ impl<T: Number> Buffers<T> {
         }
         if self.wanted.contains(&FieldName::Saturation) {
             columns.push(column("saturation", "-", 1, &self.saturation));
+        }
+        if self.wanted.contains(&FieldName::StreamFunction) {
+            columns.push(column("stream_function", "m2/s", 1, &self.stream));
         }
         columns.push(column("porosity", "-", 1, &self.porosity));
         columns

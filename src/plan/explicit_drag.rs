@@ -154,7 +154,10 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     } else {
         Enclosure::HalfSpaces(seepage.planes.clone())
     };
-    Openness::measure(&grid, &enclosure).with_structures(&seepage.solids)
+    let drains: Vec<_> = seepage.drains.iter().map(|drain| drain.cells).collect();
+    Openness::measure(&grid, &enclosure)
+        .with_structures(&seepage.solids)
+        .with_drains(&drains)
 }
 
 /// Returns the pores of the coarse grid with the porosity method of the case, without grains.

@@ -262,6 +262,25 @@ impl Choices<'_> {
             Some(soil) => self.unsaturated(soil, tolerance),
             None => self.add("pressure", "conjugate gradients with multigrid", tolerance),
         }
+        if written.zones.iter().any(|zone| zone.dip.is_some()) {
+            self.add(
+                "dip of the beds",
+                "multi-point fluxes of a full tensor",
+                "requested; heads may leave the range of the imposed ones where cells are too large",
+            );
+        }
+        for drain in &seepage.drains {
+            let cells = match drain.cells.normal() {
+                Some(_) => "a plane between cells".to_owned(),
+                None => format!("{} cells", drain.cells.count()),
+            };
+            let condition = format!("{:?}", drain.condition);
+            self.add(
+                &format!("drain {}", drain.name),
+                condition,
+                format!("requested; {cells}"),
+            );
+        }
         if !without_grains {
             self.seepage_on_grains(written);
         }

@@ -13,7 +13,7 @@ use super::explicit_drag;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use base::error::Remedy;
-use darcy::{Condition, Equations, Liquid};
+use darcy::{Equations, Liquid};
 use serde_json::json;
 
 /// Reynolds number from which inertial losses count.
@@ -41,10 +41,8 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     let beds = explicit_drag::beds(seepage, (porosity, diameter), liquid, gradient);
     let permeability = beds.into_iter().fold(0.0, |most, (_, k)| k.max(most));
     let driven = permeability * gradient / liquid.viscosity;
-    let imposed = seepage.patches.iter().map(|patch| match patch.condition {
-        Condition::Flux { value } | Condition::Rain { rate: value } => value.abs(),
-        _ => 0.0,
-    });
+    let imposed = seepage.patches.iter();
+    let imposed = imposed.filter_map(|patch| patch.condition.flux().map(f64::abs));
     let flux = imposed.fold(driven, f64::max);
     let reynolds = liquid.density * flux * diameter / liquid.viscosity;
     (reynolds.is_finite() && reynolds > 0.0).then_some(reynolds)

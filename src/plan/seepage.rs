@@ -35,7 +35,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let several = seepage
         .patches
         .iter()
-        .filter(|p| holds(&p.condition))
+        .filter(|p| p.condition.holds())
         .count()
         > 1;
     if !several && !without_grains {
@@ -49,13 +49,6 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         nothing_drives(scene, seepage, findings);
         open_water(seepage, &openness, findings);
     }
-}
-
-fn holds(condition: &Condition) -> bool {
-    matches!(
-        condition,
-        Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
-    )
 }
 
 fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
@@ -187,9 +180,9 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
 }
 
 fn nothing_drives(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
-    let moves = seepage.patches.iter().any(|patch| match patch.condition {
-        Condition::Flux { value } | Condition::Rain { rate: value } => value.abs() > 0.0,
-        _ => false,
+    let moves = seepage.conditions().any(|condition| match condition {
+        Condition::Discharge { value } => value.abs() > 0.0,
+        other => other.flux().is_some_and(|flux| flux.abs() > 0.0),
     });
     if !moves && !seepage.is_transient() && seepage.pressure_drop(scene.gravity) <= 0.0 {
         findings.warn(

@@ -352,14 +352,23 @@ pub fn seepage<S: Space>(
         from: p.from,
         to: p.to,
         condition: p.condition,
+        inside: false,
     };
+    let drains = scene.drains.iter().map(|drain| darcy::Patch {
+        axis: 0,
+        upper: false,
+        from: drain.cells.from,
+        to: drain.cells.to,
+        condition: drain.condition,
+        inside: true,
+    });
     let liquid = darcy::Liquid {
         density: written.density,
         viscosity: written.viscosity,
     };
     let pressure = darcy::Pressure::new(
         &openness,
-        scene.patches.iter().map(patch).collect(),
+        scene.patches.iter().map(patch).chain(drains).collect(),
         liquid,
         darcy::Settings {
             equations: written.equations,
@@ -370,6 +379,12 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
+    let shears = (scene.zones.as_ref()).map_or_else(Vec::new, |z| z.shears(openness.grid.count()));
+    let pressure = if shears.is_empty() {
+        pressure
+    } else {
+        pressure.with_shear(&shears)
+    };
     let pressure = match &written.unsaturated {
         Some(soil) => {
             let pressure = pressure.with_soil(darcy::Soil {
@@ -386,12 +401,14 @@ pub fn seepage<S: Space>(
                     let cells = 0..openness.grid.count();
                     let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
                     let settings = transient(written, plan.clock.time_step);
-                    let histories = scene.patches.iter().enumerate();
-                    let histories = histories.filter(|(_, patch)| !patch.history.is_empty());
+                    let of_patches = scene.patches.iter().map(|patch| &patch.history);
+                    let of_drains = scene.drains.iter().map(|drain| &drain.history);
+                    let histories = of_patches.chain(of_drains).enumerate();
+                    let histories = histories.filter(|(_, table)| !table.is_empty());
                     let history =
-                        |(patch, written): (usize, &SeepagePatch)| darcy::ConditionHistory {
+                        |(patch, table): (usize, &Vec<[f64; 2]>)| darcy::ConditionHistory {
                             patch,
-                            values: History::new(Some(&written.history), 0.0),
+                            values: History::new(Some(table), 0.0),
                         };
                     let histories = histories.map(history).collect();
                     pressure

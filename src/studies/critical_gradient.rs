@@ -274,7 +274,10 @@ impl Inlet {
             Condition::Head { .. } => ("head.value", "m", Some([1.0, 0.0])),
             Condition::Flux { .. } => ("flux.value", "m/s", None),
             Condition::Rain { .. } => ("rain.rate", "m/s", None),
-            Condition::SeepageFace { .. } | Condition::NoFlow {} => {
+            Condition::Discharge { .. } => ("discharge.value", "m3/s", None),
+            Condition::SeepageFace { .. }
+            | Condition::Evaporation { .. }
+            | Condition::NoFlow {} => {
                 return Err(refusal(
                     "--boundary",
                     patch.name.clone(),

@@ -19,6 +19,7 @@ mod case_mutants;
 mod circles;
 mod claims;
 mod collapse;
+mod dams;
 mod dice;
 mod estimate;
 mod excavations;

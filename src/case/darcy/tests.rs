@@ -49,6 +49,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     from: [0; 3],
                     to: grid.cells,
                     condition: Condition::Head { value: head },
+                    inside: false,
                 };
                 let gravity = [0.0, 0.0, -9.81];
                 let patches = vec![

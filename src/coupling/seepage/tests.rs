@@ -67,6 +67,7 @@ impl Bench {
             from: [0; 3],
             to: CELLS,
             condition: Condition::Pressure { value: pressure },
+            inside: false,
         };
         let gravity = [0.0, 0.0, self.gravity];
         let mut patches = vec![

@@ -1,8 +1,11 @@
-//! Answers of the seepage on its boundary: exit gradients.
+//! Answers of the seepage: exit gradients on its boundary, heave of prisms of ground.
 //!
-//! Apart from the solver because the summary of a run reads them.
+//! Apart from the solver because probes and the summary of a run read them.
 
 use super::Pressure;
+use base::number::real;
+use decomposition::ExactSum;
+use serde::Serialize;
 
 /// Steepest exit of water through a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +14,51 @@ pub struct ExitGradient {
     pub gradient: f64,
     /// Centre of the face \[m\].
     pub centre: [f64; 3],
+}
+
+/// Prisms of ground in front of a structure, as cells of the coarse grid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Prisms {
+    /// Axis of gravity.
+    pub vertical: usize,
+    /// `true` if coordinates along gravity rise upwards.
+    pub rises: bool,
+    /// Axis along which widths count.
+    pub across: usize,
+    /// `true` if widths count from the upper end.
+    pub from_upper: bool,
+    /// First cell of the widest prism along each axis.
+    pub first: [usize; 3],
+    /// One past its last cell.
+    pub end: [usize; 3],
+    /// Unit weight of the submerged ground \[N/m3\].
+    pub submerged_weight: f64,
+}
+
+impl Prisms {
+    /// Returns the depth of the prisms in cells.
+    fn layers(&self) -> usize {
+        self.end[self.vertical] - self.first[self.vertical]
+    }
+
+    /// Returns the number of widths.
+    #[must_use]
+    pub fn widths(&self) -> usize {
+        self.end[self.across] - self.first[self.across]
+    }
+}
+
+/// Heave of a prism of ground, the friction on its sides left out: K. Terzaghi, Theoretical Soil Mechanics (1943).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Heave {
+    /// Width of the prism \[m\].
+    pub width: f64,
+    /// Mean head at its base above that at the surface \[m\].
+    pub excess_head: f64,
+    /// Excess head over the depth \[1\].
+    pub gradient: f64,
+    /// Submerged weight over the force of the water \[1\]; infinite where the water does not lift.
+    pub factor_of_safety: f64,
 }
 
 impl Pressure {
@@ -35,5 +83,73 @@ impl Pressure {
             }
         }
         found
+    }
+
+    /// Returns the heave of prisms of every width, from a layer of cells to all of them.
+    #[must_use]
+    pub fn heave(&self, prisms: &Prisms) -> Vec<Heave> {
+        let grid = &self.slab.grid;
+        let (up, across) = (prisms.vertical, prisms.across);
+        let third = 3 - up - across;
+        let mut levels = [prisms.first[up], prisms.end[up]];
+        if !prisms.rises {
+            levels.reverse();
+        }
+        let depth = real(prisms.layers()) * grid.spacing[up];
+        let weight = self.weight()[up].abs();
+        let mut sums = [ExactSum::new(), ExactSum::new()];
+        let (mut count, mut dry) = (0_usize, false);
+        let layer = |n: usize| {
+            let mut cell = [0; 3];
+            cell[across] = if prisms.from_upper {
+                prisms.end[across] - 1 - n
+            } else {
+                prisms.first[across] + n
+            };
+            for k in prisms.first[third]..prisms.end[third] {
+                cell[third] = k;
+                for (sum, level) in sums.iter_mut().zip(levels) {
+                    cell[up] = level;
+                    let value = self.face_reduced(up, cell);
+                    dry |= !value.is_finite();
+                    sum.add(if value.is_finite() { value } else { 0.0 });
+                }
+                count += 1;
+            }
+            // A prism that a structure or a cavity is part of has no heave.
+            let excess_head = if dry {
+                f64::NAN
+            } else {
+                self.head((sums[0].value() - sums[1].value()) / real(count))
+            };
+            let gradient = excess_head / depth;
+            Heave {
+                width: real(n + 1) * grid.spacing[across],
+                excess_head,
+                gradient,
+                factor_of_safety: if gradient <= 0.0 {
+                    f64::INFINITY
+                } else {
+                    prisms.submerged_weight / (weight * gradient)
+                },
+            }
+        };
+        (0..prisms.widths()).map(layer).collect()
+    }
+
+    /// Returns the heave of the prism whose width is closest to half its depth, and of the width with the least factor
+    /// of safety.
+    #[must_use]
+    pub fn critical_heave(&self, prisms: &Prisms) -> Option<[Heave; 2]> {
+        let grid = &self.slab.grid;
+        let half = 0.5 * real(prisms.layers()) * grid.spacing[prisms.vertical];
+        let all = self.heave(prisms);
+        let nearest = all
+            .iter()
+            .min_by(|a, b| (a.width - half).abs().total_cmp(&(b.width - half).abs()));
+        let least = all
+            .iter()
+            .min_by(|a, b| a.factor_of_safety.total_cmp(&b.factor_of_safety));
+        Some([*nearest?, *least?])
     }
 }

@@ -5,9 +5,9 @@ use crate::enclosure::Openness;
 use crate::grid::Grid;
 use crate::layout::Layout;
 use crate::multigrid::first_joined;
-use decomposition::{Axis, Slabs};
+use decomposition::{Axis, ExactSum, Slabs};
 
-/// A face on the boundary of the grid that something crosses.
+/// A face on the boundary of the grid, or of a drain in it, that something crosses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Boundary {
     /// Place of the cell among the cells and in the layout.
@@ -17,6 +17,10 @@ pub(super) struct Boundary {
     pub(super) upper: bool,
     /// Open area \[m2\].
     pub(super) area: f64,
+    /// Part of the area of the patch, or of the volume of a well.
+    pub(super) share: f64,
+    /// `true` for a source of the cell, whose area is without end, so that it has no flux.
+    pub(super) source: bool,
     /// Number of the patch.
     pub(super) patch: usize,
     /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
@@ -25,6 +29,8 @@ pub(super) struct Boundary {
     pub(super) up: f64,
     /// Conductance from the centre of the cell.
     pub(super) conductance: f64,
+    /// Volume that enters in a second beyond the flow of two points, where the ground dips \[m3/s\].
+    pub(super) extra: f64,
     /// Volume that enters in a second where the ground drains \[m3/s\].
     pub(super) rate: f64,
     /// Its derivative by minus the reduced pressure of the cell.
@@ -62,6 +68,39 @@ pub(super) fn boundary(
     let grid = openness.grid;
     let gravity = settings.gravity;
     let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
+    let make = |index: usize, axis: usize, upper: bool, open: f64, patch: usize| {
+        let cell = grid.cell(index);
+        let mut centre = grid.centre(cell);
+        centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+        let lift = match settings.equations {
+            Equations::Corrected => {
+                -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
+            }
+            Equations::Paper => 0.0,
+        };
+        let outward = if upper { 1.0 } else { -1.0 };
+        let up = if strength > 0.0 {
+            (-gravity[axis] * outward / strength).max(0.0)
+        } else {
+            0.0
+        };
+        Boundary {
+            cell: index,
+            at: layout.at(cell),
+            axis,
+            upper,
+            area: open * grid.area(axis),
+            share: open * grid.area(axis),
+            source: false,
+            patch,
+            lift,
+            up,
+            conductance: 0.0,
+            extra: 0.0,
+            rate: 0.0,
+            response: 0.0,
+        }
+    };
     let mut all = Vec::new();
     for index in 0..grid.count() {
         let cell = grid.cell(index);
@@ -71,45 +110,50 @@ pub(super) fn boundary(
                 if cell[axis] != edge || openness.blocked(index) {
                     continue;
                 }
-                let holds = |p: &Patch| p.holds(axis, upper, cell);
-                let Some(patch) = patches.iter().rposition(holds) else {
+                let covers = |p: &Patch| p.covers(axis, upper, cell);
+                let Some(patch) = patches.iter().rposition(covers) else {
                     continue;
                 };
                 let mut place = cell;
                 place[axis] += usize::from(upper);
-                let area = openness.faces[axis][openness.face(axis, place)] * grid.area(axis);
-                if area <= 0.0 || patches[patch].condition == (Condition::NoFlow {}) {
-                    continue;
+                let open = openness.faces[axis][openness.face(axis, place)];
+                if open > 0.0 {
+                    all.push(make(index, axis, upper, open, patch));
                 }
-                let mut centre = grid.centre(cell);
-                centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
-                let lift = match settings.equations {
-                    Equations::Corrected => {
-                        -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
-                    }
-                    Equations::Paper => 0.0,
-                };
-                let outward = if upper { 1.0 } else { -1.0 };
-                let up = if strength > 0.0 {
-                    (-gravity[axis] * outward / strength).max(0.0)
-                } else {
-                    0.0
-                };
-                all.push(Boundary {
-                    cell: index,
-                    at: layout.at(cell),
-                    axis,
-                    upper,
-                    area,
-                    patch,
-                    lift,
-                    up,
-                    conductance: 0.0,
-                    rate: 0.0,
-                    response: 0.0,
-                });
             }
         }
     }
+    let inside = |p: &(usize, &Patch)| p.1.inside;
+    let drains: Vec<usize> = patches
+        .iter()
+        .enumerate()
+        .filter(inside)
+        .map(|(n, _)| n)
+        .collect();
+    for face in &openness.drain_faces {
+        if let Some(&patch) = drains.get(face.drain) {
+            let mut face_of_drain = make(face.cell, face.axis, face.upper, face.open, patch);
+            if face.source {
+                face_of_drain.area = f64::INFINITY;
+                face_of_drain.source = true;
+            }
+            all.push(face_of_drain);
+        }
+    }
+    all.retain(|face| patches[face.patch].condition != (Condition::NoFlow {}));
+    all.sort_by_key(|face| face.cell);
+    divide_patches(&mut all, patches.len());
     all
+}
+
+/// Divides the area or volume of each face by that of its patch.
+fn divide_patches(faces: &mut [Boundary], patches: usize) {
+    let mut areas: Vec<ExactSum> = (0..patches).map(|_| ExactSum::new()).collect();
+    for face in &*faces {
+        areas[face.patch].add(face.share);
+    }
+    let areas: Vec<f64> = areas.iter().map(ExactSum::value).collect();
+    for face in faces {
+        face.share /= areas[face.patch];
+    }
 }

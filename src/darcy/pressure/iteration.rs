@@ -79,6 +79,9 @@ impl Pressure {
                     out[i] = leak[i] * row[i] - sum;
                 });
             });
+            let mut product = std::mem::take(&mut self.system.product);
+            self.add_tensor(&self.system.direction, &mut product, -1.0);
+            self.system.product = product;
             let energy = dot(
                 here,
                 &self.system.direction,
@@ -177,6 +180,9 @@ impl Pressure {
                 out[i] = (right[i] - leak[i] * row[i]) + sum;
             });
         });
+        let mut residual = std::mem::take(&mut self.system.residual);
+        self.add_tensor(&self.phi, &mut residual, 1.0);
+        self.system.residual = residual;
         let mut most = 0.0_f64;
         for row in self.slab.layout.rows(&self.slab.part) {
             for r in &self.system.residual[row] {

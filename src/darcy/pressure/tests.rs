@@ -34,6 +34,7 @@ fn patch(grid: &Grid, axis: usize, upper: bool, condition: Condition) -> Patch {
         from: [0; 3],
         to: grid.cells,
         condition,
+        inside: false,
     }
 }
 
@@ -481,6 +482,7 @@ fn a_box_with_a_small_outlet() {
         from: [OUTLET.start, 0, OUTLET.start],
         to: [OUTLET.end, 20, OUTLET.end],
         condition: Condition::Pressure { value: 0.0 },
+        inside: false,
     };
     let inlet = Condition::Flux {
         value: FLOW / (0.1 * 0.1),

@@ -20,6 +20,7 @@
 //! ```text
 //! seepage face:   outflow = max[0, T k_f (phi_c - phi_f)]      at psi_f = 0
 //! rain:           inflow  = min[rate, T k_f (phi_f - phi_c)]   at psi_f = 0
+//! evaporation:    outflow = min{rate, max[0, T k_f (phi_c - phi_f)]}   at psi_f = -suction, the driest surface
 //! ```
 //!
 //! so that no list of wet faces is needed. Rain that the soil does not take runs off: the water above the ground is of
@@ -417,6 +418,18 @@ impl Pressure {
         match self.patches[face.patch].condition {
             Condition::NoFlow {} => (0.0, 0.0),
             Condition::Flux { value } => (value * face.area, 0.0),
+            Condition::Discharge { value } => (value * face.share, 0.0),
+            Condition::Evaporation { rate, suction } => {
+                let most = rate * face.area * face.up;
+                let (drawn, response) = held(surface - own.weight * suction);
+                if -drawn > most {
+                    (-most, 0.0)
+                } else if drawn < 0.0 {
+                    (drawn, response)
+                } else {
+                    (0.0, 0.0)
+                }
+            }
             Condition::Pressure { .. } | Condition::Head { .. } => {
                 self.imposed(face).map_or((0.0, 0.0), held)
             }

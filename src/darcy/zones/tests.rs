@@ -24,7 +24,9 @@ fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> Zone {
         permeability: Some(Rule::Value(permeability)),
         porosity: None,
         raster: None,
+        polygon: Vec::new(),
         directions: [1.0; 3],
+        shear: 0.0,
         without_grains: true,
     }
 }
@@ -143,7 +145,9 @@ fn later_zones_take_precedence_in_what_they_state() {
 fn zones_of_grains_end_where_there_are_none() {
     let grid = grid(2);
     let only = Zone {
+        polygon: Vec::new(),
         directions: [1.0; 3],
+        shear: 0.0,
         without_grains: false,
         ..layer(0, 0.0, 4.0, 1e-12)
     };

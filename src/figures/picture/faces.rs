@@ -65,6 +65,12 @@ impl Faces {
         Ok(walls)
     }
 
+    /// Returns the corners of each face.
+    pub(super) fn outlines(&self) -> impl Iterator<Item = Vec<[f64; 3]>> + '_ {
+        let points = |corners: &Vec<usize>| corners.iter().map(|&c| self.points[c]).collect();
+        self.corners.iter().map(points)
+    }
+
     /// Returns the lines in which a section cuts the faces.
     pub(super) fn cut(&self, section: Section) -> Vec<Line> {
         let lines = self.corners.iter().filter_map(|corners| {

@@ -4,6 +4,8 @@
 
 use base::number::{real, whole};
 use coupling::seepage::Seepage;
+use darcy::surface::Solids;
+use darcy::{Prisms, WettedSurface};
 use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::block::Block;
@@ -106,6 +108,84 @@ pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
         }
         None => [f64::NAN; 5],
     }
+}
+
+/// The surface of a structure, divided when it is first sampled.
+#[derive(Clone, Debug)]
+pub(super) struct SurfaceLoad {
+    solids: Solids,
+    index: usize,
+    about: [f64; 3],
+    surface: Option<WettedSurface>,
+}
+
+impl SurfaceLoad {
+    /// Returns the load on the structure of an index about a point \[m\].
+    pub(super) fn new(scene: &Scene, index: usize, about: [f64; 3]) -> Self {
+        Self {
+            solids: scene.solids.clone(),
+            index,
+            about,
+            surface: None,
+        }
+    }
+
+    /// Returns force and torque of the water.
+    pub(super) fn sample<S: Space>(&mut self, seepage: &Seepage<S>) -> [f64; 6] {
+        let surface = self.surface.get_or_insert_with(|| {
+            let wet = |cell: usize| seepage.pores().porosity()[cell] > 0.0;
+            WettedSurface::new(seepage.grid(), &self.solids, self.index, &wet)
+        });
+        seepage.pressure().load(surface, self.about)
+    }
+}
+
+/// The corners of cells nearest to two points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Crossing {
+    from: [usize; 2],
+    to: [usize; 2],
+}
+
+impl Crossing {
+    /// Returns the corners nearest to two points \[m\].
+    pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Self {
+        let corner = |point: [f64; 3]| {
+            [0, 1].map(|a: usize| {
+                let place = (point[a] - scene.origin[a]) / scene.spacing[a];
+                whole(place.round().clamp(0.0, real(scene.cells[a])))
+            })
+        };
+        Self {
+            from: corner(from),
+            to: corner(to),
+        }
+    }
+
+    /// Returns the discharge from left to right: along x first, then along y.
+    pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> f64 {
+        let (grid, pressure) = (seepage.grid(), seepage.pressure());
+        let mut sum = ExactSum::new();
+        let ([i, j], [k, l]) = (self.from, self.to);
+        let upward = pressure.face_flows(1);
+        for x in i.min(k)..i.max(k) {
+            let flow = upward[j * grid.cells[0] + x];
+            sum.add(if k > i { -flow } else { flow });
+        }
+        let rightward = pressure.face_flows(0);
+        for y in j.min(l)..j.max(l) {
+            let flow = rightward[y * (grid.cells[0] + 1) + k];
+            sum.add(if l > j { flow } else { -flow });
+        }
+        sum.value()
+    }
+}
+
+/// Returns width, excess head, gradient and factor of safety of the prism of each width.
+pub(super) fn heave<S: Space>(seepage: &Seepage<S>, prisms: &Prisms) -> Vec<[f64; 4]> {
+    let all = seepage.pressure().heave(prisms).into_iter();
+    all.map(|h| [h.width, h.excess_head, h.gradient, h.factor_of_safety])
+        .collect()
 }
 
 /// Returns the water in the ground, what entered and left since the start, and the present inflow and outflow.

@@ -129,6 +129,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
             let sample = match &probe.at {
                 ProbeAt::Line { points, .. } => real(*points) * POINT,
                 ProbeAt::WaterTable(columns) => real(*columns) * LINE,
+                ProbeAt::Heave(heave) => real(heave.widths()) * LINE,
                 _ => LINE,
             };
             outputs(probe.every, end) * sample

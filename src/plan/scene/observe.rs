@@ -2,6 +2,7 @@
 
 mod bed;
 mod probes;
+mod seepage;
 
 use super::block::Block;
 use super::findings::{Findings, at_least, number};
@@ -15,6 +16,7 @@ use case::fluid::Fluid;
 use case::geometry::{Axis, Face};
 use case::grains::Radii;
 use case::observe::{Action as Written, FieldName, When};
+use darcy::Prisms;
 pub(crate) use probes::{Measured, probes};
 use serde::Serialize;
 
@@ -90,8 +92,22 @@ pub enum ProbeAt {
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
     Body(usize),
-    /// Force on a structure, by its index among those that water meets.
-    Structure(usize),
+    /// Force on a structure.
+    Structure {
+        /// Index among those that water meets.
+        index: usize,
+        /// Point of the torque \[m\].
+        about: [f64; 3],
+    },
+    /// Discharge of seepage between two points of a plane.
+    Crossing {
+        /// First point \[m\].
+        from: [f64; 3],
+        /// Last point \[m\].
+        to: [f64; 3],
+    },
+    /// Heave of prisms of ground.
+    Heave(Prisms),
     /// Discharge of seepage through a part of a plane.
     Section {
         /// Axis normal to it: 0, 1 or 2.
@@ -338,6 +354,7 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
                 "add `gravity`, or use `pressure`",
             ),
             FieldName::Head => {}
+            FieldName::StreamFunction => check_stream_function(case, &path, findings),
             FieldName::Saturation if drains => {}
             FieldName::Saturation => findings.error(
                 &path,
@@ -347,7 +364,7 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
             _ if seeps => findings.error(
                 &path,
                 "seepage has no such field",
-                "use velocity, pressure, head or saturation",
+                "use velocity, pressure, head, stream_function or saturation",
             ),
             _ => {}
         }
@@ -355,6 +372,32 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
             findings.error(&path, "this field is named twice", "remove one of them");
         }
     }
+}
+
+/// Refuses a stream function of a flow that has none.
+fn check_stream_function(case: &Case, path: &str, findings: &mut Findings) {
+    let Some(Fluid::Darcy(written)) = &case.fluid else {
+        findings.error(
+            path,
+            "a stream function is one of seepage; this is a fluid on a lattice",
+            "use `velocity`, and `picture --streamlines`",
+        );
+        return;
+    };
+    let transient = written
+        .unsaturated
+        .as_ref()
+        .is_some_and(|soil| soil.transient.is_some());
+    let reason = if case.domain.size.0.len() != 2 {
+        "a stream function needs a plane flow, and this is a 3-D problem"
+    } else if transient {
+        "ground that stores water has no stream function: what enters a cell need not leave it"
+    } else if case.grains.is_some() || !case.bodies.is_empty() {
+        "water among grains that move has no stream function: they displace it"
+    } else {
+        return;
+    };
+    findings.error(path, reason, "use `velocity`, and `picture --streamlines`");
 }
 
 fn averages(case: &Case, findings: &mut Findings) {

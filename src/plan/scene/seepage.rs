@@ -1,7 +1,11 @@
 //! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
+mod drains;
+mod polygons;
 mod unsaturated;
 mod zones;
+
+pub use drains::Drain;
 
 use super::block::Block;
 use super::findings::{Findings, number};
@@ -52,6 +56,8 @@ pub struct Seepage {
     pub walls: [[bool; 2]; 3],
     /// Conditions, in the order of the case.
     pub patches: Vec<Patch>,
+    /// Drains and wells inside the ground, in the order of the case.
+    pub drains: Vec<Drain>,
     /// Permeabilities and porosities by region, on the grid.
     #[serde(skip)]
     pub zones: Option<Arc<Zones>>,
@@ -117,6 +123,7 @@ impl Seepage {
             planes,
             walls: [[false; 2]; 3],
             patches: Vec::new(),
+            drains: Vec::new(),
             zones: None,
             soil_of: Vec::new(),
             solids: (structures.iter().filter(|s| s.stops.water()))
@@ -137,6 +144,7 @@ impl Seepage {
             scene.resolve_surface(gravity.to_array());
         }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
+        scene.drains = scene.drains_of(grid, findings);
         scene.zones = scene.zones_of(case, grid, findings);
         scene.soil_of = scene.soils(case, grid);
         scene.check(case, grid, grains, findings);
@@ -147,6 +155,15 @@ impl Seepage {
     #[must_use]
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
+    }
+
+    /// Returns the conditions of boundaries and drains.
+    pub fn conditions(&self) -> impl Iterator<Item = Condition> {
+        let drains = self.drains.iter().map(|drain| drain.condition);
+        self.patches
+            .iter()
+            .map(|patch| patch.condition)
+            .chain(drains)
     }
 
     /// `true` if the flow changes with time.
@@ -226,7 +243,11 @@ impl Seepage {
             }
             _ => None,
         };
-        let imposed = || self.patches.iter().filter_map(excess);
+        let imposed = || {
+            let drains = self.drains.iter();
+            let of_drains = drains.filter_map(|drain| self.drain_pressure(drain, gravity));
+            self.patches.iter().filter_map(excess).chain(of_drains)
+        };
         let high = imposed().fold(f64::NEG_INFINITY, f64::max);
         let low = imposed().fold(f64::INFINITY, f64::min);
         (high - low).max(0.0)
@@ -514,13 +535,7 @@ impl Seepage {
 
     /// Checks that some condition holds the pressure, and that conditions under gravity have one.
     fn check_conditions(&self, case: &Case, findings: &mut Findings) {
-        let holds = |p: &Patch| {
-            matches!(
-                p.condition,
-                Condition::Pressure { .. } | Condition::Head { .. } | Condition::SeepageFace { .. }
-            )
-        };
-        if !self.patches.iter().any(holds) {
+        if !self.conditions().any(|condition| condition.holds()) {
             findings.error(
                 &format!("{PATH}.boundaries"),
                 "no pressure and no head is imposed anywhere: \
@@ -533,15 +548,21 @@ impl Seepage {
             .as_ref()
             .is_none_or(|g| g.to_array().iter().all(|g| g.abs() <= 0.0));
         for (n, patch) in self.patches.iter().enumerate() {
-            let needs = matches!(
-                patch.condition,
-                Condition::Head { .. } | Condition::Rain { .. } | Condition::SeepageFace { .. }
-            );
+            let needs = needs_gravity(&patch.condition);
             if needs && weightless {
                 findings.error(
                     &format!("{PATH}.boundaries[{n}].condition"),
-                    "a head, rain and a seepage face need gravity, and there is none in this case",
+                    WEIGHTLESS,
                     "add `gravity`, or impose a pressure or a flux",
+                );
+            }
+        }
+        for (n, drain) in self.drains.iter().enumerate() {
+            if weightless && needs_gravity(&drain.condition) {
+                findings.error(
+                    &format!("{PATH}.drains[{n}].condition"),
+                    WEIGHTLESS,
+                    "add `gravity`, or impose a pressure or a discharge",
                 );
             }
         }
@@ -632,6 +653,20 @@ impl Seepage {
             );
         }
     }
+}
+
+const WEIGHTLESS: &str =
+    "heads, rain, evaporation and seepage faces need gravity, and there is none in this case";
+
+/// `true` if a condition has no meaning without gravity.
+fn needs_gravity(condition: &Condition) -> bool {
+    matches!(
+        condition,
+        Condition::Head { .. }
+            | Condition::Rain { .. }
+            | Condition::SeepageFace { .. }
+            | Condition::Evaporation { .. }
+    )
 }
 
 fn coarse(

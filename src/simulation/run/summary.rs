@@ -19,6 +19,7 @@ use dem::space::Space;
 use lbm::quanta::from_quanta;
 use output::checkpoint::Saved;
 use plan::scene::Scene;
+use plan::scene::observe::{Probe, ProbeAt};
 use plan::scene::seepage::Seepage as SeepageScene;
 use serde_json::{Value, json};
 
@@ -353,6 +354,8 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
             "bernoulli_speed": bernoulli_speed(&now.plan.scene, extremes),
             "patch_inflows": seepage.pressure().patch_inflows(),
             "exit_gradients": exits(seepage.pressure(), scene),
+            "heave": heave(seepage.pressure(), &now.plan.scene.probes),
+            "overshoot": seepage.pressure().overshoot(),
             "mean_porosity": grains.then(|| seepage.mean_porosity()),
             "stored_water": water.map(|water| water.stored),
             "initial_water": water.map(|water| water.initial),
@@ -538,12 +541,36 @@ pub(super) fn peak_rss() -> u64 {
 /// Returns the largest gradient with which water leaves each patch, and the face where it does, by names of patches.
 fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     let patches = scene.into_iter().flat_map(|scene| &scene.patches);
-    let found = patches.zip(pressure.exit_gradients());
-    let found = found.filter_map(|(patch, exit)| {
+    let drains = scene.into_iter().flat_map(|scene| &scene.drains);
+    let names = patches.map(|p| &p.name).chain(drains.map(|d| &d.name));
+    let found = names.zip(pressure.exit_gradients());
+    let found = found.filter_map(|(name, exit)| {
         let exit = exit?;
         Some((
-            patch.name.clone(),
+            name.clone(),
             json!({"gradient": exit.gradient, "position": exit.centre}),
+        ))
+    });
+    found.collect::<serde_json::Map<String, Value>>().into()
+}
+
+/// Returns the factors of safety against heave of the probes of it, by their names: that of Terzaghi's width, half the
+/// depth, and the least one with its width.
+fn heave(pressure: &Pressure, probes: &[Probe]) -> Value {
+    let found = probes.iter().filter_map(|probe| {
+        let ProbeAt::Heave(prisms) = &probe.at else {
+            return None;
+        };
+        let [half, least] = pressure.critical_heave(prisms)?;
+        let finite = |factor: f64| factor.is_finite().then_some(factor);
+        Some((
+            probe.name.clone(),
+            json!({
+                "factor_of_safety": finite(half.factor_of_safety),
+                "width": half.width,
+                "least_factor": finite(least.factor_of_safety),
+                "least_width": least.width,
+            }),
         ))
     });
     found.collect::<serde_json::Map<String, Value>>().into()

@@ -31,7 +31,8 @@ impl Pressure {
     #[must_use]
     pub fn inner_gradient(&self, cell: usize) -> [f64; 3] {
         let Some(own) = &self.unsaturated else {
-            return self.reduced_gradient(cell);
+            let dipping = self.dipping_gradient(cell);
+            return dipping.unwrap_or_else(|| self.reduced_gradient(cell));
         };
         let at = self.slab.layout.at(self.slab.grid.cell(cell));
         let mut driven: [f64; 3] = std::array::from_fn(|axis| {
@@ -42,7 +43,11 @@ impl Pressure {
             };
             0.5 * (face(at) + face(at + stride))
         });
-        for face in self.boundary.iter().filter(|face| face.cell == cell) {
+        for face in self
+            .boundary
+            .iter()
+            .filter(|face| face.cell == cell && !face.source)
+        {
             let imposed = self.imposed(face).filter(|_| face.rate.abs() > 0.0);
             let rate = match imposed {
                 Some(phi) => face.conductance * (phi - self.level - self.phi[at]),

@@ -1,3 +1,4 @@
+mod drains;
 mod transient;
 
 use super::*;
@@ -47,6 +48,7 @@ fn patch(grid: &Grid, axis: usize, upper: bool, ends: [f64; 2], condition: Condi
         from,
         to,
         condition,
+        inside: false,
     }
 }
 

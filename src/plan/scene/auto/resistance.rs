@@ -20,7 +20,7 @@ use crate::scene::findings::number;
 use crate::scene::grains::{GrainSource, Grains};
 use crate::scene::sample::Grain;
 use base::number::real;
-use darcy::{Condition, Liquid, MeanDiameter};
+use darcy::{Liquid, MeanDiameter};
 use std::f64::consts::{FRAC_PI_6, PI};
 
 /// Solid fractions of random beds that stand: from the loosest (G. Y. Onoda and E. G. Liniger, Phys. Rev. Lett. 64
@@ -129,10 +129,8 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     }
     let driven =
         seepage.pressure_drop(scene.gravity) / seepage.height(scene.gravity, scene.grid.dimension);
-    let imposed = seepage.patches.iter().map(|patch| match patch.condition {
-        Condition::Flux { value } | Condition::Rain { rate: value } => value.abs(),
-        _ => 0.0,
-    });
+    let imposed = seepage.patches.iter();
+    let imposed = imposed.filter_map(|patch| patch.condition.flux().map(f64::abs));
     let imposed = imposed.fold(0.0, f64::max);
     let resistance = written.resistance();
     let law = resistance.model();

@@ -1,6 +1,6 @@
 //! The probes of a scene.
 
-use super::{Probe, ProbeAt, bed, due, means};
+use super::{Probe, ProbeAt, bed, due, means, seepage};
 use crate::scene::block::Block;
 use crate::scene::blocks::Blocks;
 use crate::scene::bodies::Body;
@@ -62,6 +62,10 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
     let of_pores = matches!(
         at,
         Written::Point { .. }
+            | Written::Line { .. }
+            | Written::Structure { .. }
+            | Written::Crossing { .. }
+            | Written::Heave { .. }
             | Written::Section { .. }
             | Written::WaterTable {}
             | Written::WaterBalance {}
@@ -92,7 +96,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
         findings.error(
             path,
             "this probe samples a fluid on a lattice; this is seepage",
-            "use a point, a section, or `output.fluid`, which has the pressure and velocity of every cell",
+            "use a point, a line, a section, or `output.fluid`, which has the pressure and velocity of every cell",
         );
     }
 }
@@ -120,8 +124,30 @@ impl Measured<'_> {
                 self.plane(*axis, *position, &format!("{path}.plane"), findings)
             }
             Written::Body { name } => self.body(name, &format!("{path}.body.name"), findings),
-            Written::Structure { name } => {
-                self.structure(name, &format!("{path}.structure.name"), findings)
+            Written::Structure { name, about } => {
+                let path = format!("{path}.structure");
+                ProbeAt::Structure {
+                    index: self.structure(name, &format!("{path}.name"), findings),
+                    about: self.about(about.as_ref(), &path, findings),
+                }
+            }
+            Written::Crossing { from, to } => {
+                let path = format!("{path}.crossing");
+                seepage::crossing((self.case, self.grid), [from, to], &path, findings)
+            }
+            Written::Heave {
+                prism,
+                at,
+                submerged_weight,
+            } => {
+                let path = format!("{path}.heave");
+                seepage::heave(
+                    (self.case, self.grid),
+                    prism,
+                    (*at, *submerged_weight),
+                    &path,
+                    findings,
+                )?
             }
             Written::Section {
                 axis,
@@ -162,9 +188,7 @@ impl Measured<'_> {
                 about,
             } => {
                 let path = format!("{path}.uplift");
-                let about = about.as_ref().map_or([0.0; 3], |about| {
-                    Block::vector(self.grid, about, &format!("{path}.about"), findings)
-                });
+                let about = self.about(about.as_ref(), &path, findings);
                 match self.section(*axis, *position, part.as_ref(), &path, findings) {
                     ProbeAt::Section {
                         axis,
@@ -192,12 +216,16 @@ impl Measured<'_> {
         })
     }
 
+    /// Returns the point of a torque.
+    fn about(&self, about: Option<&Vector>, path: &str, findings: &mut Findings) -> [f64; 3] {
+        about.map_or([0.0; 3], |about| {
+            Block::vector(self.grid, about, &format!("{path}.about"), findings)
+        })
+    }
+
     /// Returns a point, and refuses one outside the domain.
     fn inside(&self, point: [f64; 3], path: &str, findings: &mut Findings) -> [f64; 3] {
-        if !self.grid.contains(point) {
-            findings.error(path, "the probe lies outside the domain", "move it inside");
-        }
-        point
+        seepage::inside(self.grid, point, path, findings)
     }
 
     fn point(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
@@ -299,7 +327,7 @@ impl Measured<'_> {
         ProbeAt::Body(index.unwrap_or(0))
     }
 
-    fn structure(&self, name: &str, path: &str, findings: &mut Findings) -> ProbeAt {
+    fn structure(&self, name: &str, path: &str, findings: &mut Findings) -> usize {
         let water = self.structures.iter().filter(|s| s.stops.water());
         let names: Vec<&str> = water.map(|s| s.name.as_str()).collect();
         let index = names.iter().position(|known| *known == name);
@@ -311,7 +339,7 @@ impl Measured<'_> {
             );
             findings.depends(&["structures"]);
         }
-        ProbeAt::Structure(index.unwrap_or(0))
+        index.unwrap_or(0)
     }
 
     fn mouth(&self, name: &str, path: &str, findings: &mut Findings) -> ProbeAt {

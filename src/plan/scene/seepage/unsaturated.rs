@@ -1,5 +1,6 @@
 //! Ground that drains: parameters of the soil, and what does not go with it.
 
+use super::polygons::polygon;
 use super::{PATH, Seepage};
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
@@ -8,6 +9,7 @@ use base::error::Remedy;
 use base::history;
 use case::Case;
 use case::darcy::{TransientFlow, ZonePermeability};
+use darcy::zones::is_inside;
 use darcy::{Condition, Equations, Retention};
 
 /// Height of a cell over the capillary length above which the plan warns: the relative permeability falls by e^-20
@@ -63,16 +65,15 @@ impl Seepage {
             .filter(|zone| zone.retention.is_some())
         {
             let whole = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
-            regions.push(
-                zone.region
-                    .as_ref()
-                    .map_or(whole, |written| region(grid, written, PATH, &mut silent)),
-            );
+            let written = zone.region.as_ref();
+            let corners = written.map_or(whole, |written| region(grid, written, PATH, &mut silent));
+            regions.push((corners, polygon(case, zone, PATH, &mut silent)));
         }
         let soil = |cell: usize| {
             let centre = coarse.centre(coarse.cell(cell));
-            let holds = |[from, to]: &[[f64; 3]; 2]| {
+            let holds = |([from, to], polygon): &([[f64; 3]; 2], Vec<[f64; 2]>)| {
                 (0..3).all(|a| centre[a] >= from[a] && centre[a] < to[a])
+                    && (polygon.is_empty() || is_inside(polygon, [centre[0], centre[1]]))
             };
             let last = regions.iter().rposition(holds);
             last.map_or(0, |n| u8::try_from(n + 1).unwrap_or(u8::MAX))
@@ -118,17 +119,22 @@ impl Seepage {
 
     /// Checks the tables of conditions.
     fn check_histories(&self, findings: &mut Findings) {
-        for (n, patch) in self.written.boundaries.iter().enumerate() {
-            let Some(table) = &patch.history else {
+        let boundaries = self.written.boundaries.iter().enumerate();
+        let boundaries =
+            boundaries.map(|(n, b)| (format!("boundaries[{n}]"), b.condition, &b.history));
+        let drains = self.written.drains.iter().enumerate();
+        let drains = drains.map(|(n, d)| (format!("drains[{n}]"), d.condition, &d.history));
+        for (place, condition, history) in boundaries.chain(drains) {
+            let Some(table) = history else {
                 continue;
             };
-            let path = format!("{PATH}.boundaries[{n}].history");
+            let path = format!("{PATH}.{place}.history");
             let (reason, remedy) = if !self.is_transient() {
                 (
                     "a condition follows a table only where the flow changes with time",
                     "add `unsaturated.transient`, or state one value in `condition`",
                 )
-            } else if patch.condition == (Condition::NoFlow {}) {
+            } else if condition == (Condition::NoFlow {}) {
                 ("an impermeable face has no value", "use another condition")
             } else {
                 history::check(table, &path, findings);
@@ -245,16 +251,27 @@ impl Seepage {
         }
     }
 
-    /// Refuses seepage faces of saturated ground.
+    /// Refuses seepage faces and evaporation of saturated ground.
     fn refuse_seepage_faces(&self, findings: &mut Findings) {
-        for (n, patch) in self.patches.iter().enumerate() {
-            if matches!(patch.condition, Condition::SeepageFace { .. }) {
-                findings.error(
-                    &format!("{PATH}.boundaries[{n}].condition"),
+        let boundaries = self.patches.iter().enumerate();
+        let boundaries = boundaries.map(|(n, patch)| (format!("boundaries[{n}]"), patch.condition));
+        let drains = self.drains.iter().enumerate();
+        let drains = drains.map(|(n, drain)| (format!("drains[{n}]"), drain.condition));
+        for (place, condition) in boundaries.chain(drains) {
+            let path = format!("{PATH}.{place}.condition");
+            match condition {
+                Condition::SeepageFace { .. } => findings.error(
+                    &path,
                     "a seepage face needs ground that drains: \
                      in saturated ground the pressure on a face in air is not known",
                     "add `unsaturated` with a retention, or impose a pressure or a head",
-                );
+                ),
+                Condition::Evaporation { .. } => findings.error(
+                    &path,
+                    "evaporation needs ground that drains: saturated ground has no suction that limits it",
+                    "add `unsaturated` with a retention, or impose a flux",
+                ),
+                _ => {}
             }
         }
     }

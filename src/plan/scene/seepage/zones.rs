@@ -1,5 +1,6 @@
 //! Zones of the seepage: regions with their own permeability or porosity, resolved on the coarse grid.
 
+use super::polygons::polygon;
 use super::{PATH, Seepage};
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
@@ -68,7 +69,12 @@ impl Seepage {
                         .set(format!("{path}.permeability.resistance"), "kozeny_carman"),
                 );
             }
-            let directions = bedding(case, zone, &path, findings);
+            let mut directions = bedding(case, zone, &path, findings);
+            let mut shear = 0.0;
+            if let Some(dip) = zone.dip {
+                self.check_dip(case, zone, &path, findings);
+                (directions, shear) = dipping(zone.anisotropy.unwrap_or(1.0), dip);
+            }
             let raster = raster(case, zone, grid, (&path, permeable), findings);
             let conducts = matches!(
                 zone.permeability,
@@ -83,6 +89,7 @@ impl Seepage {
             zones.push(Resolved {
                 from,
                 to,
+                polygon: polygon(case, zone, &path, findings),
                 permeability: zone.permeability.map(|written| match written {
                     ZonePermeability::Value(value) => Rule::Value(value),
                     ZonePermeability::HydraulicConductivity(k) => Rule::Value(k * permeable),
@@ -92,6 +99,7 @@ impl Seepage {
                 porosity: zone.porosity,
                 raster,
                 directions,
+                shear,
                 without_grains: zone.without_grains || alone,
             });
         }
@@ -110,6 +118,52 @@ impl Seepage {
             }
         }
         Some(Arc::new(all))
+    }
+
+    /// Checks what a dip needs.
+    fn check_dip(&self, case: &Case, zone: &Zone, path: &str, findings: &mut Findings) {
+        let path = format!("{path}.dip");
+        let gravity = (case.gravity.as_ref()).map_or([0.0; 3], |gravity| gravity.to_array());
+        let upright = gravity[1] < 0.0 && gravity[0].abs() <= 1e-9 * gravity[1].abs();
+        let stated = match zone.permeability {
+            Some(ZonePermeability::Value(_) | ZonePermeability::HydraulicConductivity(_)) => true,
+            Some(_) => false,
+            None => zone.raster.is_some(),
+        };
+        let (reason, remedy) = if case.domain.size.0.len() != 2 {
+            (
+                "beds that dip are computed in 2-D, and this is a 3-D problem",
+                "choose a section along the dip in 2-D, or remove the dip",
+            )
+        } else if !upright {
+            (
+                "the dip counts from the horizontal x, and gravity does not point along -y",
+                "write gravity as [0, -9.81]",
+            )
+        } else if zone.anisotropy.is_none() {
+            (
+                "the dip of a permeability that is the same in all directions changes nothing",
+                "add `anisotropy`, or remove the dip",
+            )
+        } else if self.written.unsaturated.is_some() {
+            (
+                "beds that dip are computed in saturated ground",
+                "remove `unsaturated`, or the dip",
+            )
+        } else if case.grains.is_some() || !case.bodies.is_empty() {
+            (
+                "beds that dip are computed in ground without grains: the drag is one along the axes",
+                "remove the grains, or the dip",
+            )
+        } else if !stated {
+            (
+                "the dip needs a permeability that is a number",
+                "state a `value` or a `hydraulic_conductivity`",
+            )
+        } else {
+            return;
+        };
+        findings.error(&path, reason, remedy);
     }
 
     /// Returns the name, property and place of every zone, as `plan` prints them.
@@ -138,6 +192,10 @@ impl Seepage {
                 let bedding =
                     |ratio: f64| format!("{} along the bedding over across", number(ratio));
                 states.extend(zone.anisotropy.map(bedding));
+                states.extend(
+                    zone.dip
+                        .map(|dip| format!("beds at {} degrees", number(dip))),
+                );
                 states.extend(zone.retention.as_ref().map(|r| r.model().description()));
                 states.extend(zone.porosity.map(|n| format!("porosity {}", number(n))));
                 let from = |raster: &case::darcy::RasterFile| {
@@ -186,6 +244,17 @@ fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f6
         ),
     }
     directions
+}
+
+/// Returns permeabilities along x and y and the cross term, over the permeability along the bedding, of beds at an
+/// angle \[deg\].
+fn dipping(ratio: f64, dip: f64) -> ([f64; 3], f64) {
+    let (s, c) = dip.to_radians().sin_cos();
+    let across = 1.0 / ratio;
+    (
+        [c * c + across * s * s, s * s + across * c * c, 1.0],
+        (1.0 - across) * s * c,
+    )
 }
 
 fn weightless(path: &str, findings: &mut Findings) {

@@ -8,7 +8,7 @@ use base::history::History;
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
 
-fn transient(initial: InitialWater, interval: f64) -> TransientSettings {
+pub(super) fn transient(initial: InitialWater, interval: f64) -> TransientSettings {
     TransientSettings {
         initial,
         specific_storage: 0.0,
@@ -17,7 +17,7 @@ fn transient(initial: InitialWater, interval: f64) -> TransientSettings {
     }
 }
 
-fn advancing(
+pub(super) fn advancing(
     grid: &Grid,
     patches: Vec<Patch>,
     retention: Retention,
@@ -28,14 +28,14 @@ fn advancing(
 }
 
 /// Pressure at a pressure head.
-fn suction(head: f64) -> Condition {
+pub(super) fn suction(head: f64) -> Condition {
     Condition::Pressure {
         value: head * WEIGHT,
     }
 }
 
 /// A column between two conditions.
-fn column(grid: &Grid, [low, high]: [Condition; 2]) -> Vec<Patch> {
+pub(super) fn column(grid: &Grid, [low, high]: [Condition; 2]) -> Vec<Patch> {
     let width = [0.0, grid.spacing[0]];
     vec![
         patch(grid, 1, false, width, low),
@@ -43,7 +43,7 @@ fn column(grid: &Grid, [low, high]: [Condition; 2]) -> Vec<Patch> {
     ]
 }
 
-fn closes(solver: &Pressure) {
+pub(super) fn closes(solver: &Pressure) {
     let balance = solver.water_balance().unwrap();
     assert!(balance.error().abs() < 1e-10, "{balance:?}");
 }

@@ -1,0 +1,173 @@
+//! Drains, wells and cavities in the ground: cells that are taken out of it, and planes between cells.
+//!
+//! The condition of a drain holds on the faces between its cells and the ground, or on both sides of the faces of a
+//! plane. These faces are faces of the boundary like those at the ends of the grid, so that every condition of a face
+//! holds there, seepage faces included. The discharge of a well is a source in its cells instead, which stay in the
+//! ground and store water like all others.
+
+use super::enclosure::{DrainFace, Openness, with_one_more};
+
+/// Cells of a drain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DrainCells {
+    /// First cell along each axis.
+    pub from: [usize; 3],
+    /// One past the last cell; equal to the first along the normal of a plane, which is the lower face of these cells.
+    pub to: [usize; 3],
+    /// `true` for a well whose discharge is a source of its cells, which stay in the ground.
+    pub stays: bool,
+}
+
+impl DrainCells {
+    /// Returns the normal of a plane; none for cells.
+    #[must_use]
+    pub fn normal(&self) -> Option<usize> {
+        (0..3).find(|&a| self.from[a] == self.to[a])
+    }
+
+    /// Returns the number of cells; 0 for a plane.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        (0..3).map(|a| self.to[a] - self.from[a]).product()
+    }
+
+    /// Returns `true` if the cells, or the plane across `normal`, hold a cell.
+    fn holds(&self, cell: [usize; 3], normal: Option<usize>) -> bool {
+        (0..3).all(|a| {
+            if normal == Some(a) {
+                cell[a] == self.from[a]
+            } else {
+                (self.from[a]..self.to[a]).contains(&cell[a])
+            }
+        })
+    }
+}
+
+impl Openness {
+    /// Takes the cells of drains out of the ground and closes their planes; a later drain takes precedence. The faces
+    /// become those of [`Self::drain_faces`], by rising position of their cells.
+    #[must_use]
+    pub fn with_drains(mut self, drains: &[DrainCells]) -> Self {
+        if drains.is_empty() {
+            return self;
+        }
+        let grid = self.grid;
+        let of_cells = |cell: [usize; 3]| {
+            let holds = |drain: &DrainCells| drain.normal().is_none() && drain.holds(cell, None);
+            let last = drains.iter().rposition(holds);
+            last.filter(|&n| !drains[n].stays)
+        };
+        let owner: Vec<Option<usize>> = (0..grid.count()).map(|k| of_cells(grid.cell(k))).collect();
+        for axis in 0..grid.dimension {
+            let faces = with_one_more(&grid, axis);
+            for index in 0..faces.count() {
+                let (upper, open) = (faces.cell(index), self.faces[axis][index]);
+                let inner = upper[axis] > 0 && upper[axis] < grid.cells[axis];
+                if !inner || open <= 0.0 {
+                    continue;
+                }
+                let mut lower = upper;
+                lower[axis] -= 1;
+                let cells = [grid.index(lower), grid.index(upper)];
+                let sheet = drains
+                    .iter()
+                    .rposition(|d| d.normal() == Some(axis) && d.holds(upper, Some(axis)));
+                let mut add = |side: usize, drain: usize| {
+                    self.drain_faces.push(DrainFace {
+                        cell: cells[side],
+                        axis,
+                        upper: side == 0,
+                        open,
+                        source: false,
+                        drain,
+                    });
+                };
+                match (cells.map(|cell| owner[cell]), sheet) {
+                    ([None, None], Some(drain)) => {
+                        add(0, drain);
+                        add(1, drain);
+                        self.faces[axis][index] = 0.0;
+                    }
+                    ([None, Some(drain)], _) => add(0, drain),
+                    ([Some(drain), None], _) => add(1, drain),
+                    _ => {}
+                }
+            }
+        }
+        for (cell, inside) in self.inside.iter().enumerate() {
+            let holds = |d: &DrainCells| d.normal().is_none() && d.holds(grid.cell(cell), None);
+            let well = drains.iter().rposition(holds).filter(|&n| drains[n].stays);
+            if let Some(drain) = well.filter(|_| *inside > 0.0) {
+                self.drain_faces.push(DrainFace {
+                    cell,
+                    axis: 0,
+                    upper: false,
+                    open: *inside,
+                    source: true,
+                    drain,
+                });
+            }
+        }
+        for (inside, owner) in self.inside.iter_mut().zip(&owner) {
+            if owner.is_some() {
+                *inside = 0.0;
+            }
+        }
+        self.close_faces();
+        self.drain_faces
+            .sort_by_key(|face| (face.cell, face.axis, face.upper));
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::enclosure::Enclosure;
+    use crate::grid::Grid;
+
+    fn faces(drain: DrainCells) -> (Openness, Vec<(usize, usize, bool)>) {
+        let grid = Grid {
+            cells: [5, 4, 1],
+            origin: [0.0; 3],
+            spacing: [1.0; 3],
+            dimension: 2,
+        };
+        let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&[drain]);
+        let faces = open.drain_faces.iter();
+        let faces = faces.map(|f| (f.cell, f.axis, f.upper)).collect();
+        (open, faces)
+    }
+
+    #[test]
+    fn a_cell_has_its_four_faces_and_a_plane_two_sides() {
+        let (open, found) = faces(DrainCells {
+            from: [2, 1, 0],
+            to: [3, 2, 1],
+            stays: false,
+        });
+        assert!(open.blocked(7));
+        assert_eq!(
+            found,
+            [(2, 1, true), (6, 0, true), (8, 0, false), (12, 1, false)]
+        );
+        let (open, found) = faces(DrainCells {
+            from: [1, 2, 0],
+            to: [3, 2, 1],
+            stays: false,
+        });
+        assert!(open.inside.iter().all(|inside| *inside == 1.0));
+        assert_eq!(
+            found,
+            [(6, 1, true), (7, 1, true), (11, 1, false), (12, 1, false)]
+        );
+        assert_eq!(open.faces[1][open.face(1, [1, 2, 0])], 0.0);
+        // At the corner of the grid only the faces to the ground.
+        let (_, found) = faces(DrainCells {
+            from: [0, 0, 0],
+            to: [1, 1, 1],
+            stays: false,
+        });
+        assert_eq!(found, [(1, 0, false), (5, 1, false)]);
+    }
+}

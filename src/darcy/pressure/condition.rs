@@ -1,0 +1,93 @@
+//! Conditions of the seepage on faces of the grid and on drains in the ground.
+//!
+//! Apart from the solver because cases state them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Boundary condition of the seepage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "SeepageCondition")]
+pub enum Condition {
+    /// Imposed pressure.
+    Pressure {
+        /// Pressure \[Pa\].
+        value: f64,
+    },
+    /// Imposed hydraulic head: p/(rho g) + elevation above the origin.
+    Head {
+        /// Head \[m\].
+        value: f64,
+    },
+    /// Imposed flux through the face.
+    Flux {
+        /// Volume per area and time into the grid [m/s].
+        value: f64,
+    },
+    /// Rainfall on the face.
+    Rain {
+        /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
+        rate: f64,
+    },
+    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
+    /// hydrostatic pressure. Needs `unsaturated`.
+    SeepageFace {
+        /// Head of the water in front of the lower part \[m\]. Default: air everywhere.
+        #[serde(default)]
+        level: Option<f64>,
+    },
+    /// Water that enters in total, shared by area; negative for a well that pumps.
+    Discharge {
+        /// Volume per time into the ground [m3/s; in 2-D m2/s].
+        value: f64,
+    },
+    /// Evaporation from the face: at the stated rate as long as the ground delivers it at a suction below the limit,
+    /// at that suction and less than the rate afterwards. Needs `unsaturated`.
+    Evaporation {
+        /// Volume per horizontal area and time [m/s].
+        #[schemars(range(min = 0.0))]
+        rate: f64,
+        /// Largest suction of the surface as a height of water [m]: 10 to 150 for bare soil.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        suction: f64,
+    },
+    /// Impermeable.
+    NoFlow {},
+}
+
+impl Condition {
+    /// `true` if the condition holds the pressure of some water.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        matches!(
+            self,
+            Self::Pressure { .. } | Self::Head { .. } | Self::SeepageFace { .. }
+        )
+    }
+
+    /// Returns the volume per area and time that the condition states \[m/s\]; none where it states no flux.
+    #[must_use]
+    pub fn flux(&self) -> Option<f64> {
+        match self {
+            Self::Flux { value } => Some(*value),
+            Self::Rain { rate } => Some(*rate),
+            Self::Evaporation { rate, .. } => Some(-*rate),
+            _ => None,
+        }
+    }
+
+    /// Sets the value of the condition: pressure, head, level, flux, discharge or rate.
+    pub fn set_value(&mut self, new: f64) {
+        match self {
+            Self::Pressure { value }
+            | Self::Head { value }
+            | Self::Flux { value }
+            | Self::Discharge { value } => *value = new,
+            Self::Rain { rate } | Self::Evaporation { rate, .. } => *rate = new,
+            Self::SeepageFace { level } => *level = Some(new),
+            Self::NoFlow {} => {}
+        }
+    }
+}

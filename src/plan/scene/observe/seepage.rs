@@ -1,0 +1,151 @@
+//! Probes of seepage that answer a question of design: discharge between two points, heave of prisms.
+//!
+//! Apart from the other probes because they are resolved on the coarse grid.
+
+use super::ProbeAt;
+use crate::scene::block::Block;
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::Grid;
+use base::number::{real, whole};
+use case::Case;
+use case::fluid::Fluid;
+use case::geometry::{Extent, Face, Vector};
+use darcy::Prisms;
+
+/// Returns a point, and refuses one outside the domain.
+pub(super) fn inside(
+    grid: &Grid,
+    point: [f64; 3],
+    path: &str,
+    findings: &mut Findings,
+) -> [f64; 3] {
+    if !grid.contains(point) {
+        findings.error(path, "the probe lies outside the domain", "move it inside");
+    }
+    point
+}
+
+/// Returns the discharge between two points; findings in 3-D, without seepage or where the points are one.
+pub(super) fn crossing(
+    (case, grid): (&Case, &Grid),
+    ends: [&Vector; 2],
+    path: &str,
+    findings: &mut Findings,
+) -> ProbeAt {
+    if matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
+        findings.error(
+            path,
+            "a crossing is one of seepage; this is a fluid on a lattice",
+            "use a plane",
+        );
+    } else if grid.dimension == 3 {
+        findings.error(
+            path,
+            "two points bound a discharge in 2-D only",
+            "use a section with a `part`",
+        );
+    }
+    let [from, to] = [("from", ends[0]), ("to", ends[1])].map(|(name, end)| {
+        let path = format!("{path}.{name}");
+        let point = Block::vector(grid, end, &path, findings);
+        inside(grid, point, &path, findings)
+    });
+    let apart = (0..2).any(|a| from[a].total_cmp(&to[a]).is_ne());
+    if !apart {
+        findings.error(
+            &format!("{path}.to"),
+            "the two points are one: no water passes between them",
+            "move one of them",
+        );
+    }
+    ProbeAt::Crossing { from, to }
+}
+
+/// Returns the prisms of a heave; none where they have no place in the ground, which is a finding.
+pub(super) fn heave(
+    (case, grid): (&Case, &Grid),
+    prism: &Extent,
+    (at, submerged_weight): (Face, f64),
+    path: &str,
+    findings: &mut Findings,
+) -> Option<ProbeAt> {
+    let Some(Fluid::Darcy(written)) = &case.fluid else {
+        findings.error(
+            path,
+            "heave is one of ground with seepage, and there is none in this case",
+            "add `fluid.darcy`, or remove the probe",
+        );
+        return None;
+    };
+    let gravity = (case.gravity.as_ref()).map_or([0.0; 3], Vector::to_array);
+    let steepest = gravity.map(f64::abs).into_iter().fold(0.0, f64::max);
+    let pulls = |a: &usize| gravity[*a].abs() > 1e-9 * steepest;
+    let (Some(vertical), 1) = ((0..3).find(pulls), (0..3).filter(pulls).count()) else {
+        findings.error(
+            path,
+            "heave needs gravity along an axis",
+            "add `gravity`, such as [0, -9.81], or use points",
+        );
+        return None;
+    };
+    let block = Block::resolve(grid, prism, &format!("{path}.prism"), findings);
+    let across = at.axis();
+    if across == vertical || across >= grid.dimension {
+        findings.error(
+            &format!("{path}.at"),
+            "widths count from an upright face of the box",
+            "name the face at the structure, such as x_min",
+        );
+        return None;
+    }
+    if !(submerged_weight.is_finite() && submerged_weight > 0.0) {
+        findings.error(
+            &format!("{path}.submerged_weight"),
+            format!("this is {}; it must be above 0", number(submerged_weight)),
+            "state the submerged unit weight in N/m3, such as 9500 for sand",
+        );
+    }
+    let (mut first, mut end) = ([0; 3], [1; 3]);
+    for a in 0..grid.dimension {
+        let (origin, spacing, cells) = match &written.grid {
+            Some(own) => {
+                let (low, high) = (own.from.to_array()[a], own.to.to_array()[a]);
+                let cells = own.cells.get(a).map_or(1, |n| *n as usize);
+                (low, (high - low) / real(cells), cells)
+            }
+            None => (0.0, grid.spacing, grid.cells[a]),
+        };
+        // Planes between cells: the nearest ones along gravity, else the cells whose centres lie in the box.
+        let shift = if a == vertical { 0.0 } else { 0.5 };
+        let place = |x: f64| {
+            let place = (x - origin) / spacing - shift;
+            let place = if a == vertical {
+                place.round()
+            } else {
+                place.ceil()
+            };
+            whole(place.clamp(0.0, real(cells)))
+        };
+        (first[a], end[a]) = (place(block.from[a]), place(block.to[a]));
+        if first[a] >= end[a] {
+            findings.error(
+                &format!("{path}.prism"),
+                format!("the box holds no cell along {}", ["x", "y", "z"][a]),
+                format!(
+                    "the cells of the seepage are {} m long there",
+                    number(spacing)
+                ),
+            );
+            return None;
+        }
+    }
+    Some(ProbeAt::Heave(Prisms {
+        vertical,
+        rises: gravity[vertical] < 0.0,
+        across,
+        from_upper: at.is_max(),
+        first,
+        end,
+        submerged_weight,
+    }))
+}

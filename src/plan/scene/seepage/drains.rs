@@ -1,0 +1,145 @@
+//! Drains, wells and cavities inside the ground, resolved on the coarse grid.
+
+use super::{PATH, Seepage};
+use crate::scene::block::Block;
+use crate::scene::findings::Findings;
+use crate::scene::grid::Grid;
+use crate::scene::unique;
+use base::number::{real, whole};
+use darcy::{Condition, DrainCells};
+use serde::Serialize;
+
+/// A drain inside the ground.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Drain {
+    /// Name.
+    pub name: String,
+    /// Its cells, or its plane between cells.
+    #[serde(skip)]
+    pub cells: DrainCells,
+    /// The condition, at time 0.
+    pub condition: Condition,
+    /// Times \[s\] and values of the condition; empty where it stays.
+    pub history: Vec<[f64; 2]>,
+}
+
+impl Seepage {
+    /// Returns the drains of the case; findings where one has no place in the ground.
+    pub(super) fn drains_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Drain> {
+        let mut known: Vec<&str> = self
+            .patches
+            .iter()
+            .map(|patch| patch.name.as_str())
+            .collect();
+        let mut all = Vec::new();
+        for (n, written) in self.written.drains.iter().enumerate() {
+            let path = format!("{PATH}.drains[{n}]");
+            unique(&mut known, &written.name, &format!("{path}.name"), findings);
+            if matches!(
+                written.condition,
+                Condition::Rain { .. } | Condition::Evaporation { .. } | Condition::NoFlow {}
+            ) {
+                findings.error(
+                    &format!("{path}.condition"),
+                    "rain and evaporation are those of a face of the grid, and a body without flow is a structure",
+                    "use a pressure, head, seepage_face, flux or discharge, or add a structure",
+                );
+            }
+            let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+            let Some(mut cells) = self.drain_cells(&block, grid.dimension, &path, findings) else {
+                continue;
+            };
+            cells.stays = matches!(written.condition, Condition::Discharge { .. });
+            let history = written.history.clone().unwrap_or_default();
+            let mut condition = written.condition;
+            if let Some([_, value]) = history.first() {
+                condition.set_value(*value);
+            }
+            all.push(Drain {
+                name: written.name.clone(),
+                cells,
+                condition,
+                history,
+            });
+        }
+        all
+    }
+
+    /// Returns the cells of a box, or the plane between cells nearest to a box thinner than a cell.
+    fn drain_cells(
+        &self,
+        block: &Block,
+        dimension: usize,
+        path: &str,
+        findings: &mut Findings,
+    ) -> Option<DrainCells> {
+        let (mut from, mut to) = ([0; 3], self.cells);
+        let mut thin = Vec::new();
+        for a in 0..dimension {
+            let place = |x: f64| (x - self.origin[a]) / self.spacing[a];
+            let first = |x: f64| whole((place(x) - 0.5).ceil().clamp(0.0, real(self.cells[a])));
+            (from[a], to[a]) = (first(block.from[a]), first(block.to[a]));
+            if from[a] == to[a] {
+                thin.push(a);
+            }
+        }
+        let middle =
+            |a: usize| 0.5 * (block.from[a] + block.to[a] - 2.0 * self.origin[a]) / self.spacing[a];
+        match thin[..] {
+            [] => {}
+            [a] => {
+                let plane = middle(a).round();
+                if !(1.0..real(self.cells[a])).contains(&plane) {
+                    findings.error(
+                        &format!("{path}.box"),
+                        "the sheet lies on a face of the coarse grid or outside it",
+                        "write it as a boundary with this condition and a patch, or move it into the ground",
+                    );
+                    return None;
+                }
+                from[a] = whole(plane);
+                to[a] = from[a];
+            }
+            // A line or a point is the cells that hold it.
+            _ => {
+                for a in thin {
+                    let at = whole(middle(a).floor().clamp(0.0, real(self.cells[a] - 1)));
+                    (from[a], to[a]) = (at, at + 1);
+                }
+            }
+        }
+        Some(DrainCells {
+            from,
+            to,
+            stays: false,
+        })
+    }
+
+    /// Returns the reduced pressure that a drain imposes \[Pa\].
+    pub(super) fn drain_pressure(&self, drain: &Drain, gravity: [f64; 3]) -> Option<f64> {
+        let density = self.written.density;
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        // Half way between the ends; the lowest point for air.
+        let place = |part: f64| -> f64 {
+            let at = |a: usize| {
+                let (low, high) = (real(drain.cells.from[a]), real(drain.cells.to[a]));
+                let [low, high] = if gravity[a] > 0.0 {
+                    [high, low]
+                } else {
+                    [low, high]
+                };
+                self.origin[a] + (low + part * (high - low)) * self.spacing[a]
+            };
+            (0..3).map(|a| gravity[a] * at(a)).sum()
+        };
+        match drain.condition {
+            Condition::Pressure { value } => Some(value - density * place(0.5)),
+            Condition::Head { value } => Some(density * strength * value),
+            Condition::SeepageFace { level } => {
+                let lowest = -density * place(0.0);
+                Some(level.map_or(lowest, |level| lowest.max(density * strength * level)))
+            }
+            _ => None,
+        }
+    }
+}

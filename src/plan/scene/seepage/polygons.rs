@@ -1,0 +1,99 @@
+//! Polygons that bound zones in 2-D, from lists and tables.
+
+use crate::scene::findings::Findings;
+use case::Case;
+use case::darcy::{Zone, ZonePolygon};
+use io::sheet::{Column, Refusal, Sheet, Unit};
+
+/// Largest number of corners.
+const MOST_CORNERS: usize = 10_000;
+
+/// Returns the corners of the polygon of a zone \[m\], nothing where it has none; findings where it bounds nothing.
+pub(super) fn polygon(
+    case: &Case,
+    zone: &Zone,
+    path: &str,
+    findings: &mut Findings,
+) -> Vec<[f64; 2]> {
+    let Some(written) = &zone.polygon else {
+        return Vec::new();
+    };
+    let path = format!("{path}.polygon");
+    if case.domain.size.0.len() != 2 {
+        findings.error(
+            &path,
+            "a polygon bounds a zone in 2-D, and this is a 3-D problem",
+            "use a `region` or a `raster`",
+        );
+        return Vec::new();
+    }
+    if zone.region.is_some() {
+        findings.error(
+            &path,
+            "the zone has a region as well",
+            "leave one of them out",
+        );
+    }
+    let points = match written {
+        ZonePolygon::Points(points) => points.clone(),
+        ZonePolygon::Path(file) => {
+            let text = io::plain::text(&case.directory.join(file), io::plain::LONGEST_INPUT);
+            let read = text.map_err(|e| e.to_string());
+            let read = read
+                .and_then(|text| corners(&text).map_err(|e| format!("{}: {e}", file.display())));
+            match read {
+                Ok(points) => points,
+                Err(reason) => {
+                    findings.error(
+                        &format!("{path}.path"),
+                        reason,
+                        "correct the path (relative to the case) or the file",
+                    );
+                    return Vec::new();
+                }
+            }
+        }
+    };
+    let finite = points.iter().flatten().all(|x| x.is_finite());
+    if !finite || area(&points).abs() <= 0.0 || points.len() > MOST_CORNERS {
+        findings.error(
+            &path,
+            format!("{} corners bound no area", points.len()),
+            format!("state 3 to {MOST_CORNERS} corners in order along the boundary, in m"),
+        );
+        return Vec::new();
+    }
+    points
+}
+
+/// Reads the corners of a table with the columns `x` and `y`.
+fn corners(text: &str) -> Result<Vec<[f64; 2]>, String> {
+    let column = |name| Column {
+        name,
+        others: &[],
+        unit: Unit::Length,
+        needed: true,
+    };
+    let sheet = Sheet::new(text, &[column("x"), column("y")]).map_err(|refusal| match refusal {
+        Refusal::Sentence(sentence) => sentence,
+        Refusal::Unknown(name) => {
+            format!("the header has a column `{name}` that a polygon has not. Known: x, y")
+        }
+    })?;
+    let mut points = Vec::new();
+    sheet.each(|row| {
+        points.push([row.number(0)?, row.number(1)?]);
+        Ok(())
+    })?;
+    Ok(points)
+}
+
+/// Returns the area of a polygon \[m2\], negative where it runs clockwise.
+fn area(points: &[[f64; 2]]) -> f64 {
+    let next = points.iter().cycle().skip(1);
+    let twice = points
+        .iter()
+        .zip(next)
+        .map(|(a, b)| a[0] * b[1] - a[1] * b[0]);
+    0.5 * twice.sum::<f64>()
+}
