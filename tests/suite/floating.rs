@@ -111,6 +111,45 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     keeps_water(&study.summary("straight")["water"], 1e-12);
 }
 
+/// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits and the mass
+/// of the water kept.
+#[test]
+fn discs_in_a_stream_between_openings() {
+    let _beside = beside_others();
+    let mut set = DISCS.to_vec();
+    set.extend([
+        ("domain", r#"{"size": [0.12, 0.06], "spacing": 0.002}"#),
+        ("box_walls", r#"["y_min"]"#),
+        (
+            "fluid.lattice_boltzmann.boundaries",
+            r#"[{"name": "in", "face": "x_min", "condition": {"discharge": {"value": 0.008}}},
+                {"name": "out", "face": "x_max", "condition": {"level": {"value": 0.021}}}]"#,
+        ),
+        (
+            "bodies",
+            r#"[{"name": "log", "shape": {"disc": {"radius": 0.0083}}, "position": [0.1011, 0.0251],
+                 "motion": {"free": {"velocity": [0.3, 0]}}, "material": "wood"},
+                {"name": "boulder", "shape": {"disc": {"radius": 0.0061}}, "position": [0.0532, 0.0401],
+                 "motion": {"free": {"velocity": [-0.4, -0.5], "angular_velocity": 10}}, "material": "rock"}]"#,
+        ),
+        ("checkpoint.every", "0.03"),
+        ("time.end", "0.12"),
+    ]);
+    let study = Study::of("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, "domain.split=y"),
+        ("three", 3, 1, "domain.split=x"),
+    ] {
+        study.run(name, ranks, threads, &[set]);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0417"]);
+    study.restart("parts", 3, &["time.end=0.12"]).expect(0);
+    study.same("straight", "parts");
+    keeps_water(&study.summary("straight")["water"], 1e-12);
+}
+
 /// A disc in a basin at rest.
 fn basin(name: &str, set: &[(&str, &str)]) -> Study {
     let mut all = DISCS.to_vec();
