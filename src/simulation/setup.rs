@@ -6,7 +6,7 @@ pub mod initial;
 
 use super::coupled;
 use base::error::Error;
-use base::history::History;
+use base::history::TimeTable;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
 use case::darcy::{InitialState, TransientFlow};
@@ -357,7 +357,7 @@ pub fn seepage<S: Space>(
                     let history =
                         |(patch, written): (usize, &SeepagePatch)| darcy::ConditionHistory {
                             patch,
-                            values: History::new(Some(&written.history), 0.0),
+                            values: TimeTable::new(Some(&written.history), 0.0),
                         };
                     let histories = histories.map(history).collect();
                     pressure

@@ -16,8 +16,8 @@ pub(crate) struct Cells {
     pub(super) share: Vec<f64>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
-    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at an
-    /// opening with water outside. Empty where there are neither sheets nor openings.
+    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at
+    /// an opening with water outside. Empty where there are neither sheets nor openings.
     closed: Vec<u32>,
     /// Distance in positions to the neighbour along each direction, and along each axis.
     offsets: Vec<isize>,
