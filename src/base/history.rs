@@ -5,9 +5,9 @@ use crate::error::Report;
 /// Table of times and values: linear between its rows, constant before and after them; two values at one time are a
 /// jump.
 #[derive(Clone, Debug, PartialEq)]
-pub struct History(Vec<[f64; 2]>);
+pub struct TimeTable(Vec<[f64; 2]>);
 
-impl History {
+impl TimeTable {
     /// Returns the history of a table by rising time, or of one value where there is no table.
     #[must_use]
     pub fn new(table: Option<&[[f64; 2]]>, value: f64) -> Self {
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn a_table_is_linear_between_its_rows_and_has_the_value_before_a_jump() {
         let table = [[1.0, 10.0], [3.0, 20.0], [3.0, 5.0], [4.0, 6.0]];
-        let history = History::new(Some(&table), 0.0);
+        let history = TimeTable::new(Some(&table), 0.0);
         for (time, value) in [
             (0.0, 10.0),
             (1.0, 10.0),
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(history.next(1.0), Some(3.0));
         assert_eq!(history.next(4.0), None);
         assert_eq!((history.end(), history.range()), (4.0, [5.0, 20.0]));
-        assert_eq!(History::new(None, 7.0).value(3.0), 7.0);
-        assert_eq!(History::new(None, 7.0).end(), 0.0);
+        assert_eq!(TimeTable::new(None, 7.0).value(3.0), 7.0);
+        assert_eq!(TimeTable::new(None, 7.0).end(), 0.0);
     }
 }

@@ -503,11 +503,10 @@ impl<S: Stored> Boundaries<S> {
         links
     }
 
-    /// Returns the velocity that a patch imposes at the middle of the face of a cell, before the factor of the step.
-    pub(crate) fn imposed(&self, patch: usize, middle: [f64; 3]) -> [f64; 3] {
+    /// Returns the velocity that a patch imposes at a point of the face, before the factor of the step.
+    pub(crate) fn imposed(&self, patch: usize, position: [f64; 3]) -> [f64; 3] {
         let rule = &self.patches[patch].rule;
-        let part = rule.part(middle);
-        rule.velocity(middle).unwrap_or_default().map(|u| part * u)
+        rule.velocity(position).unwrap_or_default()
     }
 
     /// Returns the number of patches.

@@ -6,7 +6,7 @@ pub mod initial;
 
 use super::coupled;
 use base::error::Error;
-use base::history::History;
+use base::history::TimeTable;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
 use case::darcy::{InitialState, TransientFlow};
@@ -408,7 +408,7 @@ pub fn seepage<S: Space>(
                     let history =
                         |(patch, table): (usize, &Vec<[f64; 2]>)| darcy::ConditionHistory {
                             patch,
-                            values: History::new(Some(table), 0.0),
+                            values: TimeTable::new(Some(table), 0.0),
                         };
                     let histories = histories.map(history).collect();
                     pressure

@@ -259,7 +259,8 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
         ),
         (
             format!(
-                r#"{lattice}.boundaries[1].condition={{"velocity": {{"profile": {{"uniform": [1, 0]}}, "sound": "absorb"}}}}"#
+                r#"{lattice}.boundaries[1].condition={{"velocity":
+                    {{"profile": {{"uniform": [1, 0]}}, "sound": "absorb"}}}}"#
             ),
             format!("{lattice}.boundaries[1].condition"),
         ),

@@ -11,7 +11,7 @@ use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSur
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};
-use base::history::{self, History};
+use base::history::{self, TimeTable};
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,8 +26,8 @@ pub struct Discharge {
     /// Discharge into the domain [m3/s; in 2-D m2/s], 0 or more.
     #[schemars(range(min = 0.0))]
     pub value: f64,
-    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between, constant before and
-    /// after; two values at one time are a jump.
+    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between, constant before
+    /// and after; two values at one time are a jump.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }
@@ -38,8 +38,8 @@ const NATURE: Nature = Nature {
 };
 
 impl Discharge {
-    fn discharges(&self) -> History {
-        History::new(self.history.as_deref(), self.value)
+    fn discharges(&self) -> TimeTable {
+        TimeTable::new(self.history.as_deref(), self.value)
     }
 }
 

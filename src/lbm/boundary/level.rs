@@ -12,7 +12,7 @@ use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSur
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};
-use base::history::{self, History};
+use base::history::{self, TimeTable};
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,8 +38,8 @@ const NATURE: Nature = Nature {
 };
 
 impl Level {
-    fn levels_in_time(&self) -> History {
-        History::new(self.history.as_deref(), self.value)
+    fn levels_in_time(&self) -> TimeTable {
+        TimeTable::new(self.history.as_deref(), self.value)
     }
 }
 

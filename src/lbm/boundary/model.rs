@@ -95,8 +95,8 @@ pub trait Model {
         }
     }
 
-    /// Returns the lowest and the highest level of water that stands or falls outside \[m\], by coordinate along the axis
-    /// of gravity, and the field that decides it.
+    /// Returns the lowest and the highest level of water that stands or falls outside \[m\], by coordinate along the
+    /// axis of gravity, and the field that decides it.
     fn levels(&self) -> Option<([f64; 2], &'static str)> {
         None
     }

@@ -22,8 +22,8 @@ use serde::{Deserialize, Serialize};
 pub struct MovingWall {
     /// Velocity of the wall, tangential to the face [m/s].
     pub velocity: Vector,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity: linear between,
-    /// constant before and after; two factors at one time are a jump.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity: linear
+    /// between, constant before and after; two factors at one time are a jump.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

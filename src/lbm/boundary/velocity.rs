@@ -19,7 +19,7 @@ use crate::populations::Populations;
 use crate::surface::Outside;
 use crate::synthetic::Fluctuations;
 use base::error::{Error, Problem, Report, Severity};
-use base::history::{self, History};
+use base::history::{self, TimeTable};
 use base::number::real;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
@@ -36,8 +36,8 @@ pub struct Velocity {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub ramp_time: Option<f64>,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile: linear between,
-    /// constant before and after; two factors at one time are a jump. A factor below 0 draws the water out.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile: linear
+    /// between, constant before and after; two factors at one time are a jump. A factor below 0 draws the water out.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
@@ -167,13 +167,13 @@ impl Model for Velocity {
 
 /// Returns the size of the largest factor of a table; 1 without a table.
 pub(super) fn largest_factor(table: Option<&[[f64; 2]]>) -> f64 {
-    let [low, high] = History::new(table, 1.0).range();
+    let [low, high] = TimeTable::new(table, 1.0).range();
     low.abs().max(high.abs())
 }
 
 /// Returns the factors of a table by step.
-pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Option<History> {
-    let history = table.map(|table| History::new(Some(table), 1.0));
+pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Option<TimeTable> {
+    let history = table.map(|table| TimeTable::new(Some(table), 1.0));
     history.map(|history| history.scaled(|time| units.time_to_lattice(time), |factor| factor))
 }
 
@@ -228,7 +228,7 @@ pub struct Links {
     profile: Profile,
     ramp: Ramp,
     /// Factors of the profile by step.
-    history: Option<History>,
+    history: Option<TimeTable>,
     /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
     /// The discharge that is stated, at full speed; none if nothing is.
@@ -275,7 +275,7 @@ impl Links {
 
     /// Returns the rule with factors of the profile by step.
     #[must_use]
-    pub(super) fn following(mut self, history: Option<History>) -> Self {
+    pub(super) fn following(mut self, history: Option<TimeTable>) -> Self {
         self.history = history;
         self
     }
@@ -403,7 +403,7 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn ramp_end(&self) -> f64 {
-        let table = self.history.as_ref().map_or(0.0, History::end);
+        let table = self.history.as_ref().map_or(0.0, TimeTable::end);
         self.ramp.steps.max(table)
     }
 

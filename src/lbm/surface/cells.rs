@@ -21,8 +21,8 @@ pub(crate) struct Cells {
     pub(super) carried: Vec<bool>,
     /// Part that bodies fill; empty in a fluid without bodies.
     pub(super) solid: Vec<f64>,
-    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at an
-    /// opening with water outside. Empty where there are neither sheets nor openings.
+    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at
+    /// an opening with water outside. Empty where there are neither sheets nor openings.
     closed: Vec<u32>,
     /// Distance in positions to the neighbour along each direction, and along each axis.
     offsets: Vec<isize>,

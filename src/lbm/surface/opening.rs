@@ -1,8 +1,8 @@
 //! Openings of water with a free surface.
 //!
-//! Behind a face stands water or air ([`Outside`]). The links of a wet cell through the face take what enters from a law,
-//! written with deviations g = f - w, n the normal of the face out of the domain and u the velocity of the water of the
-//! cell:
+//! Behind a face stands water or air ([`Outside`]). The links of a wet cell through the face take what enters from a
+//! law, written with deviations g = f - w, n the normal of the face out of the domain and u the velocity of the water
+//! of the cell:
 //!
 //! | outside | what enters along ī for the g*_i that leaves | source |
 //! |---|---|---|
@@ -15,13 +15,13 @@
 //! gives no water back: a cell into which it would flow bounces back.
 //!
 //! **Mass.** A liquid cell gains the sum over its links of what entered less what left; an interface cell a part of
-//! it: the wet part of the face. Where water comes in from a stream this is one, from a discharge the larger of the fill
-//! levels on both sides, at a level that of the side from which the water comes. What each opening gives and takes is
-//! summed in quanta, so that the balance closes to rounding on any number of ranks.
+//! it: the wet part of the face. Where water comes in from a stream this is one, from a discharge the larger of the
+//! fill levels on both sides, at a level that of the side from which the water comes. What each opening gives and
+//! takes is summed in quanta, so that the balance closes to rounding on any number of ranks.
 //!
-//! **Dry faces.** A gas cell at the face whose outer side is at least half full becomes an interface cell without mass. Such
-//! cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³ with B
-//! the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
+//! **Dry faces.** A gas cell at the face whose outer side is at least half full becomes an interface cell without
+//! mass. Such cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³
+//! with B the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
 //!
 //! Links through an opening are walls to the exchange between cells ([`super::exchange`]): the surface meets the face
 //! at a right angle.
@@ -33,7 +33,7 @@ use super::kind::{GAS, LIQUID, SOLID, is_surface, is_wet};
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
 use crate::quanta::{from_quanta, quanta};
-use base::history::History;
+use base::history::TimeTable;
 use base::number::{real, to_u32};
 use decomposition::Communicator;
 
@@ -46,9 +46,9 @@ pub enum Outside {
     /// Water with the velocity that the boundary imposes, where that points into the domain.
     Stream,
     /// Discharge over the wet area.
-    Discharge(History),
+    Discharge(TimeTable),
     /// Water at rest up to a coordinate along the axis of gravity.
-    Level(History),
+    Level(TimeTable),
     /// Air.
     Air,
 }

@@ -16,7 +16,7 @@
 use super::{CellState, Unsaturated};
 use crate::Error;
 use crate::pressure::Pressure;
-use base::history::History;
+use base::history::TimeTable;
 use decomposition::ExactSum;
 
 /// Part of a step in a stage: 1 - 1/sqrt(2).
@@ -65,7 +65,7 @@ pub struct ConditionHistory {
     /// The patch.
     pub patch: usize,
     /// Values by time \[s\].
-    pub values: History,
+    pub values: TimeTable,
 }
 
 /// Volumes of water since the start.

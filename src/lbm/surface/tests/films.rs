@@ -3,8 +3,8 @@
 use super::{Tank, step};
 use crate::fluid::Fluid;
 
-/// Returns the error of the discharge and the largest error of the velocity of a film of a thickness in cells, both over
-/// the exact mean velocity u = g_x h²/(3 ν) (W. Nusselt, Z. VDI 60 (1916) 541), after a time of several h²/ν.
+/// Returns the error of the discharge and the largest error of the velocity of a film of a thickness in cells, both
+/// over the exact mean velocity u = g_x h²/(3 ν) (W. Nusselt, Z. VDI 60 (1916) 541), after a time of several h²/ν.
 fn errors(thickness: f64, cells: [usize; 3], across: f64) -> [f64; 2] {
     let mut tank = Tank::new(cells);
     tank.tau = 0.8;

@@ -5,10 +5,10 @@ use super::super::opening::Outside;
 use super::{Tank, bits, dam, mass, step};
 use crate::fluid::Fluid;
 use crate::quanta::from_quanta;
-use base::history::History;
+use base::history::TimeTable;
 
-fn constant(value: f64) -> History {
-    History::new(None, value)
+fn constant(value: f64) -> TimeTable {
+    TimeTable::new(None, value)
 }
 
 /// Returns what has entered and left through all openings.
@@ -80,7 +80,7 @@ fn water_follows_a_level_in_time() {
     let mut tank = channel();
     tank.cells[0] = 20;
     let table = [[0.0, 8.3], [12000.0, 14.6], [18000.0, 14.6], [30000.0, 6.2]];
-    let levels = History::new(Some(&table), 0.0);
+    let levels = TimeTable::new(Some(&table), 0.0);
     tank.open_at = vec![(0, true, Outside::Level(levels.clone()))];
     let mut fluid = tank.fill(|[_, y, _]| (8.3 - y as f64).clamp(0.0, 1.0));
     let before = mass(&fluid);
@@ -138,7 +138,7 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// A jet from a nozzle in a dry room has the discharge of its velocity, and falls like a projectile.
+/// A jet from a nozzle in a dry box has the discharge of its velocity, and falls like a projectile.
 #[test]
 fn a_jet_enters_a_dry_room() {
     let mut tank = Tank::new([60, 50, 1]);

@@ -75,6 +75,7 @@ pub(super) fn refuse(
     is_whole: impl Fn(usize) -> bool,
     findings: &mut Findings,
 ) {
+    refuse_parts_of_slip(patches, findings);
     for patch in patches.iter().flatten() {
         let model = patch.condition.model();
         let Some(n) = patch.index else { continue };
@@ -106,6 +107,28 @@ pub(super) fn refuse(
                     "leave the part out: the whole face slips",
                     &format!("{path}.patch"),
                 ),
+            );
+        }
+    }
+}
+
+/// Refuses a face of free slip with another condition on a part of it.
+fn refuse_parts_of_slip(patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+    for face in patches {
+        let [whole, parts @ ..] = face.as_slice() else {
+            continue;
+        };
+        let slips = whole.condition.model().nature().surface == Surface::Symmetry;
+        let other = parts.iter().find_map(|part| part.index);
+        if let (true, Some(n)) = (slips, other) {
+            findings.error(
+                &format!("{LATTICE_PATH}.boundaries[{n}].patch"),
+                format!(
+                    "`{}` slips on the whole of this face, and a part with another condition does not work with a free \
+                     surface yet",
+                    whole.name
+                ),
+                "let the face be a no-slip wall around the part, or move the part to another face",
             );
         }
     }

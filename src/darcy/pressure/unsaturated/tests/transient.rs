@@ -3,7 +3,7 @@
 use super::*;
 use crate::retention::haverkamp::Haverkamp;
 use crate::{ConditionHistory, InitialWater, TransientSettings};
-use base::history::History;
+use base::history::TimeTable;
 
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
@@ -286,7 +286,7 @@ fn heads_follow_their_tables() {
         (slope, [ramp(0.1), ramp(0.2), ramp(0.3)]),
     ] {
         let patches = vec![patch(&grid, 1, true, [0.0, 0.01], suction(11.0))];
-        let values = History::new(Some(&table), 0.0);
+        let values = TimeTable::new(Some(&table), 0.0);
         let history = ConditionHistory { patch: 0, values };
         let mut solver = advancing(&grid, patches, soil, settings).with_histories(vec![history]);
         let conductivity = conductivity(&grid, 1e-6);
