@@ -189,7 +189,8 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Positions of all cells and ghost cells that bodies fill in part or whole; those of several bodies more than once.
+    /// Returns the positions of all cells and ghost cells that bodies fill in part or whole, those of several bodies
+    /// more than once.
     pub fn filled_cells(&self) -> impl Iterator<Item = usize> {
         let cells = self.bodies.iter().flat_map(|body| body.cells.share(0, 1));
         cells

@@ -344,8 +344,8 @@ impl Surface {
         self.work.entered()
     }
 
-    /// Returns the cells of gas of the slab next to interface cells and held cells along the axes, with the mean velocity of
-    /// their wet neighbours; some of them more than once. `velocity` gives that of a cell.
+    /// Returns the cells of gas of the slab next to interface cells and held cells along the axes, with the mean
+    /// velocity of their wet neighbours; some of them more than once. `velocity` gives that of a cell.
     pub(crate) fn shore<S: Stored>(
         &self,
         populations: &Populations<S>,

@@ -385,9 +385,9 @@ impl Choices<'_> {
                 self.add(
                     "bodies at the surface",
                     "liquid and solid fraction in one cell",
-                    "the pressure of the air is the datum of loads; buoyancy within 0.3 % and draught within 0.05 cells \
-                     for boxes and discs at rest; no water beneath a face that lies flush on a wall or on another body, \
-                     and no uplift there; impacts on the water: accuracy not known"
+                    "the pressure of the air is the datum of loads; draught within 0.05 cells for boxes and discs at \
+                     rest; no water beneath a face that lies flush on a wall or on another body, and no \
+                     uplift there; impacts on the water: accuracy not known"
                         .to_owned(),
                 );
             }

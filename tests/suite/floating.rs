@@ -1,5 +1,5 @@
-//! Bodies in water with a free surface: the same bits on any ranks, threads and slabs and over restarts, and the mass of
-//! the water.
+//! Bodies in water with a free surface: the same bits on any ranks, threads and slabs and over restarts, the mass of
+//! the water, and loads at rest.
 
 use super::ranks::{Study, beside_others};
 use serde_json::Value;
@@ -100,7 +100,8 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     ]);
     let study = Study::of("dam-break", &set);
     study.run("straight", 1, 2, &[]);
-    // Fractions of tilted blocks are rounded along rows: other axes of the slabs have other bits, with a surface or not.
+    // Fractions of tilted blocks are rounded along rows: slabs along another axis have other bits, with a surface or
+    // without.
     for (name, ranks, threads) in [("two", 2, 1), ("three", 3, 1), ("thread", 1, 1)] {
         study.run(name, ranks, threads, &[]);
         study.same("straight", name);

@@ -119,7 +119,7 @@ fn level(height: f64) -> impl Fn([usize; 3]) -> f64 + Sync {
 fn a_box_at_rest_carries_its_buoyancy() {
     let cells = [40, 30, 1];
     for weighting in [Weighting::Fraction, Weighting::Viscous] {
-        // Through the surface, below it, and with faces between the centres of cells. The surface in a cell at a body is
+        // Through the surface, below it, with faces between centres of cells. The surface in a cell at a body is
         // known to some hundredths of a cell.
         for (low, edges, within) in [
             ([14.0, 9.0], [12.0, 12.0], 0.05),
