@@ -63,7 +63,8 @@ pub struct JointNetwork {
     /// `true` if the inertia of the water counts, with the friction of a laminar layer at each frequency.
     #[serde(default = "yes")]
     pub inertia: bool,
-    /// Water in front of the joints. All other edges that meet no other joint are closed.
+    /// Water in front of the joints, at least one. All other edges that meet no other joint are closed. An edge in two
+    /// boxes belongs to the first.
     pub mouths: Vec<Mouth>,
 }
 

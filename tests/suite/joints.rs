@@ -177,6 +177,14 @@ fn wrong_joints_are_refused_with_one_finding_each() {
             "{found:#?}"
         );
     }
+    let mut none = bed();
+    none["fluid"]["joints"]["mouths"] = json!([]);
+    none["probes"] = json!([]);
+    let found = problems(&none);
+    assert!(
+        found.len() == 1 && found[0].path == "fluid.joints.mouths",
+        "{found:#?}"
+    );
     let mut free = bed();
     free["blocks"]["fixed"] = json!([]);
     let found = problems(&free);

@@ -89,7 +89,7 @@ impl Expected {
             let expected = self.seepage.unwrap_or(0);
             if expected != to_usize(seepage) {
                 return Err(format!(
-                    "it holds {seepage} numbers of the seepage; the case has {expected}"
+                    "it holds {seepage} numbers of the seepage or of joints; the case has {expected}"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));

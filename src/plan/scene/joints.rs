@@ -264,13 +264,6 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
         };
         findings.error(path, reason, Remedy::take_out("remove it", *path));
     }
-    if case.domain.size.0.len() == 2 {
-        findings.error(
-            PATH,
-            "joints are those between blocks, which are for three dimensions",
-            "give the domain a third size",
-        );
-    }
     if case.domain.periodic.iter().any(|axis| axis.index() < 3) {
         findings.error(
             "domain.periodic",
@@ -307,6 +300,13 @@ fn mouths(
     grid: &Grid,
     findings: &mut Findings,
 ) -> Vec<SceneMouth> {
+    if written.mouths.is_empty() {
+        findings.error(
+            &format!("{PATH}.mouths"),
+            "without a mouth no pressure drives the water",
+            "add a mouth with a box that holds the ends of joints",
+        );
+    }
     let mut known = Vec::new();
     let mut mouths = Vec::new();
     for (n, mouth) in written.mouths.iter().enumerate() {
