@@ -1,8 +1,8 @@
 //! WettedSurface of a structure in the ground, and the force of the water on it.
 //!
 //! The surface is divided into pieces, each in one cell. The pressure of a piece is that of the cell in front of it
-//! whose water lies on the same side of all structures, extended by the gradient in this cell. In 2-D force and torque of a
-//! pressure that is linear in a cell are exact.
+//! whose water lies on the same side of all structures, extended by the gradient in this cell. In 2-D force and
+//! torque of a pressure that is linear in a cell are exact.
 
 use super::Pressure;
 use super::cut_cells::centre_of_water;

@@ -8,7 +8,7 @@
 //! | probe | columns |
 //! |---|---|
 //! | point | velocity, pressure; in seepage also the hydraulic head, of the cell that holds the point |
-//! | line | distance from the first point, position, velocity, pressure, in seepage the head; a row per point and time |
+//! | line | distance from the first point, position, velocity, pressure; head in seepage; a row per point and time |
 //! | plane | discharge, means over the fluid cells, largest speed, fluid fraction |
 //! | gauge | elevation of a free surface, depth of the water below it |
 //! | body | position (never wrapped), velocity, angular velocity, force and torque of fluid and contacts |

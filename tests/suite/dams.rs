@@ -56,7 +56,8 @@ impl Complex {
 }
 
 /// A base on a stratum with a sheet pile below it, under a head of 1 m upstream and 0 downstream. In z the ground
-/// surface is real and the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi s/2T)) takes the structure to a real interval.
+/// surface is real and the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi s/2T)) takes the structure to a real
+/// interval.
 struct Dam {
     /// Depth of the stratum and of the pile.
     stratum: f64,

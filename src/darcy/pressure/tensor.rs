@@ -181,8 +181,8 @@ impl Tensor {
 }
 
 impl Pressure {
-    /// Lets the principal axes of the permeability dip; `shear`: cross term over the geometric mean of the conductivities
-    /// along the axes, of each cell. For saturated ground in 2-D.
+    /// Lets the principal axes of the permeability dip; `shear`: cross term over the geometric mean of the
+    /// conductivities along the axes, of each cell. For saturated ground in 2-D.
     #[must_use]
     pub fn with_shear(mut self, shear: &[f64]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
