@@ -43,6 +43,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
         from: [0; 3],
         to: grid.cells,
         condition: Condition::Pressure { value: 1000.0 },
+        inside: false,
     }];
     let x = window(grid, 0, 0.03, 0.01);
     for middle in [0.05, 0.15] {
@@ -53,6 +54,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
             from: [x.0, y.0, 0],
             to: [x.1, y.1, grid.cells[2]],
             condition: Condition::Pressure { value: 0.0 },
+            inside: false,
         });
     }
     all
