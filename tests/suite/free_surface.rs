@@ -166,7 +166,8 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
             "{name}: {found} of {exact}"
         );
     }
-    assert!(number("left") > 0.05, "{straight}");
+    // The face downstream is dry at the start: water comes in below the level there.
+    assert!(entered("out") > 0.05, "{straight}");
 }
 
 #[test]
