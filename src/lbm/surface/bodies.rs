@@ -1,7 +1,7 @@
 //! Bodies that fill cells of water with a free surface, in part or whole ([`crate::saturation`]).
 //!
 //! ε is the part of a cell that bodies fill. Water fills the free part 1 - ε of a cell, and the fill level is that of
-//! the free part. The lattice keeps populations of whole cells: a cell of density ρ beside a body holds the
+//! the free part. The lattice keeps populations of whole cells: a cell of density ρ at a body holds the
 //! mass ρ, of which ε, water of density 1, stands in the place of the body and moves with it. The water of a cell is
 //!
 //! | kind | mass of the water |
