@@ -138,6 +138,7 @@ fn view<'a>(
         domain,
         fluid: Some(fluid),
         seepage: None,
+        joints: None,
         averages: None,
         particles,
         dem: None,
