@@ -260,6 +260,8 @@ fn forty_random_rock_masses_keep_their_water() {
                 })
             })
             .collect();
+        // A probe may lie in a joint of a random mass.
+        case["probes"] = json!([]);
         case["blocks"]["initial"]["joints"]["sets"] = json!(sets);
         case["blocks"]["initial"]["joints"]["seed"] = json!(scene);
         // Closed, thin, open.
@@ -294,27 +296,4 @@ fn forty_random_rock_masses_keep_their_water() {
         );
     }
     assert!(most > 100);
-}
-
-#[test]
-fn ten_thousand_joints_make_a_step() {
-    let mut case = bed();
-    case["blocks"]["initial"]["joints"]["sets"] = json!([
-        set(0.0, 0.0, 0.02),
-        set(90.0, 90.0, 0.04),
-        set(90.0, 0.0, 0.025)
-    ]);
-    case["blocks"]["initial"]["joints"]["aperture"] = json!(5e-4);
-    case["probes"] = json!([]);
-    let mut found = water(&case).unwrap_or_else(|problems| panic!("{problems:#?}"));
-    let count = found.flow().network().joints.len();
-    let begun = std::time::Instant::now();
-    steps(&mut found, 3);
-    println!(
-        "{count} joints, {} nodes: {:.3} s a step, mass error {:.1e}",
-        found.flow().network().nodes(),
-        begun.elapsed().as_secs_f64() / 3.0,
-        found.mass_error()
-    );
-    assert!(count >= 10_000 && found.mass_error().abs() < 1e-10);
 }
