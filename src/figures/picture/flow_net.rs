@@ -160,7 +160,7 @@ impl FlowNet {
             !(0..4).any(apart)
         };
         let free = |k: usize| {
-            let inside = k % width > 0 && k >= width;
+            let inside = !k.is_multiple_of(width) && k >= width;
             inside && open([k - width - 1, k - width, k, k - 1])
         };
         (0..self.wet.len()).map(free).collect()
